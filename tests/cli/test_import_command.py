@@ -16,14 +16,12 @@ from folder_contents import contents
 from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_log
 from small_recording import write_small_recording
 
-from scleraforce.cli import main
+from scleraforce.cli import import_terminal as terminal, main
 from scleraforce.cli.import_ import import_
-from scleraforce.cli.importing import questions as terminal
-from scleraforce.cli.importing.options import OPTIONS
 from scleraforce.cli.main import run
 from scleraforce.recording import importing
 from scleraforce.recording.folder import read_recording
-from scleraforce.recording.importing import ImportAnswers
+from scleraforce.recording.sources import ImportOptions
 
 REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
 NIFTI = ["--axes", "lateral,depth,frame"]
@@ -383,12 +381,8 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
 
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
-    fields = set(ImportAnswers.__dataclass_fields__)
-    assert (
-        set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "as_json", "quiet"}
-    )  # quiet: as every command
-    assert len(OPTIONS) == len(fields)
-    assert set(terminal.KINDS) == set(importing.QUESTIONS)
+    fields = set(ImportOptions.__dataclass_fields__)
+    assert set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "as_json", "quiet"}
     assert main.module_name("import") == "import_"
 
 

@@ -9,8 +9,8 @@ from click.testing import CliRunner, Result
 from format_frames import FRAMES, told, write_log
 from looked_at import looked_at_frames
 
+from scleraforce.cli import import_terminal as terminal
 from scleraforce.cli.import_ import import_
-from scleraforce.cli.importing import questions as terminal
 from scleraforce.recording.folder import read_recording
 
 

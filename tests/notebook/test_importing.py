@@ -16,7 +16,7 @@ from format_frames import COUNT, FRAMES, write_log
 import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.notebook.importing import SI_NAMES
-from scleraforce.recording.importing import ImportAnswers
+from scleraforce.recording.sources import ImportOptions
 
 SCALE = {"width_m": 12e-3, "depth_m": 4e-3, "refractive_index": 1.38, "bits": 13}
 NEEDLE = {"eye": "eye-1", "gauge": 22, "gap_m": 0.6e-3}
@@ -137,5 +137,5 @@ def test_what_is_not_there_is_one_line(call: Callable[[Path], object], words: st
 
 
 def test_every_option_of_the_command_is_an_argument_in_si() -> None:
-    arguments = {SI_NAMES.get(field.name, field.name) for field in fields(ImportAnswers)}
+    arguments = {SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
     assert set(inspect.signature(sf.import_recording).parameters) == arguments | {"sources", "out", "like", "progress"}

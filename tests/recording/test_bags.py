@@ -8,7 +8,7 @@ import pytest
 from format_frames import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError, RecordingError
-from scleraforce.recording.bags import BagTopics, read_bag
+from scleraforce.recording.bags import read_bag
 from scleraforce.recording.scan import UnansweredError
 
 pytest.importorskip("rosbags")
@@ -23,23 +23,24 @@ REAL = Path(__file__).parents[3] / "shared" / "real-logs" / "ros2-wrench.db3"
 
 @pytest.mark.parametrize("kind", ["ros1", "sqlite", "mcap"])
 def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path, kind: str) -> None:
-    bag = read_bag(write_bag(tmp_path / ("a.bag" if kind == "ros1" else "a"), kind), BagTopics())
-    np.testing.assert_array_equal(pictures_of(bag.scan), FRAMES)
-    np.testing.assert_allclose(bag.scan.times.time_s - START_NS / 1e9, FRAME_TIMES_S, atol=1e-6)
-    np.testing.assert_allclose(bag.log.time_s - START_NS / 1e9, FORCE_TIMES_S, atol=1e-6)
-    assert bag.log.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-    np.testing.assert_allclose(bag.log.wrench_sc[7], [7.0, 0.5, -0.007, 0.25, 0.0, 1.0])
-    assert bag.scan.times.source == "header.stamp of /oct/image"
+    scan, log = read_bag(write_bag(tmp_path / ("a.bag" if kind == "ros1" else "a"), kind))
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+    np.testing.assert_allclose(scan.times.time_s - START_NS / 1e9, FRAME_TIMES_S, atol=1e-6)
+    np.testing.assert_allclose(log.time_s - START_NS / 1e9, FORCE_TIMES_S, atol=1e-6)
+    assert log.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
+    np.testing.assert_allclose(log.wrench_sc[7], [7.0, 0.5, -0.007, 0.25, 0.0, 1.0])
+    assert scan.times.source == "header.stamp of /oct/image"
 
 
 @pytest.mark.parametrize("packed", ["FILE", "MESSAGE"])
 def test_packed_bags_are_read(tmp_path: Path, packed: str) -> None:
     path = write_bag(tmp_path / "a", "sqlite", packed=CompressionMode[packed])
-    np.testing.assert_array_equal(pictures_of(read_bag(path, BagTopics()).scan), FRAMES)
+    np.testing.assert_array_equal(pictures_of(read_bag(path)[0]), FRAMES)
 
 
 def test_how_late_messages_arrived_is_said(tmp_path: Path) -> None:
-    notes = read_bag(write_bag(tmp_path / "a", "sqlite"), BagTopics()).notes
+    scan, log = read_bag(write_bag(tmp_path / "a", "sqlite"))
+    notes = (*scan.notes, *log.notes)
     assert "/oct/image: messages arrived 80.0 ms (median; 80.0 to 80.0) after their stamp" in notes[0]
     assert "/ft/wrench: messages arrived 1.0 ms" in notes[1]
     assert not any("clock" in note for note in notes)
@@ -48,43 +49,43 @@ def test_how_late_messages_arrived_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("shift_s", [-5.0, 0.002])
 def test_a_clock_that_is_not_the_bags_is_told(tmp_path: Path, shift_s: float) -> None:
     images = [Messages(ROS2).image(START_NS + round(shift_s * 1e9) + nth, FRAMES[nth]) for nth in range(3)]
-    assert "its clock is not that of the bag" in read_bag(bag_of(tmp_path / "a", images), BagTopics()).notes[0]
+    assert "its clock is not that of the bag" in read_bag(bag_of(tmp_path / "a", images))[0].notes[0]
 
 
 @pytest.mark.parametrize(("kind", "pattern"), [("sqlite", "*.db3"), ("mcap", "*.mcap")])
 def test_a_storage_file_without_its_metadata_is_read_too(tmp_path: Path, kind: str, pattern: str) -> None:
     path = next(write_bag(tmp_path / "a", kind).glob(pattern)).rename(tmp_path / f"lone.{pattern[2:]}")
-    np.testing.assert_array_equal(pictures_of(read_bag(path, BagTopics()).scan), FRAMES)
+    np.testing.assert_array_equal(pictures_of(read_bag(path)[0]), FRAMES)
 
 
 def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a", "mcap", topics=("/a", "/b"))
     with pytest.raises(UnansweredError, match=r"which topic\? There are /a, /b; give --image-topic"):
-        read_bag(path, BagTopics())
-    assert read_bag(path, BagTopics(image="/b")).scan.times.source == "header.stamp of /b"
+        read_bag(path)
+    assert read_bag(path, image_topic="/b")[0].times.source == "header.stamp of /b"
     with pytest.raises(InputError, match=r"--image-topic: no topic /c of sensor_msgs.*; .*/ft/wrench \(geometry_msgs"):
-        read_bag(path, BagTopics(image="/c"))
+        read_bag(path, image_topic="/c")
 
 
 def test_stamps_that_are_empty_are_asked_about(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a", "sqlite", stamped=False)
     with pytest.raises(UnansweredError, match=r"header\.stamp is 0.*give --by-arrival"):
-        read_bag(path, BagTopics())
-    bag = read_bag(path, BagTopics(by_arrival=True))
-    np.testing.assert_allclose(bag.scan.times.time_s - START_NS / 1e9, np.array(FRAME_TIMES_S) + LATE_S, atol=1e-6)
-    assert bag.scan.times.source == "arrival of /oct/image"
+        read_bag(path)
+    scan, _ = read_bag(path, by_arrival=True)
+    np.testing.assert_allclose(scan.times.time_s - START_NS / 1e9, np.array(FRAME_TIMES_S) + LATE_S, atol=1e-6)
+    assert scan.times.source == "arrival of /oct/image"
 
 
 def test_a_clock_may_begin_at_zero(tmp_path: Path) -> None:
     images = [Messages(ROS2).image(nth * 10**8, FRAMES[nth]) for nth in range(3)]
-    scan = read_bag(bag_of(tmp_path / "a", images), BagTopics()).scan
+    scan = read_bag(bag_of(tmp_path / "a", images))[0]
     np.testing.assert_allclose(scan.times.time_s, [0.0, 0.1, 0.2])
     with pytest.raises(UnansweredError, match="--by-arrival"):
-        read_bag(bag_of(tmp_path / "b", images[:1]), BagTopics())
+        read_bag(bag_of(tmp_path / "b", images[:1]))
 
 
 def test_a_bag_with_images_alone_has_no_log(tmp_path: Path) -> None:
-    assert read_bag(write_bag(tmp_path / "a", "mcap", forces=False), BagTopics()).log is None
+    assert read_bag(write_bag(tmp_path / "a", "mcap", forces=False))[1] is None
 
 
 def bag_of(path: Path, messages: list, kind: str = "sensor_msgs/msg/Image") -> Path:
@@ -106,9 +107,9 @@ def test_encodings_become_grey(tmp_path: Path, encoding: str, big: bool) -> None
     }[encoding]  # fmt: skip
     expected = given if given.ndim == 2 else cv2.cvtColor(given, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY"))
     message = Messages(ROS2).image(START_NS, given, encoding, big=big)
-    bag = read_bag(bag_of(tmp_path / "a", [message]), BagTopics())
-    np.testing.assert_array_equal(pictures_of(bag.scan)[0], expected)
-    assert bag.scan.bits == (8 if expected.dtype == np.uint8 else None)
+    scan, _ = read_bag(bag_of(tmp_path / "a", [message]))
+    np.testing.assert_array_equal(pictures_of(scan)[0], expected)
+    assert scan.bits == (8 if expected.dtype == np.uint8 else None)
 
 
 @pytest.mark.parametrize("ending", [".png", ".jpg"])
@@ -117,19 +118,19 @@ def test_compressed_images_are_decoded(tmp_path: Path, ending: str) -> None:
     data = cv2.imencode(ending, grey)[1].ravel()
     kind = "sensor_msgs/msg/CompressedImage"
     message = ROS2.types[kind](header=Messages(ROS2).header(START_NS), format=ending[1:], data=data)
-    bag = read_bag(bag_of(tmp_path / "a", [message], kind), BagTopics())
-    np.testing.assert_allclose(pictures_of(bag.scan)[0], grey, atol=0 if ending == ".png" else 3)
+    scan, _ = read_bag(bag_of(tmp_path / "a", [message], kind))
+    np.testing.assert_allclose(pictures_of(scan)[0], grey, atol=0 if ending == ".png" else 3)
 
 
 def test_an_encoding_that_is_not_read_and_too_little_data_are_refused(tmp_path: Path) -> None:
     image = Messages(ROS2).image(START_NS, FRAMES[0])
     image.encoding = "bayer_rggb8"
     with pytest.raises(FrameError, match="/image: encoding 'bayer_rggb8'; one of mono8"):
-        read_bag(bag_of(tmp_path / "a", [image]), BagTopics())
+        read_bag(bag_of(tmp_path / "a", [image]))
     image = Messages(ROS2).image(START_NS, FRAMES[0])
     image.height += 1
     with pytest.raises(FrameError, match=r"/image: damaged: .* bytes for 25 rows of 86"):
-        read_bag(bag_of(tmp_path / "b", [image]), BagTopics())
+        read_bag(bag_of(tmp_path / "b", [image]))
 
 
 def write_topic(path: Path, kind: str, sent: list) -> Path:
@@ -183,9 +184,7 @@ def test_all_publishers_of_a_topic_are_merged_by_stamp(tmp_path: Path, kind: str
     images = [messages_of(kind).image(START_NS + nth * 10**8, FRAMES[nth]) for nth in range(5)]
     arrived_ns = [START_NS + nth * 10**8 + MILLISECOND_NS for nth in range(5)]
     sent = [(nth >= first, arrived_ns[nth], images[nth], IMAGE) for nth in range(5)]
-    scan = read_bag(
-        write_topic(tmp_path / "a.bag" if kind == "ros1" else tmp_path / "a.mcap", kind, sent), BagTopics()
-    ).scan
+    scan = read_bag(write_topic(tmp_path / "a.bag" if kind == "ros1" else tmp_path / "a.mcap", kind, sent))[0]
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     np.testing.assert_allclose(scan.times.time_s - START_NS / 1e9, np.arange(5) / 10.0, atol=1e-6)
 
@@ -200,11 +199,11 @@ def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path: Path, k
         sent.append((nth % 2, stamp_ns + late_ns, messages_of(kind).wrench(stamp_ns, [nth, 0, 0, 0, 0, 0]), WRENCH))
     sent.sort(key=lambda each: each[1])
     path = write_topic(tmp_path / ("a.bag" if kind == "ros1" else "a.mcap"), kind, sent)
-    bag = read_bag(path, BagTopics())
-    np.testing.assert_array_equal(bag.log.wrench_sc[:, 0], np.arange(40))
-    np.testing.assert_allclose(bag.log.time_s - START_NS / 1e9, np.arange(40) * 0.005, atol=1e-6)
-    assert any("sorted by stamp" in note for note in bag.notes)
-    assert any("2 publishers, with 20 and 20 messages" in note for note in bag.notes) == (kind != "sqlite")
+    _, log = read_bag(path)
+    np.testing.assert_array_equal(log.wrench_sc[:, 0], np.arange(40))
+    np.testing.assert_allclose(log.time_s - START_NS / 1e9, np.arange(40) * 0.005, atol=1e-6)
+    assert any("sorted by stamp" in note for note in log.notes)
+    assert any("2 publishers, with 20 and 20 messages" in note for note in log.notes) == (kind != "sqlite")
 
 
 def test_frames_that_arrive_late_come_in_their_turn(tmp_path: Path) -> None:
@@ -213,7 +212,7 @@ def test_frames_that_arrive_late_come_in_their_turn(tmp_path: Path) -> None:
         for nth, late_ms in ((1, 10), (0, 130), (3, 10), (2, 130), (4, 10))
         for image in [Messages(ROS2).image]
     ]
-    scan = read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent), BagTopics()).scan
+    scan = read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent))[0]
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     assert [name.rpartition("[")[2] for name in scan.names] == ["1]", "0]", "3]", "2]", "4]"]
 
@@ -227,7 +226,7 @@ def test_publishers_on_two_clocks_are_refused(tmp_path: Path, kind: str, shift_s
         shifted_ns = stamp_ns + (shift_s * 10**9 if nth > 1 else 0)
         sent.append((nth > 1, stamp_ns + MILLISECOND_NS, messages_of(kind).image(shifted_ns, FRAMES[nth]), IMAGE))
     with pytest.raises(RecordingError, match=r"/t: its publishers are not on one clock: .* 1 ms .* and "):
-        read_bag(write_topic(tmp_path / ("a.bag" if kind == "ros1" else "a.mcap"), kind, sent), BagTopics())
+        read_bag(write_topic(tmp_path / ("a.bag" if kind == "ros1" else "a.mcap"), kind, sent))
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
@@ -239,7 +238,7 @@ def test_coordinate_frames_that_differ_within_a_topic_are_refused(tmp_path: Path
         sent.append((nth == 3, START_NS + nth * MILLISECOND_NS, message, WRENCH))
     path = write_topic(tmp_path / ("a.bag" if kind == "ros1" else "a.mcap"), kind, sent)
     with pytest.raises(InputError, match=r"/t: header\.frame_id is 'sensor' in message 0 and 'tool0' in message 3"):
-        read_bag(path, BagTopics())
+        read_bag(path)
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
@@ -253,7 +252,7 @@ def test_two_types_on_one_topic_are_refused(tmp_path: Path, kind: str) -> None:
     ]
     path = write_topic(tmp_path / ("a.bag" if kind == "ros1" else "a.mcap"), kind, sent)
     with pytest.raises(InputError, match=r"/t: messages of two types, .*WrenchStamped and .*Vector3Stamped"):
-        read_bag(path, BagTopics())
+        read_bag(path)
 
 
 def test_two_definitions_of_one_type_are_refused_and_comments_do_not_matter(tmp_path: Path) -> None:
@@ -273,9 +272,9 @@ def test_two_definitions_of_one_type_are_refused_and_comments_do_not_matter(tmp_
             writer.finish()
         if refused:
             with pytest.raises(InputError, match=rf"/t: two definitions of {WRENCH}"):
-                read_bag(tmp_path / f"{name}.mcap", BagTopics())
+                read_bag(tmp_path / f"{name}.mcap")
         else:
-            assert len(read_bag(tmp_path / f"{name}.mcap", BagTopics()).log.time_s) == 2
+            assert len(read_bag(tmp_path / f"{name}.mcap")[1].time_s) == 2
 
 
 @pytest.mark.parametrize("back_ms", [40, 300, 3000])
@@ -286,7 +285,7 @@ def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path: Path, ba
         stamp_ns = arrived_ns - (back_ms * MILLISECOND_NS if nth >= 60 else 0)
         sent.append((0, arrived_ns + nth % 3 * MILLISECOND_NS, Messages(ROS2).wrench(stamp_ns, [nth] * 6), WRENCH))
     with pytest.raises(RecordingError, match=r"/t: its stamps do not run forward: message 59 is of .* message 60 of "):
-        read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent), BagTopics())
+        read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent))
 
 
 def test_messages_of_one_stamp_are_left_out_where_they_are_the_same_and_else_refused(tmp_path: Path) -> None:
@@ -297,11 +296,11 @@ def test_messages_of_one_stamp_are_left_out_where_they_are_the_same_and_else_ref
             for nth, (which, at) in enumerate(stamps)
         ]
 
-    bag = read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent(2)), BagTopics())
-    np.testing.assert_array_equal(pictures_of(bag.scan), FRAMES[:3])
-    assert any("1 messages repeat another's stamp and content" in note for note in bag.notes)
+    scan, _ = read_bag(write_topic(tmp_path / "a.mcap", "mcap", sent(2)))
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
+    assert any("1 messages repeat another's stamp and content" in note for note in scan.notes)
     with pytest.raises(RecordingError, match=r"/t: its stamps .* messages 2 and 3 differ and have one stamp"):
-        read_bag(write_topic(tmp_path / "b.mcap", "mcap", sent(4)), BagTopics())
+        read_bag(write_topic(tmp_path / "b.mcap", "mcap", sent(4)))
 
 
 @pytest.mark.parametrize("empty", [(0,), (2,), (1, 3)])
@@ -317,8 +316,8 @@ def test_some_stamps_that_are_empty_are_asked_about(tmp_path: Path, empty: tuple
     ]
     path = write_topic(tmp_path / "a.mcap", "mcap", sent)
     with pytest.raises(UnansweredError, match=rf"/t: {len(empty)} of 5 messages are without .*--by-arrival"):
-        read_bag(path, BagTopics())
-    np.testing.assert_array_equal(pictures_of(read_bag(path, BagTopics(by_arrival=True)).scan), FRAMES)
+        read_bag(path)
+    np.testing.assert_array_equal(pictures_of(read_bag(path, by_arrival=True)[0]), FRAMES)
 
 
 @pytest.mark.parametrize("field", ["encoding", "is_bigendian", "height", "width", "step"])
@@ -334,7 +333,7 @@ def test_images_that_change_within_a_topic_are_refused(tmp_path: Path, field: st
     images = [Messages(ROS2).image(START_NS + nth, FRAMES[nth]) for nth in range(3)] + [other(START_NS + 3)]
     first, last = (getattr(image, field) for image in (images[0], images[3]))
     with pytest.raises(FrameError, match=rf"/image: {field} is {first!r} in message 0 and {last!r} in message 3"):
-        read_bag(bag_of(tmp_path / "a", images), BagTopics())
+        read_bag(bag_of(tmp_path / "a", images))
 
 
 def test_compressed_images_that_change_their_depth_are_refused(tmp_path: Path) -> None:
@@ -343,9 +342,9 @@ def test_compressed_images_that_change_their_depth_are_refused(tmp_path: Path) -
     for nth, pixels in enumerate((FRAMES[0], FRAMES[1], (FRAMES[2] % 256).astype(np.uint8))):
         data = cv2.imencode(".png", pixels)[1].ravel()
         messages.append(ROS2.types[kind](header=Messages(ROS2).header(START_NS + nth), format="png", data=data))
-    bag = read_bag(bag_of(tmp_path / "a", messages, kind), BagTopics())
+    scan, _ = read_bag(bag_of(tmp_path / "a", messages, kind))
     with pytest.raises(FrameError, match=r"/image: images of .* uint16, and in message 2 of .* uint8"):
-        pictures_of(bag.scan)
+        pictures_of(scan)
 
 
 def test_a_bag_without_images_and_forces_lists_what_it_has(tmp_path: Path) -> None:
@@ -353,7 +352,7 @@ def test_a_bag_without_images_and_forces_lists_what_it_has(tmp_path: Path) -> No
     with pytest.raises(
         InputError, match=r"neither a topic of images.*nor of forces.*there are /image \(std_msgs/msg/String\)"
     ):
-        read_bag(bag_of(tmp_path / "a", [text], "std_msgs/msg/String"), BagTopics())
+        read_bag(bag_of(tmp_path / "a", [text], "std_msgs/msg/String"))
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
@@ -361,14 +360,14 @@ def test_a_damaged_bag_is_named(tmp_path: Path, name: str) -> None:
     marks = {"a.bag": b"#ROSBAG V2.0\n", "a.db3": b"SQLite format 3\0", "a.mcap": b"\x89MCAP0\r\n"}
     (tmp_path / name).write_bytes(marks[name] + bytes(1000))
     with pytest.raises(FrameError, match=f"{name}: damaged"):
-        read_bag(tmp_path / name, BagTopics())
+        read_bag(tmp_path / name)
 
 
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-logs")
 def test_a_real_bag_without_definitions_gives_its_forces() -> None:
-    bag = read_bag(REAL, BagTopics())
-    assert bag.scan is None
-    assert bag.log.columns == ("fx_n", "fy_n", "fz_n")
-    assert len(bag.log.time_s) == 1655
-    assert bag.log.sample_rate_hz == pytest.approx(30.0, rel=0.05)
+    scan, log = read_bag(REAL)
+    assert scan is None
+    assert log.columns == ("fx_n", "fy_n", "fz_n")
+    assert len(log.time_s) == 1655
+    assert log.sample_rate_hz == pytest.approx(30.0, rel=0.05)

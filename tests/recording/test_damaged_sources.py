@@ -13,12 +13,12 @@ from pydicom.uid import RLELossless
 from ros_bag import write_bag
 
 from scleraforce.errors import InputError
-from scleraforce.recording.sources import Asked, SourceOrder, gather
+from scleraforce.recording.sources import ImportOptions, gather
 
 nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
 
-VOLUMES = SourceOrder(("lateral", "depth", "frame"))
+VOLUMES = ImportOptions(axes="lateral,depth,frame")
 HEAD_BYTES = 600  # where most of what can go wrong stands
 
 
@@ -78,12 +78,12 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, name: str, capfd
     data = (tmp_path / name).read_bytes()
     np.save(tmp_path / "frames.npy", FRAMES)
     sources = [tmp_path / name, *([tmp_path / "frames.npy"] if name == "log.csv" else [])]
-    asked = Asked(VOLUMES if name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv")) else SourceOrder())
+    named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
     rng, said = np.random.default_rng(len(name)), []
     for nth in range(15):
         (tmp_path / name).write_bytes(damaged(data, rng, nth))
         try:
-            for picture in gather(sources, asked).scan.pictures():
+            for picture in gather(sources, VOLUMES if named else ImportOptions()).scan.pictures():
                 assert picture.size
         except InputError as fault:
             said.append(str(fault))

@@ -10,7 +10,7 @@ from format_frames import COUNT, FRAMES, pictures_of, write_log
 
 from scleraforce.errors import InputError
 from scleraforce.recording.scan import Times
-from scleraforce.recording.sources import Asked, gather, on_one_clock
+from scleraforce.recording.sources import ImportOptions, gather, on_one_clock
 from scleraforce.recording.tables import ForceLog
 
 
@@ -23,7 +23,7 @@ def test_a_stack_and_a_log_go_together_whatever_their_order(tmp_path: Path) -> N
     force_n = write_log(tmp_path / "log.csv")
     for sources in (["a.tif", "log.csv"], ["log.csv", "a.tif"]):
         seen: list[int] = []
-        found = gather([tmp_path / name for name in sources], Asked(), seen.append)
+        found = gather([tmp_path / name for name in sources], ImportOptions(), seen.append)
         np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
         np.testing.assert_allclose(found.log.force_n("fz"), force_n, atol=1e-7)
         assert not found.one_clock
@@ -33,7 +33,7 @@ def test_a_stack_and_a_log_go_together_whatever_their_order(tmp_path: Path) -> N
 def test_pictures_of_a_folder_are_one_scan(tmp_path: Path) -> None:
     for nth, frame in enumerate(FRAMES):
         cv2.imwrite(str(tmp_path / f"frame{8 + nth}.png"), frame)
-    found = gather([tmp_path], Asked())
+    found = gather([tmp_path], ImportOptions())
     np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
     assert found.notes == ()
 
@@ -42,7 +42,7 @@ def test_files_given_in_another_order_than_their_numbers_are_noted(tmp_path: Pat
     for nth in (9, 10):
         cv2.imwrite(str(tmp_path / f"f{nth}.png"), FRAMES[0])
     shell = sorted(tmp_path.iterdir())
-    assert gather(shell, Asked()).notes == (
+    assert gather(shell, ImportOptions()).notes == (
         "frames are taken in the order given, f10.png to f9.png; their numbers have another",
     )
 
@@ -52,9 +52,9 @@ def test_sources_without_frames_or_with_two_logs_are_refused(tmp_path: Path) -> 
     write_log(tmp_path / "b.csv")
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
     with pytest.raises(InputError, match=r"a\.csv: no frames in the sources"):
-        gather([tmp_path / "a.csv"], Asked())
+        gather([tmp_path / "a.csv"], ImportOptions())
     with pytest.raises(InputError, match=r"b\.csv: a second force log beside .*a\.csv"):
-        gather([tmp_path / name for name in ("a.tif", "a.csv", "b.csv")], Asked())
+        gather([tmp_path / name for name in ("a.tif", "a.csv", "b.csv")], ImportOptions())
 
 
 def test_clocks_that_count_from_1970_begin_at_a_whole_second_before_both() -> None:

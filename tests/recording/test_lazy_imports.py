@@ -15,8 +15,8 @@ def loaded_by(path: Path) -> set[str]:
     """Which of the packages an interpreter has imported when it has read a source."""
     program = (
         "import sys\nfrom pathlib import Path\n"
-        "from scleraforce.recording.sources import Asked, gather\n"
-        f"scan = gather([Path({str(path)!r})], Asked()).scan\n"
+        "from scleraforce.recording.sources import ImportOptions, gather\n"
+        f"scan = gather([Path({str(path)!r})], ImportOptions()).scan\n"
         "assert len(list(scan.pictures())) == len(scan.names)\n"
         f"print(*({PACKAGES!r} & set(sys.modules)))\n"
     )

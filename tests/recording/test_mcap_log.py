@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_recording import COLUMNS, ROWS, write_small_recording
 
-from scleraforce.recording.bags import BagTopics, read_bag
+from scleraforce.recording.bags import read_bag
 from scleraforce.recording.export import ANSWER_TOPIC, FORCE_TOPIC, IMAGE_TOPIC, write_mcap
 from scleraforce.recording.folder import read_recording
 
@@ -53,13 +53,13 @@ def test_answers_have_a_definition_that_others_read(written) -> None:
 
 def test_it_can_be_imported_again(written) -> None:
     recording, path, _ = written
-    bag = read_bag(path, BagTopics())
-    assert (bag.scan.rows, bag.scan.columns) == (ROWS, COLUMNS)
-    for entry, picture, time_s in zip(recording.frames, bag.scan.pictures(), bag.scan.times.time_s, strict=True):
+    scan, log = read_bag(path)
+    assert (scan.rows, scan.columns) == (ROWS, COLUMNS)
+    for entry, picture, time_s in zip(recording.frames, scan.pictures(), scan.times.time_s, strict=True):
         np.testing.assert_array_equal(picture, recording.frame(entry))
         assert time_s - ORIGIN_S == pytest.approx(entry.time_s, abs=1e-6)
-    np.testing.assert_allclose(bag.log.wrench_sc, recording.forces.wrench_sc)
-    np.testing.assert_allclose(bag.log.time_s - ORIGIN_S, recording.forces.time_s, atol=1e-6)
+    np.testing.assert_allclose(log.wrench_sc, recording.forces.wrench_sc)
+    np.testing.assert_allclose(log.time_s - ORIGIN_S, recording.forces.time_s, atol=1e-6)
 
 
 def test_an_axis_that_was_not_logged_is_no_zero(tmp_path: Path) -> None:
@@ -69,6 +69,6 @@ def test_an_axis_that_was_not_logged_is_no_zero(tmp_path: Path) -> None:
     recording = read_recording(folder)
     rows = [{"file": entry.file} for entry in recording.frames]
     write_mcap(recording, rows, 0.0, tmp_path / "a.mcap")
-    log = read_bag(tmp_path / "a.mcap", BagTopics()).log
+    log = read_bag(tmp_path / "a.mcap")[1]
     assert log.columns == ("fz_n",)
     np.testing.assert_array_equal(log.wrench_sc, np.full((3, 1), 0.5))

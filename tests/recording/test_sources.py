@@ -11,7 +11,7 @@ from dicom_file import write_dicom
 from format_frames import FRAMES, pictures_of, write_log
 
 from scleraforce.errors import InputError
-from scleraforce.recording.sources import SourceOrder, files_of, read_scan, source_kind
+from scleraforce.recording.sources import files_of, read_scan, source_kind
 
 
 def one_of_each(folder: Path) -> dict[str, str]:
@@ -103,7 +103,7 @@ def test_pixels_beside_their_header_are_read_once(tmp_path: Path, folder: bool) 
     assert [path.name for path in files_of(given)] == ["a.hdr", "b.mhd", "c.nhdr", "d.raw"]
     assert source_kind(tmp_path / "a.img") == source_kind(tmp_path / "a.hdr") == "nifti"
     for name in ("a.hdr", "a.img"):
-        scan = read_scan(tmp_path / name, "nifti", SourceOrder(("lateral", "depth", "frame")))
+        scan = read_scan(tmp_path / name, "nifti", ("lateral", "depth", "frame"))
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
 
 
@@ -126,9 +126,9 @@ def test_a_folder_is_its_files_by_their_numbers(tmp_path: Path) -> None:
 
 def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    scan = read_scan(tmp_path / "a.png", "picture", SourceOrder(("frame", "lateral", "depth")))
+    scan = read_scan(tmp_path / "a.png", "picture", ("frame", "lateral", "depth"))
     np.testing.assert_array_equal(pictures_of(scan)[0], FRAMES[0].T)
-    upright = read_scan(tmp_path / "a.png", "picture", SourceOrder(("depth", "lateral")))
+    upright = read_scan(tmp_path / "a.png", "picture", ("depth", "lateral"))
     np.testing.assert_array_equal(pictures_of(upright)[0], FRAMES[0])
     with pytest.raises(InputError, match="begin with frame"):
-        read_scan(tmp_path / "a.png", "picture", SourceOrder(("lateral", "frame", "depth")))
+        read_scan(tmp_path / "a.png", "picture", ("lateral", "frame", "depth"))

@@ -8,7 +8,7 @@ import pytest
 from format_frames import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.sources import SourceOrder, read_scan, source_kind
+from scleraforce.recording.sources import read_scan, source_kind
 from scleraforce.recording.thorlabs import read_thorlabs
 
 INTENSITY = FRAMES.astype(np.float32) / 100.0 - 20.0  # dB
@@ -43,7 +43,7 @@ def test_the_intensity_comes_back_with_its_scale(tmp_path: Path, name: str) -> N
         name,
     )
     assert source_kind(path) == "thorlabs"
-    scan = read_scan(path, "thorlabs", SourceOrder())
+    scan = read_scan(path, "thorlabs")
     np.testing.assert_array_equal(pictures_of(scan), INTENSITY)
     assert scan.depth_pixel_m.value == pytest.approx(4e-6)
     assert scan.lateral_pixel_m.value == pytest.approx(15e-6)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.importing.options import THICKNESS
 from scleraforce.cli.output import count_bar, print_json, say
+from scleraforce.cli.quantities import Possible
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
@@ -67,7 +67,9 @@ class _Notes:
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", type=_Parameters(), show_default="e,stiffening; linear: e",
               help="What is uncertain, of e, stiffening, iop, thickness, gap.")  # fmt: skip
-@click.option("--thickness-um", type=THICKNESS, help="Of the eye's wall, in place of what recording.toml states.")
+@click.option(
+    "--thickness-um", type=Possible("thickness_um"), help="Of the eye's wall, in place of what recording.toml states."
+)
 @wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",

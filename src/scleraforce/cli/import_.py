@@ -1,13 +1,60 @@
 """`scleraforce import`: a laboratory's frames and force log as a recording folder."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from scleraforce.cli.importing.options import answer_options
 from scleraforce.cli.output import count_bar, print_json, say
+from scleraforce.cli.quantities import Possible
+from scleraforce.study.eye import GLOBES
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+OPTIONS = (
+    click.option("--axes", metavar="NAME,NAME,...", help="Order of the axes frame, depth and lateral in an array or "
+                 "volume; of pictures frame,lateral,depth where A-scans lie along the rows."),
+    click.option("--array", help="Name of the array in a .npz."),
+    click.option("--width-mm", type=Possible("width_mm"), help="Width of the frames; by default their own."),
+    click.option("--depth-mm", type=Possible("width_mm"), help="Depth of the frames, as stored; by default their own."),
+    click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="By which depth is stretched; 1 "
+                 "where the scanner has corrected it."),
+    click.option("--bits", type=click.IntRange(8, 16), help="Bits of a 16-bit pixel that are used."),
+    click.option("--grey-range", type=float, nargs=2, metavar="LOW HIGH", help="Pixel values that become black and "
+                 "white; floats and wide numbers are scaled from their smallest and largest by default."),
+    click.option("--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames taken in a second."),
+    click.option("--times", type=click.Path(path_type=Path), help="Table of the frames' times (time_s or another "
+                 "unit), with a column of file names or in the frames' order."),
+    click.option("--clock-offset-s", type=float, help="What the force log's clock shows more than the frames'."),
+    click.option("--column", "columns", multiple=True, metavar="COLUMN=NAME:UNIT", help="Column of a force log: time, "
+                 "fx, fy, fz, tx, ty, tz or status, like fz=Pull:mN; 1000/N where 1000 counts are 1 N. Once for each."),
+    click.option("--axis", type=click.Choice(["fx", "fy", "fz"]), help="Axis of the force sensor along the needle."),
+    click.option("--contact-sign", type=click.Choice(["1", "-1"]), help="Sign of that axis in contact."),
+    click.option("--average-s", type=click.FloatRange(0.01, 60.0), help="Time over which a label averages; 2 by "
+                 "default, shorter for a needle that moves."),
+    click.option("--image-topic", help="Topic of the images in a ROS bag, where there are several."),
+    click.option("--force-topic", help="Topic of the forces in a ROS bag, where there are several."),
+    click.option("--by-arrival", is_flag=True, help="Take the times at which a bag's messages arrived, where they have "
+                 "no capture stamp."),
+    click.option("--eye", help="Name of the eye."),
+    click.option("--thickness-um", type=Possible("thickness_um"), help="Thickness of its wall, where it was measured."),
+    click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Its pressure at rest, where it was measured."),
+    click.option("--globe", type=click.Choice(GLOBES), help="Whether it is infused or vented, or sealed; unknown by "
+                 "default."),
+    click.option("--gauge", type=click.IntRange(10, 36), help="Gauge of the needle."),
+    click.option("--gap-mm", type=Possible("gap_mm"), help="B-scan plane to needle axis."),
+    click.option("--polar-angle-deg", type=Possible("polar_angle_deg"), help="Contact, from the pole, where it is "
+                 "known."),
+)  # fmt: skip
+
+
+def _import_options(command: Command) -> Command:
+    """Add the options that are fields of `ImportOptions`."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
 
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
@@ -25,7 +72,7 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
               help="Recording folder to write; must not exist.")  # fmt: skip
 @click.option("--like", type=click.Path(path_type=Path), is_eager=True, callback=_like, metavar="RECORDING",
               help="Take scanner, needle, sensor and the columns of the log from another recording.")  # fmt: skip
-@answer_options
+@_import_options
 @click.option("--model", type=click.Path(path_type=Path), help="Model whose limits are noted; by default the reader "
               "that ships.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -38,7 +85,7 @@ def import_(
     like: Path | None,
     model: Path | None,
     as_json: bool,
-    **told: Any,
+    **given: Any,
 ) -> None:
     """Write a laboratory's frames and force log as a recording folder.
 
@@ -53,24 +100,18 @@ def import_(
     Example: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
     """
     # Imported here: formats and figures take longer to import than the help to print.
-    from scleraforce.cli.importing.questions import asker
-    from scleraforce.cli.importing.told import entries, lines
+    from scleraforce.cli.import_terminal import asker, entries, lines
     from scleraforce.models.shipped import SHIPPED_READER
     from scleraforce.notebook.importing import write_imported
-    from scleraforce.recording.importing import ImportAnswers
-
-    asked, origins = ImportAnswers(**told), _origins(ctx, like)
-    imported = write_imported(sources, out, asked, origins, count_bar, asker(as_json), model or SHIPPED_READER)
-    if as_json:
-        print_json(entries(out, imported.done, imported.greys))
-    else:
-        for line in lines(out, imported.done, imported.greys):
-            say(line)
-
-
-def _origins(ctx: click.Context, like: Path | None) -> dict[str, str]:
-    """Return who told the value of each option that has one."""
-    from scleraforce.recording.importing import OPTION
+    from scleraforce.recording.sources import OPTION, ImportOptions
 
     words = {ParameterSource.COMMANDLINE: OPTION, ParameterSource.DEFAULT_MAP: f"like {like}"}
-    return {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
+    origins = {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
+    questions = asker(as_json, {param.name or "": param.type for param in ctx.command.params})
+    model = model or SHIPPED_READER
+    done = write_imported(sources, out, ImportOptions(**given), origins, count_bar, questions, model)
+    if as_json:
+        print_json(entries(out, done))
+    else:
+        for line in lines(out, done):
+            say(line)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import islice
 from math import degrees
 from os import PathLike
@@ -19,20 +19,10 @@ from scleraforce.notebook.work import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
-from scleraforce.recording.importing import (
-    IMPORT_RECORD,
-    NOBODY,
-    OPTION,
-    Asker,
-    Complete,
-    ImportAnswers,
-    answers_like,
-    complete,
-    record_text,
-)
+from scleraforce.recording.importing import IMPORT_RECORD, NOBODY, Asker, Import, answers_like, complete, record_text
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
-from scleraforce.recording.sources import Gathered, files_of, gather
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather
 from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.units import from_si
@@ -137,7 +127,7 @@ def import_recording(
         if not paths:
             raise InputError("sources: none; give at least one")
         others = {} if like is None else answers_like(Path(like))
-        answers = ImportAnswers(**(others | told))
+        answers = ImportOptions(**(others | told))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(told, OPTION)
         write_imported(paths, Path(out), answers, origins, counting_for("frames", progress), NOBODY)
     except InputError as fault:
@@ -151,28 +141,20 @@ def _by_arguments(fault: InputError) -> str:
     if isinstance(fault, UnansweredError) and fault.forms:
         text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
     arguments = {f"--{field.name.replace('_', '-')}": SI_NAMES.get(field.name, field.name)
-                 for field in fields(ImportAnswers)}  # fmt: skip
+                 for field in fields(ImportOptions)}  # fmt: skip
     arguments |= {"--column": "columns", "--out": "out"}
     return re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
-
-
-@dataclass(frozen=True, eq=False)
-class Imported:
-    """What a recording was written from, and how its pixels became counts."""
-
-    done: Complete
-    greys: Greys
 
 
 def write_imported(
     sources: Sequence[Path],
     out: Path,
-    answers: ImportAnswers,
+    answers: ImportOptions,
     origins: Mapping[str, str],
     counting: Counting,
     asker: Asker,
     model: Path = SHIPPED_READER,
-) -> Imported:
+) -> Import:
     """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
 
     Args:
@@ -200,20 +182,20 @@ def write_imported(
             write_frames(part, done.info, f"imported by scleraforce {__version__}; import.json says from what", named)
         if done.log is not None:
             write_log(part, done.log)
-        (part / IMPORT_RECORD).write_text(record_text(done, greys, answers, __version__), encoding="utf-8")
+        (part / IMPORT_RECORD).write_text(record_text(done, answers, __version__), encoding="utf-8")
         _write_preview(written(part, out))
-    return Imported(done, greys)
+    return done
 
 
 def _gathered(
-    sources: Sequence[Path], answers: ImportAnswers, counting: Counting, asker: Asker
-) -> tuple[Gathered, ImportAnswers]:
+    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker
+) -> tuple[Gathered, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
-    last: tuple[ImportAnswers, UnansweredError] | None = None
+    last: tuple[ImportOptions, UnansweredError] | None = None
     while True:
         try:
             with counting("sources", len(files_of(sources))) as seen:
-                return gather(sources, answers.asked(), seen), answers
+                return gather(sources, answers, seen), answers
         except UnansweredError as open_point:
             last = answers, open_point
         except InputError as fault:

@@ -48,17 +48,13 @@ ENCODINGS: dict[str, tuple[str, int, int | None]] = {
 IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
 
 
-def image_fields(message: Any) -> dict[str, object]:
+def _image_fields(message: Any) -> dict[str, object]:
     """Return those fields of a sensor_msgs Image or CompressedImage that decide on the meaning of its bytes."""
     return {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
 
 
-def image_pixels(message: Any, place: str) -> NDArray[Any]:
-    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` stands in messages.
-
-    Raises:
-        FrameError: an encoding that is not read, or less data than the message says.
-    """
+def _image_pixels(message: Any, place: str) -> NDArray[Any]:
+    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` stands in messages."""
     return _compressed(message, place) if hasattr(message, "format") else _raw(message, place)
 
 
@@ -96,24 +92,6 @@ SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag c
 EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
 
 
-@dataclass(frozen=True)
-class BagTopics:
-    """Which topics are read (None: the only one of its kind), and whether by arrival, where stamps are empty."""
-
-    image: str | None = None
-    force: str | None = None
-    by_arrival: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Bag:
-    """What a bag holds: frames, forces (None: no topic of that kind), sentences on its clocks."""
-
-    scan: Scan | None
-    log: ForceLog | None
-    notes: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class _Topic:
     """The messages of a topic, of all its publishers, in the order of their stamps.
@@ -139,24 +117,31 @@ class _Heard:
     frame_id: str
 
 
-def read_bag(path: Path, topics: BagTopics) -> Bag:
-    """Return the frames and forces of a bag.
+def read_bag(
+    path: Path, image_topic: str | None = None, force_topic: str | None = None, by_arrival: bool = False
+) -> tuple[Scan | None, ForceLog | None]:
+    """Return the frames and forces of a bag; None: it has no topic of that kind.
+
+    Args:
+        path: of the bag.
+        image_topic: None: the only one with images.
+        force_topic: None: the only one with forces.
+        by_arrival: take the times of arrival, where stamps are empty.
 
     Raises:
         UnansweredError: several topics of a kind and none chosen, or stamps that are empty.
         InputError: it cannot be read, or has no topic of the kind or name.
     """
     with _opened(path) as bag:
-        image = _topic(path, bag, IMAGES, topics.image, "--image-topic")
-        force = _topic(path, bag, FORCES, topics.force, "--force-topic")
+        image = _topic(path, bag, IMAGES, image_topic, "--image-topic")
+        force = _topic(path, bag, FORCES, force_topic, "--force-topic")
         if not image and not force:
             raise InputError(
                 f"{path}: neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)}); there "
                 f"are {_listed(bag.connections)}"
             )
-        scan, image_notes = _scan(path, bag, image, topics.by_arrival) if image else (None, ())
-        log, force_notes = _log(path, bag, force, topics.by_arrival) if force else (None, ())
-    return Bag(scan, log, (*image_notes, *force_notes))
+        scan = _scan(path, bag, image, by_arrival) if image else None
+        return scan, _log(path, bag, force, by_arrival) if force else None
 
 
 @contextmanager
@@ -223,12 +208,7 @@ def _heard(publisher: int, arrived_ns: int, message: Any) -> _Heard:
 
 
 def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> _Topic:
-    """Return the messages of a topic by their stamps, or by their arrival; `content` of each shows which are repeated.
-
-    Raises:
-        UnansweredError: stamps are empty.
-        InputError: the messages are not on one clock or in one coordinate frame, or two of one time differ.
-    """
+    """Sort the messages of a topic by stamp, or by arrival; `content` of each shows which are repeated."""
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
             raise InputError(
@@ -316,9 +296,7 @@ def _late_note(place: str, late_ms: NDArray[np.float64]) -> str:
     return f"{text}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
 
 
-def _scan(
-    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
-) -> tuple[Scan, tuple[str, ...]]:
+def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> Scan:
     topic = connections[0].topic
     place = f"{path}: {topic}"
     heard: list[_Heard] = []
@@ -326,10 +304,10 @@ def _scan(
     stated: dict[str, object] = {}
     for publisher, arrived_ns, message in _messages(bag, connections):
         if not heard:
-            stated, first = image_fields(message), image_pixels(message, place)
+            stated, first = _image_fields(message), _image_pixels(message, place)
             check_size(path, *first.shape)
             check_bytes(path, sum(each.msgcount for each in connections) * first.nbytes)
-        for field, value in image_fields(message).items():
+        for field, value in _image_fields(message).items():
             if value != stated[field]:
                 raise FrameError(
                     f"{place}: {field} is {stated[field]!r} in message 0 and {value!r} in message {len(heard)}; {SPLIT}"
@@ -337,15 +315,15 @@ def _scan(
         heard.append(_heard(publisher, arrived_ns, message))
         digests.append(blake2b(message.data).digest())
     ordered = _ordered(place, heard, digests.__getitem__, by_arrival)
-    scan = Scan(
+    return Scan(
         names=tuple(f"{place}[{nth}]" for nth in ordered.order.tolist()),
         rows=first.shape[0],
         columns=first.shape[1],
         pictures=lambda: _pictures(path, topic, ordered.order.tolist()),
         bits=8 if first.dtype == np.uint8 else None,
         times=Times(ordered.time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
+        notes=ordered.notes,
     )
-    return scan, ordered.notes
 
 
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
@@ -359,7 +337,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
         for nth, (_, _, message) in enumerate(_messages(bag, connections)):
             if nth not in wanted:
                 continue
-            pixels = waiting[nth] = image_pixels(message, f"{path}: {topic}[{nth}]")
+            pixels = waiting[nth] = _image_pixels(message, f"{path}: {topic}[{nth}]")
             first = pixels if first is None else first
             if (pixels.shape, pixels.dtype) != (first.shape, first.dtype):
                 raise FrameError(
@@ -371,9 +349,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
                 due = next(turn, -1)
 
 
-def _log(
-    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
-) -> tuple[ForceLog, tuple[str, ...]]:
+def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> ForceLog:
     heard, values = [], []
     for publisher, arrived_ns, message in _messages(bag, connections):
         vectors = (message.wrench.force, message.wrench.torque) if hasattr(message, "wrench") else (message.vector,)
@@ -383,5 +359,6 @@ def _log(
     ordered = _ordered(f"{path}: {connections[0].topic}", heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
     names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
     measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
-    log = ForceLog(ordered.time_s, wrench_sc[ordered.order][:, measured], tuple(names[measured].tolist()))
-    return log, ordered.notes
+    return ForceLog(
+        ordered.time_s, wrench_sc[ordered.order][:, measured], tuple(names[measured].tolist()), ordered.notes
+    )

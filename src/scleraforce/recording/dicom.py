@@ -39,19 +39,19 @@ OVERLAYS = range(0x6000, 0x6020, 2)  # groups
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 
 
-def grey_kind(dataset: "pydicom.Dataset") -> str:
+def _grey_kind(dataset: "pydicom.Dataset") -> str:
     """Return the photometric interpretation of a data set, "" where it has none."""
     return str(dataset.get("PhotometricInterpretation", "")).strip()
 
 
-def cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
+def _cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
     """Return BitsAllocated, BitsStored and HighBit."""
     stored = int(dataset.BitsStored)
     high = dataset.get("HighBit", None)
     return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
 
 
-def places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, pydicom.Dataset]]":
+def _places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, pydicom.Dataset]]":
     """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
     yield "", dataset
     for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
@@ -61,18 +61,15 @@ def places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, py
                 yield place, item
 
 
-def dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
+def _dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
     """Return whether larger stored values are darker, and notes on what becomes of the values.
 
     A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
     cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
     are refused.
-
-    Raises:
-        FrameError: fields contradict each other, or a table turns values into grey levels.
     """
-    kind, shape = grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
-    for place, item in places(dataset, "FrameVOILUTSequence"):
+    kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
+    for place, item in _places(dataset, "FrameVOILUTSequence"):
         table = next((name for name in TABLES if item.get(name, None)), None)
         if table:
             raise FrameError(f"{path}: {table}{place}: a table of grey levels, which is not read; export it applied")
@@ -99,7 +96,7 @@ def dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[st
 
 def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
     """Return notes on bits and values that are not those of the picture."""
-    _, stored, high = cell(dataset)
+    _, stored, high = _cell(dataset)
     padding = dataset.get("PixelPaddingValue", None)
     notes = [f"{path}: HighBit is {high}, BitsStored {stored}: pixels were shifted"] if high != stored - 1 else []
     if overlays := _overlay_bits(dataset):
@@ -111,14 +108,10 @@ def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
 
 
 def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
-    """Return the RescaleSlope of all frames, 1 where none is stated.
-
-    Raises:
-        FrameError: there are several, with their RescaleIntercept, or it is 0.
-    """
+    """Return the RescaleSlope of all frames, 1 where none is stated."""
     found = [
         (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
-        for place, item in places(dataset, "PixelValueTransformationSequence")
+        for place, item in _places(dataset, "PixelValueTransformationSequence")
         if item.get("RescaleSlope", None) is not None
     ]
     if not found:
@@ -137,7 +130,7 @@ def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
 
 def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
     """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
-    _, stored, high = cell(dataset)
+    _, stored, high = _cell(dataset)
     found: list[int] = []
     for group in OVERLAYS:
         position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
@@ -147,13 +140,9 @@ def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
     return found
 
 
-def stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -> NDArray[Any]:
-    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1).
-
-    Raises:
-        FrameError: pixels use other bits as well, and no overlay is declared in them.
-    """
-    allocated, stored, high = cell(dataset)
+def _stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -> NDArray[Any]:
+    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1)."""
+    allocated, stored, high = _cell(dataset)
     if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
         return cells
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
@@ -173,7 +162,7 @@ def stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -
     return values
 
 
-def without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
+def _without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
     """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
     ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
     if ends[0] is None:
@@ -224,7 +213,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
         _check_codec(path, dataset)
         turned_round, turning_notes = _turned_round(path, dataset)
-        dark_large, grey_notes = dark_is_large(path, dataset)
+        dark_large, grey_notes = _dark_is_large(path, dataset)
         depth, lateral, scale_fault = one_size(path, _pixel_sizes(dataset))
         times, times_fault = _times(path, dataset, count)
         scan = Scan(
@@ -245,11 +234,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
-    """Read a data set; take over-long private tags, as scanners write them, and name the file in every error.
-
-    Raises:
-        FrameError: it is deflated or damaged.
-    """
+    """Read a data set; take over-long private tags, as scanners write them, and name the file in every error."""
     import pydicom  # here, so that reading PNG needs OpenCV only
     from pydicom import config
 
@@ -270,18 +255,14 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
 
 
 def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
-    """Check what a data set says of its images, and that none of the compressed ones is larger.
-
-    Raises:
-        FrameError: naming the file, what was found and what is allowed.
-    """
+    """Check what a data set says of its images, and that none of the compressed ones is larger."""
     floats = [name for name in FLOATS if name in dataset]
     if floats:
         raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
     missing = [name for name in NEEDED if dataset.get(name, None) is None]
     if missing:
         raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
-    kind = grey_kind(dataset)
+    kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
@@ -289,7 +270,7 @@ def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
         raise FrameError(f"{path}: {found}, which has {SAMPLES.get(kind, 3)}; export it anew")
-    allocated, stored, high = cell(dataset)
+    allocated, stored, high = _cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
         raise FrameError(f"{path}: {found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
@@ -305,15 +286,11 @@ def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
 
 
 def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
-    """Check the number of compressed images, and that each is of the size and type that the header says.
-
-    Raises:
-        FrameError: it is not.
-    """
+    """Check the number of compressed images, and that each is of the size and type that the header says."""
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.uid import RLELossless
 
-    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, cell(dataset)
+    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
     rows, columns = int(dataset.Rows), int(dataset.Columns)
     if syntax == RLELossless:
         count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
@@ -334,11 +311,7 @@ def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> No
 
 
 def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
-    """Check that a compressed image is what the header says.
-
-    Raises:
-        FrameError: naming the field and both values.
-    """
+    """Check that a compressed image is what the header says."""
     from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
 
     syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
@@ -360,7 +333,7 @@ def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
             f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
             "uncompressed"
         )
-    # Values of more bits are right where they fit, which `stored_values` checks.
+    # Values of more bits are right where they fit, which `_stored_values` checks.
     if syntax in JPEG2000TransferSyntaxes and bits < stored:
         raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
 
@@ -396,8 +369,8 @@ def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
 def _bits(dataset: "pydicom.Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
     stored = int(dataset.BitsStored)
-    if grey_kind(dataset) not in GREY_KINDS:
-        return 8 if grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
+    if _grey_kind(dataset) not in GREY_KINDS:
+        return 8 if _grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
     return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
 
 
@@ -415,14 +388,14 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream
     from pydicom.pixels.utils import iter_pixels
 
     with _opened(path, data) as dataset:
-        kind = grey_kind(dataset)
+        kind = _grey_kind(dataset)
         for pixels in iter_pixels(dataset, correct_unused_bits=False):
-            values = stored_values(path, dataset, np.asarray(pixels))
+            values = _stored_values(path, dataset, np.asarray(pixels))
             if kind == "PALETTE COLOR":
                 yield one_grey(np.asarray(apply_color_lut(values, dataset)), path)
             elif kind in GREY_KINDS:
                 bright = inverted(values, int(dataset.BitsStored), path) if dark_large else values
-                yield without_padding(dataset, values, bright)
+                yield _without_padding(dataset, values, bright)
             else:
                 yield one_grey(values, path)
 
@@ -430,7 +403,7 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream
 def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
     """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
     sizes = []
-    for place, item in places(dataset, "PixelMeasuresSequence"):
+    for place, item in _places(dataset, "PixelMeasuresSequence"):
         for name in SPACINGS:
             spacing = [float(value) for value in _several(item.get(name, None))]
             if len(spacing) == 2 and min(spacing) > 0.0:
@@ -491,11 +464,7 @@ def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | 
 
 
 def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
-    """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC.
-
-    Raises:
-        FrameError: the offset does not exist.
-    """
+    """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC."""
     stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
     if not stated:
         return UTC

@@ -58,11 +58,7 @@ def read_film(path: Path) -> Scan:
 
 
 def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
-    """Return whether its pixels are 16 bits of grey, not 8.
-
-    Raises:
-        FrameError: they have another depth, of which OpenCV would make 8 bits.
-    """
+    """Return whether its pixels are 16 bits of grey, not 8."""
     tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
     if tag == GREY_16:
         return True

@@ -48,11 +48,11 @@ CLEAR_WORDS = {"", "ok", "good", "valid", "normal", "none", "false", "no", "no e
 SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
 
-def status_meaning(name: str, others: Sequence[str]) -> str | None:
+def _status_meaning(name: str, others: Sequence[str]) -> str | None:
     """Return how a column of flags is read, by its name; None where it is not one.
 
-    >>> status_meaning("Status (hex)", ["RDT Sequence"]), status_meaning("is_valid", []), status_meaning("Fz [N]", [])
-    ('ati', 'set', None)
+    >>> [_status_meaning(name, ["RDT Sequence"]) for name in ("Status (hex)", "is_valid", "Fz [N]")]
+    ['ati', 'set', None]
     """
     bare = HEX.sub("", name.strip().lower())
     if FAULTS.fullmatch(bare):
@@ -61,19 +61,16 @@ def status_meaning(name: str, others: Sequence[str]) -> str | None:
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
-def faulty_samples(
+def _faulty_samples(
     name: str, meaning: str, texts: NDArray[np.str_], place: Callable[[int], str]
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     """Return which samples are no forces, by a column of flags, and sentences on it.
 
     Args:
         name: of the column.
-        meaning: how it is read; see `status_meaning`.
+        meaning: how it is read; see `_status_meaning`.
         texts: its fields.
         place: where the line of a sample stands, for messages.
-
-    Raises:
-        RecordingError: all samples are faulty.
     """
     none = np.zeros(len(texts), dtype=bool)
     values, index = np.unique(np.char.strip(texts), return_inverse=True)
@@ -206,12 +203,8 @@ def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units:
     return [column for name, unit in each if (column := _by_name(name, unit, stated_units)) is not None]
 
 
-def of_each_kind(path: Path, by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> list[LogColumn]:
-    """Return one column of each kind: the one that was stated, else that of the header; of two times the first.
-
-    Raises:
-        UnansweredError: two columns of the header are the same force.
-    """
+def _of_each_kind(path: Path, by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> list[LogColumn]:
+    """Return one column of each kind: the one that was stated, else that of the header; of two times the first."""
     answered = {column.ours: column for column in told if column.ours != STATUS}
     for column in by_header:
         other = answered.setdefault(column.ours, column)
@@ -223,10 +216,10 @@ def of_each_kind(path: Path, by_header: Sequence[LogColumn], told: Sequence[LogC
     return list(answered.values())
 
 
-def clock_columns(names: Sequence[str]) -> list[str]:
+def _clock_columns(names: Sequence[str]) -> list[str]:
     """Return the names that dates and times of day have.
 
-    >>> clock_columns(["Date/Time", "Fz [N]", "Uhrzeit", "Time (UTC)"])
+    >>> _clock_columns(["Date/Time", "Fz [N]", "Uhrzeit", "Time (UTC)"])
     ['Date/Time', 'Uhrzeit', 'Time (UTC)']
     """
     return [
@@ -332,7 +325,7 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
         by_header = [LogColumn("time_s", COUNTER, f"{rate}Hz"), *(c for c in by_header if c.ours != "time_s")]
     elif not any(column.ours == "time_s" for column in (*by_header, *told)):
         by_header += _clock_column(text)
-    answered = of_each_kind(text.path, by_header, told)
+    answered = _of_each_kind(text.path, by_header, told)
     _check_units(text, [column for column in answered if column not in told], stated)
     columns = required_columns(text.path, answered, text.names)
     places = [text.names.index(column.name) for column in columns]
@@ -348,7 +341,7 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
     flags = _flagged(text, told)
     faulty = np.zeros(len(text.lines), dtype=bool)
     for column in flags:
-        found, said = faulty_samples(column.name, column.unit, texts_of(text, column.name), text.place)
+        found, said = _faulty_samples(column.name, column.unit, texts_of(text, column.name), text.place)
         faulty |= found
         notes += said
     wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
@@ -371,9 +364,6 @@ def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, 
         text: of the log.
         columns: that the header answers for.
         stated: units by the lines above it.
-
-    Raises:
-        UnansweredError: naming both readings.
     """
     forces = [column for column in columns if column.ours != "time_s"]
     for column in columns:
@@ -394,11 +384,7 @@ def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, 
 def _check_whole(
     text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], told: Sequence[LogColumn]
 ) -> None:
-    """Ask where the header states counts and a number is not whole.
-
-    Raises:
-        UnansweredError: naming both readings.
-    """
+    """Ask where the header states counts and a number is not whole."""
     counted = [column for column in columns if "/" in column.unit and column not in told]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
@@ -422,17 +408,13 @@ def _range_n(text: LogText) -> float | None:
 
 
 def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
-    """Return the columns of the sensor's status.
-
-    Raises:
-        InputError: one that was stated is not in the log.
-    """
+    """Return the columns of the sensor's status."""
     stated = {column.name: column for column in told if column.ours == STATUS}
     missing = next((name for name in stated if name not in text.names), None)
     if missing is not None:
         raise InputError(f"{text.path}: --column: no column {missing!r}; there are {', '.join(map(repr, text.names))}")
     named = {name: LogColumn(STATUS, name, meaning) for name in text.names
-             if (meaning := status_meaning(name, text.names))}  # fmt: skip
+             if (meaning := _status_meaning(name, text.names))}  # fmt: skip
     return tuple((named | stated).values())
 
 
@@ -451,12 +433,8 @@ def _first(pattern: str, lines: Sequence[str]) -> str | None:
 
 
 def _clock_column(text: LogText) -> list[LogColumn]:
-    """Return the column of dates or times of day, where one has such a name.
-
-    Raises:
-        UnansweredError: day and month may change places.
-    """
-    for name in clock_columns(text.names):
+    """Return the column of dates or times of day, where one has such a name."""
+    for name in _clock_columns(text.names):
         found = dict.fromkeys(clock_of(moment) for moment in texts_of(text, name).tolist())
         if None in found:
             continue

@@ -77,11 +77,7 @@ def read_picture(path: Path) -> Scan:
 
 
 def _only_frame(path: Path, scan: Scan) -> FrameImage:
-    """Return the frame of a file that has one.
-
-    Raises:
-        FrameError: it has several, or its pixels are no whole numbers of 8 or 16 bits.
-    """
+    """Return the frame of a file that has one."""
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
     (pixels,), notes = scan.pictures(), scan.notes
@@ -173,11 +169,7 @@ def _check_jpeg(path: Path, data: bytes) -> int:
 
 
 def _exif_orientation(path: Path, exif: bytes) -> int:
-    """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF.
-
-    Raises:
-        FrameError: the value does not exist.
-    """
+    """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF."""
     order: Literal["little", "big"] = "little" if exif.startswith(b"II") else "big"
     begin = int.from_bytes(exif[4:8], order)
     count = int.from_bytes(exif[begin : begin + 2], order)

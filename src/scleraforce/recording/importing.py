@@ -1,74 +1,27 @@
 """What a recording is imported from: options, values of the sources, questions for the rest, and its import.json."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import file_digest
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.bags import BagTopics
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, eye_id_fault, read_info
-from scleraforce.recording.force_log import columns_by_header, parse_column
+from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import numbers_of, read_log_text
 from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
-from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times, parse_axes
-from scleraforce.recording.sources import Asked, Gathered, SourceOrder, check_overlap, on_one_clock
-from scleraforce.recording.tables import fields_of
+from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, check_overlap, on_one_clock
+from scleraforce.recording.tables import ForceLog, fields_of
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from scleraforce.recording.tables import ForceLog
-
-OPTION = "option"  # the source of a value that was told for this recording, by an option or an argument
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImportAnswers:
-    """The values of all options of `scleraforce import`, in the units of their names; None: open."""
-
-    axes: str | None = None
-    array: str | None = None
-    width_mm: float | None = None
-    depth_mm: float | None = None
-    refractive_index: float | None = None
-    bits: int | None = None
-    grey_range: tuple[float, float] | None = None
-    rate_hz: float | None = None
-    times: Path | None = None
-    clock_offset_s: float | None = None
-    columns: tuple[str, ...] = ()
-    axis: str | None = None
-    contact_sign: str | int | None = None
-    average_s: float | None = None
-    image_topic: str | None = None
-    force_topic: str | None = None
-    by_arrival: bool = False
-    eye: str | None = None
-    thickness_um: float | None = None
-    iop_mmhg: float | None = None
-    globe: str | None = None
-    gauge: int | None = None
-    gap_mm: float | None = None
-    polar_angle_deg: float | None = None
-
-    def asked(self) -> Asked:
-        """Return what concerns the reading of sources."""
-        return Asked(
-            SourceOrder(None if self.axes is None else parse_axes(self.axes), self.array),
-            tuple(parse_column(text) for text in self.columns),
-            BagTopics(self.image_topic, self.force_topic, self.by_arrival),
-        )
-
 
 FILE_NAMES = ("file", "filename", "frame", "image")
 
@@ -110,14 +63,6 @@ def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
     return time_s
 
 
-def _nothing() -> None:
-    """Return that nothing is offered."""
-
-
-def _no_fault(_: Any) -> None:
-    """Return that nothing is wrong with an answer."""
-
-
 @dataclass(frozen=True)
 class Question:
     """What is asked, and the options that answer it.
@@ -132,9 +77,9 @@ class Question:
 
     words: str
     options: str
-    fault: Callable[[Any], str | None] = _no_fault
+    fault: Callable[[Any], str | None] = lambda _: None
     optional: bool = False
-    offered: Callable[[], float | None] = _nothing
+    offered: Callable[[], float | None] = lambda: None
 
 
 # By the name of the option's value, in the order in which they are asked.
@@ -167,12 +112,12 @@ class Asker:
         again: says what is wrong with the answers so far, before they are asked for again; raises it if nobody is.
     """
 
-    settle: Callable[[ImportAnswers, UnansweredError], ImportAnswers]
+    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]
     missing: Callable[[Mapping[str, Question]], dict[str, Any]]
     again: Callable[[InputError], None]
 
 
-def _leave_open(_: ImportAnswers, open_point: UnansweredError) -> ImportAnswers:
+def _leave_open(_: ImportOptions, open_point: UnansweredError) -> ImportOptions:
     raise open_point
 
 
@@ -208,11 +153,12 @@ ANSWER = "answer"  # the source of a value that was typed on the terminal
 
 
 @dataclass(frozen=True, eq=False)
-class Complete:
+class Import:
     """All that a recording is written from.
 
     Attributes:
         gathered: what the sources hold.
+        greys: how their pixels become counts.
         times: of the frames, on the clock of the log.
         log: on the same clock.
         origin_s: where that clock begins, on the sources' own.
@@ -221,13 +167,14 @@ class Complete:
     """
 
     gathered: Gathered
+    greys: Greys
     times: Times
-    log: "ForceLog | None"
+    log: ForceLog | None
     origin_s: float
     info: RecordingInfo
     sources: dict[str, str]
 
-    def with_notes(self, notes: "Sequence[str]") -> "Complete":
+    def with_notes(self, notes: Sequence[str]) -> "Import":
         """Return the same with further notes."""
         return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
 
@@ -235,11 +182,11 @@ class Complete:
 def complete(
     gathered: Gathered,
     greys: Greys,
-    answers: ImportAnswers,
-    origins: "Mapping[str, str]",
+    answers: ImportOptions,
+    origins: Mapping[str, str],
     asker: Asker,
-    measured: "Callable[[OctInfo], float | None]",
-) -> Complete:
+    measured: Callable[[OctInfo], float | None],
+) -> Import:
     """Bring together what was told, what sources state and what another recording has, and ask for the rest.
 
     Args:
@@ -281,12 +228,12 @@ def complete(
 
 
 def _with_thickness(
-    done: Complete,
-    answers: ImportAnswers,
-    origins: "Mapping[str, str]",
+    done: Import,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
     asker: Asker,
-    measured: "Callable[[OctInfo], float | None]",
-) -> Complete:
+    measured: Callable[[OctInfo], float | None],
+) -> Import:
     """Ask for the wall's thickness where nobody has told it; say what it costs where it stays open."""
     name, value = "thickness_um", answers.thickness_um
     if value is not None:
@@ -309,16 +256,12 @@ def _with_thickness(
 def _completed(
     gathered: Gathered,
     greys: Greys,
-    answers: ImportAnswers,
+    answers: ImportOptions,
     times: Times | None,
     stated: dict[str, tuple[Any, str]],
     known: dict[str, tuple[Any, str]],
-) -> Complete:
-    """Bring together what is known, each value with who states it.
-
-    Raises:
-        InputError: a value is none that a recording may have, or does not go with the others.
-    """
+) -> Import:
+    """Bring together what is known, each value with who states it."""
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
@@ -336,15 +279,11 @@ def _completed(
     scan = gathered.scan
     faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
     doubts = (*faults, *_other_scales(stated, known), *_outside(moved, log))
-    return Complete(gathered, moved, log, origin_s, info, sources).with_notes(doubts)
+    return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
-def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
-    """Check that each option that was given has something to act on; those of another recording need not.
-
-    Raises:
-        InputError: one has nothing.
-    """
+def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
+    """Check that each option that was given has something to act on; those of another recording need not."""
     kinds = {kind for _, kind in gathered.files}
     there = {
         "a force log": gathered.log is not None,
@@ -360,18 +299,14 @@ def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
 
 
 def _check_contradictions(scan: Scan, missing: set[str]) -> None:
-    """Check that options give what the source contradicts itself in.
-
-    Raises:
-        InputError: they do not.
-    """
+    """Check that options give what the source contradicts itself in."""
     for fault, options in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
         if fault and missing.intersection(options):
             named = " and ".join(f"--{name.replace('_', '-')}" for name in options)
             raise InputError(f"{fault}; give {named}")
 
 
-def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
+def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
     """Return the names of the options whose values this recording takes."""
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
@@ -411,7 +346,7 @@ def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any
     ]
 
 
-def _outside(times: Times, log: "ForceLog | None") -> list[str]:
+def _outside(times: Times, log: ForceLog | None) -> list[str]:
     """Say how many frames have no force beside them."""
     if log is None:
         return []
@@ -420,7 +355,7 @@ def _outside(times: Times, log: "ForceLog | None") -> list[str]:
     return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
 
 
-def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:
+def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) -> RecordingInfo:
     scan = gathered.scan
     try:
         oct_info = OctInfo(
@@ -445,7 +380,7 @@ def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) ->
         raise InputError(f"{scan.names[0]}: {fault}; tell the right one") from fault
 
 
-def _force_info(answers: ImportAnswers, values: dict[str, Any]) -> ForceInfo:
+def _force_info(answers: ImportOptions, values: dict[str, Any]) -> ForceInfo:
     info = ForceInfo(values["axis"], int(values["contact_sign"]))
     return info if answers.average_s is None else replace(info, average_s=answers.average_s)
 
@@ -454,17 +389,6 @@ IMPORT_RECORD = "import.json"
 RECORD_KIND = FileKind(IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError)
 # Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's name) is asked anew.
 KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
-
-
-def import_record(answers: Mapping[str, Any], told: Mapping[str, Any]) -> str:
-    """Return the text of an import.json.
-
-    Args:
-        answers: of options on how sources are read, by their names.
-        told: what else is to be known: sources, where values come from, clocks, notes.
-    """
-    kept = {name: answers[name] for name in KEPT if answers.get(name)}
-    return json.dumps({**told, "answers": kept}, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def answers_like(folder: Path) -> dict[str, Any]:
@@ -520,16 +444,19 @@ def _read(path: Path) -> dict[str, Any]:
     return found
 
 
-def record_text(done: Complete, greys: Greys, answers: ImportAnswers, version: str) -> str:
-    """Return the text of import.json."""
-    columns = [column.answer() for column in done.gathered.columns]
+def record_text(done: Import, options: ImportOptions, version: str) -> str:
+    """Return the text of import.json: sources with their SHA-256, who states each value, and options to use again."""
     files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
-    told = {"version": version, "files": files, **provenance(done, greys)}
-    return import_record(asdict(answers) | {"columns": columns}, told)
+    origin = provenance(done)
+    answers = asdict(options) | {"columns": origin["columns"]}
+    kept = {name: answers[name] for name in KEPT if answers.get(name)}
+    record = {"version": version, "files": files, **origin, "answers": kept}
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def provenance(done: Complete, greys: Greys) -> dict[str, Any]:
+def provenance(done: Import) -> dict[str, Any]:
     """Return where values, times and counts come from."""
+    greys = done.greys
     return {
         "values": done.sources,
         "clock_origin_s": done.origin_s,

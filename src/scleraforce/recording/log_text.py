@@ -92,12 +92,7 @@ def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
 
 
 def _day(found: re.Match[str], clock: str) -> int:
-    """Return the day since 1970.
-
-    Raises:
-        ValueError: there is no such day, or the date is written in another way.
-        KeyError: there is no such month.
-    """
+    """Return the day since 1970."""
     name = found["name"] or found["name_after"]
     if (clock == CLOCK) != (not name and not found["first"]) or (clock == NAMED) != bool(name):
         raise ValueError
@@ -188,10 +183,10 @@ def unit_factor(unit: str, quantity: str) -> float | None:
     return UNITS[quantity].get(unit.strip().lower().replace("\N{GREEK SMALL LETTER MU}", "µ"))
 
 
-def is_unit(text: str) -> bool:
+def _is_unit(text: str) -> bool:
     """Return whether a text is a unit of time, force or torque.
 
-    >>> is_unit("mN"), is_unit("Fz")
+    >>> _is_unit("mN"), _is_unit("Fz")
     (True, False)
     """
     return any(unit_factor(text, quantity) is not None for quantity in UNITS)
@@ -203,7 +198,7 @@ LABVIEW_SEPARATORS = {"tab": "\t", "comma": ","}
 
 
 @dataclass(frozen=True)
-class LabviewHeader:
+class _LabviewHeader:
     """What the header of a LabVIEW measurement file states.
 
     Attributes:
@@ -219,12 +214,8 @@ class LabviewHeader:
     after: int
 
 
-def read_labview_header(path: Path, lines: Sequence[str]) -> LabviewHeader:
-    """Read the header of a LabVIEW measurement file with one segment and one column of times.
-
-    Raises:
-        RecordingError: the header does not end, or states what is not read; naming the field.
-    """
+def _read_labview_header(path: Path, lines: Sequence[str]) -> _LabviewHeader:
+    """Read the header of a LabVIEW measurement file with one segment and one column of times."""
     ends = [index for index, line in enumerate(lines) if line.strip().strip(",") == LABVIEW_END]
     if not ends:
         raise RecordingError(f"{path}: a LabVIEW measurement file without {LABVIEW_END}")
@@ -253,7 +244,7 @@ def read_labview_header(path: Path, lines: Sequence[str]) -> LabviewHeader:
     mark = told.get("Decimal_Separator", (".",))[0]
     if mark not in (".", ","):
         raise RecordingError(f"{path}: Decimal_Separator: {mark!r} is neither a point nor a comma")
-    return LabviewHeader(separator, mark, segment.get("Y_Unit_Label", ()), (segments or ends)[-1] + 1)
+    return _LabviewHeader(separator, mark, segment.get("Y_Unit_Label", ()), (segments or ends)[-1] + 1)
 
 
 def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]:
@@ -390,13 +381,13 @@ def _units_line(lines: Sequence[str], nth: int, separator: str, names: tuple[str
     """Return the units and the index of the names above them, where the line above the numbers has units only."""
     units = tuple(name.strip(" []()") for name in names)
     above = _fields(lines[nth - 1].removeprefix("#").lstrip(" "), separator) if nth else ()
-    if sum(map(is_unit, units)) < 2 or len(above) != len(names):
+    if sum(map(_is_unit, units)) < 2 or len(above) != len(names):
         return (), nth
     return units, nth - 1
 
 
 def _of_labview(path: Path, lines: list[str]) -> LogText:
-    header = read_labview_header(path, lines)
+    header = _read_labview_header(path, lines)
     if header.after >= len(lines):
         raise RecordingError(f"{path}: no columns below the header")
     names = _fields(lines[header.after], header.separator)
@@ -449,11 +440,7 @@ def _fields(line: str, separator: str) -> tuple[str, ...]:
 
 
 def _row(text: LogText, line: int, places: Sequence[int], gaps: Sequence[int], mark: str) -> list[float]:
-    """Return the numbers of one line; an empty field or nan at one of `gaps` is NaN.
-
-    Raises:
-        RecordingError: naming the line and the column that is no number.
-    """
+    """Return the numbers of one line; an empty field or nan at one of `gaps` is NaN."""
     fields = _fields(text.lines[line], text.separator)
     values = []
     for place in places:

@@ -224,11 +224,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
 
 
 def _checked(scan: Scan) -> PictureStream:
-    """Yield a scan's frames where they are as many and as large as it says; damaged files have others.
-
-    Raises:
-        FrameError: they are not.
-    """
+    """Yield a scan's frames where they are as many and as large as it says; damaged files have others."""
     count = 0
     for picture in scan.pictures():
         count += 1

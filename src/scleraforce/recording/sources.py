@@ -2,17 +2,23 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording.bags import BagTopics, read_bag
-from scleraforce.recording.force_log import LogColumn, read_force_text
+from scleraforce.recording.bags import read_bag
+from scleraforce.recording.dicom import read_dicom
+from scleraforce.recording.film import read_film
+from scleraforce.recording.force_log import LogColumn, parse_column, read_force_text
+from scleraforce.recording.images import read_numpy, read_picture
 from scleraforce.recording.log_text import read_log_text
-from scleraforce.recording.scan import Scan, Times, joined, rising
+from scleraforce.recording.scan import Scan, Times, joined, parse_axes, rising
 from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
+from scleraforce.recording.thorlabs import read_thorlabs
+from scleraforce.recording.tiff import read_tiff
+from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd
 from scleraforce.whole_files import FileKind, check_regular
 
 VENDOR = "examples/vendor_frames.py writes its B-scans as .npy (docs/formats.md)"
@@ -70,10 +76,10 @@ ENDINGS = {
 ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
-def foreign_kind(name: str, head: bytes) -> str | None:
+def _foreign_kind(name: str, head: bytes) -> str | None:
     r"""Return what a file is that is not read, and what to do; None: nothing is known of it.
 
-    >>> foreign_kind("scan.h5", b"\x89HDF\r\n\x1a\n")
+    >>> _foreign_kind("scan.h5", b"\x89HDF\r\n\x1a\n")
     'an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs); save the frames as .npy in Python (numpy.save), or as TIFF: ...'
     """
     ending = PurePath(name).suffix.lower()
@@ -89,6 +95,8 @@ def foreign_kind(name: str, head: bytes) -> str | None:
     return "; ".join(ENDINGS[ending]) if ending in ENDINGS else None
 
 
+OPTION = "option"  # the source of a value that was told for this recording, by an option or an argument
+SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -102,12 +110,34 @@ KINDS = (
 )
 
 
-@dataclass(frozen=True)
-class SourceOrder:
-    """What was answered on how to read sources: order of axes, name of the array in a .npz."""
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """The values of all options of `scleraforce import`, in the units of their names; None: open."""
 
-    axes: tuple[str, ...] | None = None
+    axes: str | None = None
     array: str | None = None
+    width_mm: float | None = None
+    depth_mm: float | None = None
+    refractive_index: float | None = None
+    bits: int | None = None
+    grey_range: tuple[float, float] | None = None
+    rate_hz: float | None = None
+    times: Path | None = None
+    clock_offset_s: float | None = None
+    columns: tuple[str, ...] = ()
+    axis: str | None = None
+    contact_sign: str | int | None = None
+    average_s: float | None = None
+    image_topic: str | None = None
+    force_topic: str | None = None
+    by_arrival: bool = False
+    eye: str | None = None
+    thickness_um: float | None = None
+    iop_mmhg: float | None = None
+    globe: str | None = None
+    gauge: int | None = None
+    gap_mm: float | None = None
+    polar_angle_deg: float | None = None
 
 
 def files_of(given: Sequence[Path]) -> list[Path]:
@@ -123,7 +153,7 @@ def files_of(given: Sequence[Path]) -> list[Path]:
         if not path.is_dir() or (path / "metadata.yaml").exists():
             found.append(path)
             continue
-        inside = sorted((each for each in path.iterdir() if _shown(each)), key=natural_order)
+        inside = sorted((each for each in path.iterdir() if _shown(each)), key=_natural_order)
         if not inside:
             raise InputError(f"{path}: no files in this folder")
         found += inside
@@ -140,10 +170,10 @@ def _headers_of(path: Path) -> list[Path]:
     return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
 
 
-def natural_order(path: Path) -> list[tuple[int, str]]:
+def _natural_order(path: Path) -> list[tuple[int, str]]:
     """Return a key that sorts frame2 before frame10.
 
-    >>> sorted(map(Path, ["f10.png", "f9.png"]), key=natural_order)[0].name
+    >>> sorted(map(Path, ["f10.png", "f9.png"]), key=_natural_order)[0].name
     'f9.png'
     """
     parts = re.split(r"(\d+)", path.name)
@@ -168,7 +198,7 @@ def source_kind(path: Path) -> str:
     if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
         return source_kind(path.with_suffix(".hdr"))
     # A log is text, which has no byte of 0.
-    foreign = foreign_kind(path.name, head) if (kind == "log" and b"\0" in head) or (kind is None and head) else None
+    foreign = _foreign_kind(path.name, head) if (kind == "log" and b"\0" in head) or (kind is None and head) else None
     if foreign is not None:
         raise InputError(f"{path}: {foreign}")
     if kind is None:
@@ -176,58 +206,30 @@ def source_kind(path: Path) -> str:
     return kind
 
 
-def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
-    """Return the frames of a source of a kind that `source_kind` tells.
+def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
+    """Return the frames of a source of a kind that `source_kind` returns.
 
     Raises:
-        InputError: it cannot be read, or leaves open what `order` does not answer.
+        InputError: it cannot be read, or needs `axes` or `array`.
     """
-    # Each format brings its own packages, which take long to import: only that of this file is.
     match kind:
-        case "picture":
-            from scleraforce.recording.images import read_picture
-
-            return oriented(path, read_picture(path), order)
-        case "tiff":
-            from scleraforce.recording.tiff import read_tiff
-
-            return oriented(path, read_tiff(path), order)
-        case "dicom":
-            from scleraforce.recording.dicom import read_dicom
-
-            return oriented(path, read_dicom(path), order)
-        case "film":
-            from scleraforce.recording.film import read_film
-
-            return oriented(path, read_film(path), order)
         case "thorlabs":
-            from scleraforce.recording.thorlabs import read_thorlabs
-
             return read_thorlabs(path)
         case "numpy":
-            from scleraforce.recording.images import read_numpy
-
-            return read_numpy(path, order.axes, order.array)
-        case "metaimage":
-            from scleraforce.recording.volumes import read_metaimage
-
-            return read_metaimage(path, order.axes)
-    from scleraforce.recording.volumes import read_nifti, read_nrrd
-
-    return {"nifti": read_nifti, "nrrd": read_nrrd}[kind](path, order.axes)
+            return read_numpy(path, axes, array)
+        case "nifti" | "nrrd" | "metaimage":
+            return {"nifti": read_nifti, "nrrd": read_nrrd, "metaimage": read_metaimage}[kind](path, axes)
+    read = {"picture": read_picture, "tiff": read_tiff, "dicom": read_dicom, "film": read_film}[kind]
+    return _oriented(path, read(path), axes)
 
 
-def oriented(path: Path, scan: Scan, order: SourceOrder) -> Scan:
-    """Return pictures, whose rows are depth unless the axes say that their columns are.
-
-    Raises:
-        InputError: the axes do not begin with the frames.
-    """
-    if order.axes is None:
+def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
+    """Return pictures, whose rows are depth unless the axes say that their columns are."""
+    if axes is None:
         return scan
-    if order.axes[0] != "frame" and len(order.axes) == 3:
-        raise InputError(f"--axes: {','.join(order.axes)}: {path} has frame after frame; begin with frame")
-    return scan.turned() if order.axes[-2:] == ("lateral", "depth") else scan
+    if axes[0] != "frame" and len(axes) == 3:
+        raise InputError(f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame")
+    return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
 
 
 def _shown(path: Path) -> bool:
@@ -259,18 +261,6 @@ def _by_name(name: str, head: bytes) -> str | None:
     return "log" if name.endswith(TEXT_NAMES) and head else None
 
 
-SINCE_1970_S = 1e8  # a clock beyond counts from 1970
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What was answered on how sources are read."""
-
-    order: SourceOrder = field(default_factory=SourceOrder)
-    columns: tuple[LogColumn, ...] = ()
-    topics: BagTopics = field(default_factory=BagTopics)
-
-
 @dataclass(frozen=True, eq=False)
 class Gathered:
     """Frames and forces of all sources.
@@ -292,39 +282,39 @@ class Gathered:
     notes: tuple[str, ...]
 
 
-def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = lambda _: None) -> Gathered:
+def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None) -> Gathered:
     """Read all sources; `seen` is called with 1 after each.
 
     Raises:
-        UnansweredError: a source leaves something open that `asked` does not answer.
+        UnansweredError: a source leaves something open that `options` do not answer.
         InputError: one cannot be read, none has frames, or two have forces.
     """
+    axes = None if options.axes is None else parse_axes(options.axes)
+    given = [parse_column(text) for text in options.columns]
     files = [(path, source_kind(path)) for path in files_of(sources)]
     scans: list[Scan] = []
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[LogColumn, ...] = ()
-    notes: list[str] = []
     for path, kind in files:
         if kind == "bag":
-            bag = read_bag(path, asked.topics)
-            scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
-            if bag.log is not None:
-                log = replace(bag.log, notes=gap_notes(path, bag.log.wrench_sc))
+            scan, log = read_bag(path, options.image_topic, options.force_topic, options.by_arrival)
+            scans += [] if scan is None else [_oriented(path, scan, axes)]
+            if log is not None:
+                log = replace(log, notes=(*log.notes, *gap_notes(path, log.wrench_sc)))
                 logs.append((path, checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
-            notes += bag.notes
         elif kind == "log":
-            log, columns = read_force_text(read_log_text(path), asked.columns)
+            log, columns = read_force_text(read_log_text(path), given)
             logs.append((path, log))
         else:
-            scans.append(read_scan(path, kind, asked.order))
+            scans.append(read_scan(path, kind, axes, options.array))
         seen(1)
     if not scans:
         raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
-    scan = joined(scans)
-    notes += [*scan.notes, *_order_note(files, scan), *(note for _, log in logs for note in log.notes)]
-    return Gathered(tuple(files), scan, logs[0][1] if logs else None, columns, len(files) == 1, tuple(notes))
+    scan, log = joined(scans), logs[0][1] if logs else None
+    notes = (*scan.notes, *_order_note(files, scan), *(log.notes if log else ()))
+    return Gathered(tuple(files), scan, log, columns, len(files) == 1, notes)
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
@@ -367,6 +357,6 @@ def check_overlap(times: Times, log: ForceLog | None) -> None:
 def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:
     """Say where files were given in another order than that of the numbers in their names, and no times order them."""
     paths = [path for path, kind in files if kind not in ("bag", "log")]
-    if scan.times is not None or paths == sorted(paths, key=natural_order):
+    if scan.times is not None or paths == sorted(paths, key=_natural_order):
         return ()
     return (f"frames are taken in the order given, {paths[0].name} to {paths[-1].name}; their numbers have another",)

@@ -37,7 +37,7 @@ class Table:
         return f"{self.path}:{line + 2}"
 
 
-def read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
+def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
     """Read a table and check its header.
 
     Args:
@@ -45,9 +45,6 @@ def read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tup
         kind: of the file.
         known: columns that it may have.
         required: columns that it must have.
-
-    Raises:
-        RecordingError: naming the file, the line and the field.
     """
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
@@ -211,7 +208,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
+    table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     mark = _decimal_mark(table, (table.columns.index("time_s"),))
     entries: list[FrameEntry] = []
     seen: dict[str, str] = {}
@@ -240,7 +237,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
+    table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     values_sc = _numbers(table)
     time = table.columns.index("time_s")
     columns = tuple(name for name in table.columns if name != "time_s")

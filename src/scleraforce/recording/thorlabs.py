@@ -70,11 +70,7 @@ def _header(path: Path, archive: ZipFile) -> ElementTree.Element:
 
 
 def _intensity(path: Path, archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTree.Element, str]:
-    """Return the header's entry of the intensity, and the name of its file in the archive.
-
-    Raises:
-        FrameError: there is none, or more than one.
-    """
+    """Return the header's entry of the intensity, and the name of its file in the archive."""
     names = {name.replace("\\", "/"): name for name in archive.namelist()}
     entries = [(entry, (entry.text or "").strip().replace("\\", "/")) for entry in header.iter("DataFile")]
     found = [(entry, names[inside]) for entry, inside in entries if INTENSITY in inside and inside in names]
@@ -87,11 +83,7 @@ def _intensity(path: Path, archive: ZipFile, header: ElementTree.Element) -> tup
 
 
 def _check_extent(path: Path, header: ElementTree.Element, entry: ElementTree.Element, axis: str) -> None:
-    """Check that the image and its file state one extent.
-
-    Raises:
-        FrameError: they state two.
-    """
+    """Check that the image and its file state one extent."""
     of_image, of_file = header.findtext(f".//Image/SizeReal/Size{axis}"), entry.get(f"Range{axis}")
     if of_image and of_file and not np.isclose(float(of_image), float(of_file), rtol=SAME):
         raise FrameError(f"{path}: {HEADER}: SizeReal states Size{axis} {of_image} mm, and Range{axis} is {of_file} mm")

@@ -51,7 +51,7 @@ def _local(element: ElementTree.Element) -> str:
     return element.tag.rpartition("}")[2]
 
 
-def ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
+def _ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
     """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
     found = []
     for stated in _ome_pixels(xml):
@@ -67,7 +67,7 @@ def _ome_size(stated: dict[str, str], axis: str) -> float | None:
     return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
 
 
-def ome_times(xml: str, count: int) -> Times | None:
+def _ome_times(xml: str, count: int) -> Times | None:
     """Return the times of planes, else even ones by the increment of time; None where neither is stated."""
     planes = [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Plane"]
     if len(planes) == count and all("DeltaT" in plane for plane in planes):
@@ -164,11 +164,7 @@ def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
 
 
 def _check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> None:
-    """Check what a page says of its size, and that what is packed in it is no larger.
-
-    Raises:
-        FrameError: naming the file, what was found and what is allowed.
-    """
+    """Check what a page says of its size, and that what is packed in it is no larger."""
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         kind = getattr(page.photometric, "name", page.photometric)
         raise FrameError(f"{path}: a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
@@ -249,11 +245,7 @@ def _sizes(path: Path, several: "Sequence[tifffile.TiffPageSeries]") -> tuple[in
 
 
 def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes | mmap) -> None:
-    """Check that all that a file refers to is in it: tifffile leaves out pages that it cannot reach.
-
-    Raises:
-        FrameError: pages or pixels are missing, or there are more of them than the file states.
-    """
+    """Check that all that a file refers to is in it: tifffile leaves out pages that it cannot reach."""
     pages = [entry.aspage() for entry in file.pages]
     last, form = pages[-1], file.tiff
     tags = last.offset + form.tagnosize
@@ -275,11 +267,7 @@ def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes 
 
 
 def _orientation(path: Path, pages: "Sequence[tifffile.TiffPage]") -> int:
-    """Return the Orientation of all pages.
-
-    Raises:
-        FrameError: pages differ, or it does not exist.
-    """
+    """Return the Orientation of all pages."""
     found = [int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages]
     other = next((each for each in found if each != found[0]), found[0])
     if other != found[0]:
@@ -303,11 +291,7 @@ def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> Pi
 
 
 def _bright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return pixels that are brighter the larger they are, colours last.
-
-    Raises:
-        FrameError: a pixel has more bits than the page says.
-    """
+    """Return pixels that are brighter the larger they are, colours last."""
     if page.photometric == PALETTE and page.colormap is not None:
         # Values of 16 bits; some programs write 8 bits all the same.
         colours = np.asarray(page.colormap)
@@ -323,7 +307,7 @@ def _pixel_sizes(
 ) -> tuple[list[PixelSize], list[str]]:
     """Return the sizes of a pixel that the fields of a file state, in the order of their precedence, and notes."""
     notes: list[str] = []
-    sizes = ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
+    sizes = _ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
     sizes += [_resolution(path, file, page, notes) for page in pages]
     sizes.append(_json_size(pages[0], rows, columns))
     return sizes, list(dict.fromkeys(notes))
@@ -401,7 +385,7 @@ def _step_m(axis: Any, size: int) -> float | None:
 def _times(file: "tifffile.TiffFile", count: int) -> Times | None:
     """Return times of frames from ImageJ's frame interval, or OME's planes or increment."""
     if file.ome_metadata:
-        return ome_times(file.ome_metadata, count)
+        return _ome_times(file.ome_metadata, count)
     interval = (file.imagej_metadata or {}).get("finterval")
     unit_s = SECONDS.get(str((file.imagej_metadata or {}).get("tunit", "sec")))
     if not isinstance(interval, int | float) or unit_s is None:

@@ -39,7 +39,7 @@ ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
 SEQUENCE = "Seq_Frame(\\d+)_{}"
 
 
-def stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
+def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
     """Return the step along each axis, None where it is not known."""
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
         return tuple(None for _ in steps)
@@ -49,17 +49,13 @@ def stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source
     )
 
 
-def listed(values: Sequence[float]) -> str:
+def _listed(values: Sequence[float]) -> str:
     """Return numbers as a message has them, like 0.0125 x 0.004."""
     return " x ".join(f"{value:.6g}" for value in values)
 
 
-def data_file(path: Path, named: str) -> Path:
-    """Return the file that holds the pixels of a header: its own where it names none, else one beside it.
-
-    Raises:
-        FrameError: it names one elsewhere.
-    """
+def _data_file(path: Path, named: str) -> Path:
+    """Return the file that holds the pixels of a header: its own where it names none, else one beside it."""
     if not named:
         return path
     if PurePath(named).name != named:
@@ -67,12 +63,8 @@ def data_file(path: Path, named: str) -> Path:
     return path.with_name(named)
 
 
-def unpacked(path: Path, packed: bytes, most: int) -> bytes:
-    """Return what a zlib or gzip stream holds.
-
-    Raises:
-        FrameError: it holds more bytes than its header says.
-    """
+def _unpacked(path: Path, packed: bytes, most: int) -> bytes:
+    """Return what a zlib or gzip stream holds."""
     stream = zlib.decompressobj(GZIP_OR_ZLIB)
     data = stream.decompress(packed, most + 1)
     if len(data) > most:
@@ -80,12 +72,8 @@ def unpacked(path: Path, packed: bytes, most: int) -> bytes:
     return data
 
 
-def check_orientation(path: Path, orientation: str, axes: Axes) -> None:
-    """Check that depth runs away from the probe along the axis that is named depth (PLUS).
-
-    Raises:
-        FrameError: it does not.
-    """
+def _check_orientation(path: Path, orientation: str, axes: Axes) -> None:
+    """Check that depth runs away from the probe along the axis that is named depth (PLUS)."""
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     if "N" in letters:
         raise FrameError(
@@ -99,12 +87,8 @@ def check_orientation(path: Path, orientation: str, axes: Axes) -> None:
         )
 
 
-def plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
-    """Return a sequence of PLUS with the times that it states, in s, and without its invalid frames.
-
-    Raises:
-        FrameError: the fields are not those of the frames, or no frame is valid.
-    """
+def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
+    """Return a sequence of PLUS with the times that it states, in s, and without its invalid frames."""
     stated = {
         field: {int(match[1]): value for name, value in fields.items() if (match := re.fullmatch(pattern, name, re.I))}
         for field in ("Timestamp", "ImageStatus")
@@ -181,11 +165,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
 
 
 def _check_nifti_end(path: Path, image: Any, size: int) -> None:
-    """Check that no further slice is behind the last one that the header states.
-
-    Raises:
-        FrameError: there is one.
-    """
+    """Check that no further slice is behind the last one that the header states."""
     file_map = image.file_map["image"]
     plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
     with file_map.get_prepare_fileobj("rb") as file:
@@ -199,23 +179,19 @@ def _check_nifti_end(path: Path, image: Any, size: int) -> None:
 
 
 def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple[Sourced | None, ...], list[str]]:
-    """Return the spacing of each axis as pixdim and sform state it, and notes.
-
-    Raises:
-        FrameError: both state one, and another; or the unit is none of NIfTI's.
-    """
+    """Return the spacing of each axis as pixdim and sform state it, and notes."""
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
         raise FrameError(f"{path}: xyzt_units: {code} is no unit of length in NIfTI; correct it (1 m, 2 mm, 3 micron)")
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
-    pixdim_steps = stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    pixdim_steps = _stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
     if affine is None or not sform_code:
         return pixdim_steps, []
     sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
-    sform_steps = stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
-    both = f"pixdim states a spacing of {listed(pixdim[:3])} and sform (code {sform_code}) of {listed(sform)}"
+    sform_steps = _stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
     if not any(sform_steps):
         others = (
             [f"{path}: {both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
@@ -243,23 +219,19 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         _check_nrrd(path, header)
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         check_bytes(path, count)
-        data = data_file(path, str(header.get("data file", header.get("datafile", ""))))
+        data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"].lower() in ("gzip", "gz"):
-            unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
+            _unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
-        check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
+        _check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
         scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
         times = _nrrd_times(header, len(scan.names))
-        return plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
+        return _plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
 
 
 def _check_nrrd(path: Path, header: Any) -> None:
-    """Refuse by name what is not read.
-
-    Raises:
-        FrameError: the file uses it.
-    """
+    """Refuse by name what is not read."""
     if header["type"] == "block":
         raise FrameError(f"{path}: type: block; give whole numbers or floats")
     for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
@@ -300,16 +272,12 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
 
 
 def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ...]:
-    """Return the spacing of each axis, by space directions or else by spacings, each in its own unit.
-
-    Raises:
-        FrameError: both are stated, and differ.
-    """
+    """Return the spacing of each axis, by space directions or else by spacings, each in its own unit."""
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
     _check_ends(path, header, spacings)
     if "space directions" not in header:
-        return stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+        return _stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
     in_space = _space_units(path, header, directions)
@@ -323,15 +291,11 @@ def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ..
                 f"{path}: axis {axis}: units states {units[axis - 1]!r}, and space units "
                 f"{header.get('space units', 'nothing')}; correct one of them"
             )
-    return stated_steps(lengths, in_space, "NRRD's space directions")
+    return _stated_steps(lengths, in_space, "NRRD's space directions")
 
 
 def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
-    """Check that spacings are those between the first and the last sample, or between the edges of both.
-
-    Raises:
-        FrameError: one is not.
-    """
+    """Check that spacings are those between the first and the last sample, or between the edges of both."""
     ends = [
         header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
     ]
@@ -345,11 +309,7 @@ def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
 
 
 def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
-    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it.
-
-    Raises:
-        FrameError: an axis runs along directions of several units.
-    """
+    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it."""
     sides = directions.shape[1]
     anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
     names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
@@ -384,18 +344,14 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         notes = _check(path, fields)
         array, order_notes = _pixels(path, fields, start)
         steps, spacing_notes = _steps(path, fields)
-        check_orientation(path, fields.get("ultrasoundimageorientation", ""), axes)
+        _check_orientation(path, fields.get("ultrasoundimageorientation", ""), axes)
         scan = array_scan(path, array, axes, steps)
         scan = replace(scan, notes=(*scan.notes, *notes, *order_notes, *spacing_notes))
-        return plus_sequence(path, scan, fields)
+        return _plus_sequence(path, scan, fields)
 
 
 def _header(path: Path) -> tuple[dict[str, str], int]:
-    """Return the header's fields, by their names in small letters, and where it ends.
-
-    Raises:
-        FrameError: it has no end, or one field twice.
-    """
+    """Return the header's fields, by their names in small letters, and where it ends."""
     fields: dict[str, str] = {}
     with path.open("rb") as file:
         while file.tell() < HEADER_BYTES and (line := file.readline(HEADER_BYTES)):
@@ -410,11 +366,7 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
 
 
 def _check(path: Path, fields: dict[str, str]) -> list[str]:
-    """Refuse by name what is not read.
-
-    Raises:
-        FrameError: the file uses it.
-    """
+    """Refuse by name what is not read."""
     if (kind := fields.get("objecttype", "Image")).lower() != "image":
         raise FrameError(f"{path}: ObjectType = {kind}; give one of ObjectType = Image")
     for field in NOT_READ:
@@ -433,7 +385,7 @@ def _check(path: Path, fields: dict[str, str]) -> list[str]:
         if values.size == side**2 and not np.allclose(
             np.linalg.norm(values.reshape(side, side), axis=1), 1.0, atol=SAME
         ):
-            lengths = listed(np.linalg.norm(values.reshape(side, side), axis=1).tolist())
+            lengths = _listed(np.linalg.norm(values.reshape(side, side), axis=1).tolist())
             raise FrameError(
                 f"{path}: {field} has directions of length {lengths}, not 1, beside ElementSpacing = "
                 f"{fields.get('elementspacing', '(missing)')}; put the whole scale into ElementSpacing"
@@ -443,11 +395,7 @@ def _check(path: Path, fields: dict[str, str]) -> list[str]:
 
 
 def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
-    """Return a field that is true or false, under one of several names; None: it is not there.
-
-    Raises:
-        FrameError: it is neither, or two names state both.
-    """
+    """Return a field that is true or false, under one of several names; None: it is not there."""
     stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
     for name, value in stated.items():
         if value[:1].lower() not in ("t", "f", "1", "0"):
@@ -460,11 +408,7 @@ def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
 
 
 def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any], list[str]]:
-    """Return the pixels, their first axis the fastest, and notes.
-
-    Raises:
-        FrameError: they are stored in a way that is not read, or are not as many as the header says.
-    """
+    """Return the pixels, their first axis the fastest, and notes."""
     kind = TYPES.get(fields["elementtype"].upper())
     if kind is None:
         raise FrameError(f"{path}: ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
@@ -477,7 +421,7 @@ def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any
     if name.upper().startswith("LIST") or "%" in name:
         raise FrameError(f"{path}: ElementDataFile = {name}: pixels in several files; {CONVERT}")
     local = name.upper() == "LOCAL"
-    data_path = path if local else data_file(path, name)
+    data_path = path if local else _data_file(path, name)
     skipped = int(fields.get("headersize", "0"))
     packed = _flag(path, fields, "CompressedData")
     if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
@@ -490,7 +434,7 @@ def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any
             if packed:
                 raise FrameError(f"{path}: BinaryData = False and CompressedData = True; correct one of them")
             return _text_pixels(path, file.read(), dtype.newbyteorder("=")).reshape(shape, order="F"), []
-        data = unpacked(data_path, file.read(), size) if packed else file.read()
+        data = _unpacked(data_path, file.read(), size) if packed else file.read()
     if skipped == -1:
         data = data[len(data) - size :] if len(data) > size else data
     if len(data) != size:
@@ -504,11 +448,7 @@ def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any
 
 
 def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return pixels written as text (BinaryData = False).
-
-    Raises:
-        FrameError: a number is none of the type.
-    """
+    """Return pixels written as text (BinaryData = False)."""
     values = np.array(data.split()).astype(np.float64)
     pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
     pixels = pixels.astype(dtype)
@@ -518,17 +458,13 @@ def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ...], list[str]]:
-    """Return the spacing in mm; the size of an element where no spacing is stated, as MetaIO takes it.
-
-    Raises:
-        FrameError: the numbers are not as many as the axes.
-    """
+    """Return the spacing in mm; the size of an element where no spacing is stated, as MetaIO takes it."""
     found = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(f"{path}: {field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        steps = stated_steps(values, [METRES["mm"]] * len(values), field)
+        steps = _stated_steps(values, [METRES["mm"]] * len(values), field)
         if any(steps):
             found[field] = (values, steps)
     if not found:
@@ -536,5 +472,5 @@ def _steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ..
     name, (values, steps) = next(iter(found.items()))
     sizes = found.get("ElementSize", (values,))[0]
     differ = not np.allclose(sizes, values, rtol=SAME)
-    words = f"{path}: ElementSize = {listed(sizes)}, and {name} = {listed(values)}, which is taken"
+    words = f"{path}: ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken"
     return steps, [words] if differ else []

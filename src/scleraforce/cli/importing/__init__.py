@@ -1,1 +1,0 @@
-"""What `scleraforce import` asks, works out and tells."""
