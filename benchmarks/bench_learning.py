@@ -19,7 +19,7 @@ from scleraforce.learning.classifier.graph import onnx_bytes
 from scleraforce.learning.classifier.samples import Samples
 from scleraforce.learning.classifier.train import split_samples
 from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Fitted, fit
-from scleraforce.models.writing import write_folder
+from scleraforce.models.folder import write_folder
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 

@@ -23,8 +23,8 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.reader import ForceReader, load_force_reader
-from scleraforce.reader.force_reader import SHIFTS
-from scleraforce.reader.live import LiveReader
+from scleraforce.reader.kinds import SHIFTS
+from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries

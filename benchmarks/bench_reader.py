@@ -20,13 +20,12 @@ from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN
+from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.library import Library
 from scleraforce.reader import load_force_reader
-from scleraforce.reader.force_reader import SHIFTS
+from scleraforce.reader.kinds import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observed import segmented_boundaries

@@ -23,10 +23,9 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics, sample_pose
 from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.learning.wall_finder.measure import mask_dice, seen_mask
-from scleraforce.models.folder import read_folder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER, read_folder
 from scleraforce.models.session import folder_study
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.section.plane import Section

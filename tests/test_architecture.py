@@ -51,7 +51,7 @@ BIG = [
 ]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
-    "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answers", "service.monitor_service",
+    "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answer", "service.monitor_service",
     "service.companions.second_opinion", "service.black_box.process", "service.operator", "replay.player",
 ]  # fmt: skip
 # Factors between units that are no powers of ten; of each also what undoes it.
@@ -63,7 +63,7 @@ FACTORS = {
 # A product with a power of ten from a hundred on converts a unit, but for these: module, product -> what it is.
 NO_CONVERSIONS = {
     ("calibration.assimilation", "0.01 * eye.study.prior_mean_pa"): "the softest wall from which a search starts",
-    ("calibration.saved", "1e-09 * np.abs(found).max()"): "what rounding leaves",
+    ("calibration.result", "1e-09 * np.abs(found).max()"): "what rounding leaves",
     ("laboratory.bscan", "0.0001 * row_m.max()"): "what rounding leaves",
     ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
     ("replay.fault_acts", "place * 1e-05"): "a fault: frames 10 us apart, by their number",

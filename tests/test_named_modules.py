@@ -58,8 +58,8 @@ def test_every_module_that_a_text_names_is_there() -> None:
 
 
 def test_a_name_that_is_not_there_would_be_found() -> None:
-    assert is_there("reader.live")
-    assert is_there("reader.live.LiveReader")
+    assert is_there("reader.model")
+    assert is_there("reader.model.LiveReader")
     assert not is_there("imaging.segmentation")
     assert not is_there("reader.life")
     assert names("`reader.life` and scleraforce.gone, `recording.toml`") == ["reader.life", "gone"]

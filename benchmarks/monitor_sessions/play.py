@@ -17,7 +17,7 @@ from monitor_sessions.watch import Watch, Withdrawal
 from scleraforce.known.eye import Known
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import load_force_reader
-from scleraforce.reader.answers import Answer
+from scleraforce.reader.answer import Answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si

@@ -11,16 +11,14 @@ import numpy as np
 
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
-from scleraforce.calibration.assimilation import FrameStep
-from scleraforce.calibration.discrepancy import settled
+from scleraforce.calibration.assimilation import FrameStep, begin, known_after, step
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.calibration.session import begin, known_after, step
+from scleraforce.calibration.known_forces import settled
 from scleraforce.calibration.stiffening import TissueTrial, search
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.library import Library
-from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries

@@ -7,9 +7,9 @@ from monitor_sessions.frames import Frame
 from scleraforce.known.eye import Known
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import MonitorEvent, QueueLoss, Reset, SecondOpinion
-from scleraforce.reader.answers import Answer
-from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.live import LiveReader
+from scleraforce.reader.answer import Answer
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.second_opinion import opinion_of
 from scleraforce.service.session import read_event

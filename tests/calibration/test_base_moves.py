@@ -6,8 +6,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from scleraforce.calibration.base_moves import SIZE, base_moves
 from scleraforce.calibration.eye_model import EyeConstants
+from scleraforce.calibration.library_eye import SIZE, base_moves
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.mechanics.axisymmetric.mesh import meridian_mesh

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration_eyes import stated
-from scleraforce.calibration import session
+from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
@@ -43,13 +43,13 @@ NARROW = LibraryStudy(
 def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
     sections = finite_strain_sections(EYE, study)(FORCES)
-    eye = session.begin(study, stated(study, EYE), cached_library(study, folder=tmp_path, workers=1))
+    eye = assimilation.begin(study, stated(study, EYE), cached_library(study, folder=tmp_path, workers=1))
     alone = []
     for force_n, section in zip(FORCES, sections, strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
         pose = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m)
         smoothing_m = study.calibration.surface_smoothing_m
-        eye = session.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
+        eye = assimilation.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
         assert isinstance(eye.last, FrameStep)
         alone.append(eye.last.registered.youngs_modulus_pa)
     assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)

@@ -14,15 +14,12 @@ from analytic_walls import LIBRARY
 from calibrated_eye import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.frame_order import frame_order
-from scleraforce.calibration.frame_walls import FrameWalls
-from scleraforce.calibration.result import Calibration, EyeCalibration
-from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+from scleraforce.calibration.one_tissue import FrameWalls, frame_order
+from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import open_calibration, parse_calibration_file, summary_of
-from scleraforce.known.eye import known_of_eye, known_of_recording
-from scleraforce.known.globe import SEALED, UNKNOWN
+from scleraforce.known.calibration_file import known_of_eye, open_calibration, parse_calibration_file, summary_of
+from scleraforce.known.eye import SEALED, UNKNOWN, known_of_recording
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
-from scleraforce.calibration import discrepancy
-from scleraforce.calibration.discrepancy import read_again, settled
+from scleraforce.calibration import known_forces
+from scleraforce.calibration.known_forces import read_again, settled
 from scleraforce.fitting.fit_prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN
+from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
@@ -94,7 +93,7 @@ def test_forces_that_no_level_and_growth_explain_scatter() -> None:
 
 def test_level_and_growth_are_those_of_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where E may not go where the frames want it, the forces are told right all the same, by the discrepancy."""
-    monkeypatch.setattr(discrepancy, "READINGS", 1)
+    monkeypatch.setattr(known_forces, "READINGS", 1)
     after = settled(known_of(0.7 * MODULUS_PA), frames(), (), LIBRARY, STUDY)
     now, again = after.known, after.again
     assert now.modulus is not None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library
 
-from scleraforce.calibration.even_wall import without_form
+from scleraforce.calibration.library_eye import without_form
 from scleraforce.learning.reader.uneven import Forms
 from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
 from scleraforce.study import Range, ReaderStudy, Study, fixed

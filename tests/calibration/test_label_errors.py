@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from logged_info import LOGGED_INFO
 
-from scleraforce.calibration.label_errors import label_sds
+from scleraforce.calibration.forces import label_sds
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes

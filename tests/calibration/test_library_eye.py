@@ -8,7 +8,7 @@ import analytic_library as analytic
 import numpy as np
 import pytest
 
-from scleraforce.calibration import session
+from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
 from scleraforce.calibration.eye_model import EyeConstants, parameter_sections, stated_wall
 from scleraforce.calibration.library_eye import library_eye, section_depths
@@ -63,9 +63,9 @@ def frames(forces_n: Sequence[float], rng: np.random.Generator, stated: EyeConst
     return made
 
 
-def run(begun: session.EyeSession, forces_n: Sequence[float], made: Sequence[Any]) -> session.EyeSession:
+def run(begun: assimilation.EyeSession, forces_n: Sequence[float], made: Sequence[Any]) -> assimilation.EyeSession:
     for force_n, boundaries in zip(forces_n, made, strict=True):
-        begun = session.step(begun, boundaries, force_n)
+        begun = assimilation.step(begun, boundaries, force_n)
     return begun
 
 
@@ -128,7 +128,7 @@ def test_sections_go_on_smoothly_where_the_library_ends_and_say_so(library: Libr
 @pytest.mark.slow
 def test_one_modulus_fits_low_and_high_forces(library: Library) -> None:
     forces = [0.04, 0.008, 0.055, 0.02, 0.03]
-    found = run(session.begin(STUDY, STATED, library), forces, frames(forces, np.random.default_rng(0)))
+    found = run(assimilation.begin(STUDY, STATED, library), forces, frames(forces, np.random.default_rng(0)))
     assert found.updates == 5
     assert found.mean_pa == pytest.approx(MODULUS_PA, rel=0.01)
     assert abs(found.mean_pa - MODULUS_PA) < 2 * found.sd_pa
@@ -140,8 +140,8 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
     study = replace(STUDY, calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6))
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]
     wrong, made = replace(STATED, thickness_m=0.65e-3), frames(forces, np.random.default_rng(1))
-    alone = run(session.begin(study, wrong, library), forces, made)
-    both = run(session.begin(study, wrong, library, ("e", "thickness")), forces, made)
+    alone = run(assimilation.begin(study, wrong, library), forces, made)
+    both = run(assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made)
     assert alone.mean_pa > 1.05 * MODULUS_PA
     assert both.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
 
@@ -150,8 +150,8 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
 def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library) -> None:
     short = replace(library, max_force_ratio=0.1e-6)
     made = frames([0.02, 0.05], np.random.default_rng(2))
-    first = session.step(session.begin(STUDY, STATED, short), made[0], 0.02)
-    second = session.step(first, made[1], 0.05)
+    first = assimilation.step(assimilation.begin(STUDY, STATED, short), made[0], 0.02)
+    second = assimilation.step(first, made[1], 0.05)
     assert isinstance(first.last, FrameStep)
     assert isinstance(second.last, Skipped)
     assert "F/E" in second.last.reason

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from scleraforce.calibration.parameters import Parameter, ParameterSpace, spread
+from scleraforce.calibration.eye_model import Parameter, ParameterSpace, spread
 
 
 @given(mean=st.floats(1e-3, 1e6), ratio=st.floats(0.01, 3.0), positive=st.booleans())

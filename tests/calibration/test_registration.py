@@ -5,8 +5,18 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.eye_model import stated_wall
-from scleraforce.calibration.placement import BY_DEPTH, BY_LATERAL, BY_POLAR, BY_ROTATION, place_section, predict_frame
-from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
+from scleraforce.calibration.registration import (
+    BY_DEPTH,
+    BY_LATERAL,
+    BY_POLAR,
+    BY_ROTATION,
+    first_belief,
+    frame_prior,
+    place_section,
+    predict_frame,
+    register,
+    updated_belief,
+)
 from scleraforce.fitting.placement import Places
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye

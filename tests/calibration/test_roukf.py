@@ -5,8 +5,15 @@ import pytest
 from filterpy.kalman import UnscentedKalmanFilter
 from numpy.typing import NDArray
 
-from scleraforce.calibration.roukf import FilterParams, Posterior, filter_step, initial_posterior
-from scleraforce.calibration.sigma_points import RULES, SigmaPoints, sigma_points
+from scleraforce.calibration.roukf import (
+    RULES,
+    FilterParams,
+    Posterior,
+    SigmaPoints,
+    filter_step,
+    initial_posterior,
+    sigma_points,
+)
 
 Array = NDArray[np.float64]
 

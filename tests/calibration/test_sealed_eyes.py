@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scleraforce.calibration import session
+from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -102,9 +102,9 @@ def calibrated(
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=told)
-    found = session.begin(STUDY, stated, library)
+    found = assimilation.begin(STUDY, stated, library)
     for force_n, boundaries in zip(forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True):
-        found = session.step(found, boundaries, force_n)
+        found = assimilation.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
         assert found.last.result.status == "ok"
     off_pa = found.mean_pa - modulus_pa
@@ -141,9 +141,9 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     forces_n = [(0.0106, 0.0232, 0.036)[place] for place in order]
     made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN)
-    found = session.begin(STUDY, stated, library)
+    found = assimilation.begin(STUDY, stated, library)
     for force_n, boundaries in zip(forces_n, made, strict=True):
-        found = session.step(found, boundaries, force_n)
+        found = assimilation.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
         assert found.last.registered.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
     if order[0] == 0:

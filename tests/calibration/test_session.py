@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from told_finder import told_finder
 
-from scleraforce.calibration import frame_walls, session
+from scleraforce.calibration import assimilation, one_tissue
 from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.one_tissue import eye_constants
-from scleraforce.calibration.result import Calibration
-from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
@@ -23,8 +23,8 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
@@ -78,11 +78,11 @@ def test_frames_one_by_one_give_what_the_recording_gives(
 ) -> None:
     forces, boundaries = frames(recording)
     stated = eye_constants(recording, STUDY)
-    eye = session.begin(STUDY, stated, library, zero_covariance=forces.zero_covariance)
+    eye = assimilation.begin(STUDY, stated, library, zero_covariance=forces.zero_covariance)
     prior = (eye.mean_pa, eye.sd_pa)
     means = []
     for force_n, since_s, boundary in zip(forces.force_n, forces.since_start_s, boundaries, strict=True):
-        eye = session.step(eye, boundary, float(force_n), float(since_s))
+        eye = assimilation.step(eye, boundary, float(force_n), float(since_s))
         means.append(eye.mean_pa)
     whole = calibration.eyes["made-up"]
     assert prior == pytest.approx((0.49e6, 0.34e6))
@@ -173,7 +173,7 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
         told.append(more)
         return replace(find_sclera(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(frame_walls, "find_sclera", below)
+    monkeypatch.setattr(one_tissue, "find_sclera", below)
     finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=finder)
@@ -203,7 +203,7 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
         return replace(find_sclera(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(frame_walls, "find_sclera", shallow)
+    monkeypatch.setattr(one_tissue, "find_sclera", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts
@@ -212,9 +212,9 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
 
 def test_an_earlier_value_of_a_session_stays_as_it_was(library: Library, recording: Recording) -> None:
     forces, boundaries = frames(recording)
-    before = session.begin(STUDY, eye_constants(recording, STUDY), library)
-    after = session.step(before, boundaries[1], float(forces.force_n[1]))
-    again = session.step(before, boundaries[1], float(forces.force_n[1]))
+    before = assimilation.begin(STUDY, eye_constants(recording, STUDY), library)
+    after = assimilation.step(before, boundaries[1], float(forces.force_n[1]))
+    again = assimilation.step(before, boundaries[1], float(forces.force_n[1]))
     assert before.updates == 0
     assert before.last is None
     assert (after.mean_pa, after.sd_pa) == (again.mean_pa, again.sd_pa)
@@ -245,22 +245,22 @@ def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, ca
 
 
 def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: Library) -> None:
-    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
-    eye = session.begin(STUDY, stated, library)
+    stated = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
+    eye = assimilation.begin(STUDY, stated, library)
     lateral = np.linspace(-7e-3, 7e-3, 512)
     empty = Boundaries(lateral, np.full((2, 512), np.nan), 8e-6)
-    assert session.step(eye, empty, 0.001).state is eye.state
-    assert session.step(eye, empty, 0.03).mean_pa == eye.mean_pa
+    assert assimilation.step(eye, empty, 0.001).state is eye.state
+    assert assimilation.step(eye, empty, 0.03).mean_pa == eye.mean_pa
 
 
 def test_a_session_needs_no_force_log_and_starts_with_any_frame(library: Library) -> None:
-    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
+    stated = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
     walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
     rng = np.random.default_rng(0)
     smoothing_m = STUDY.calibration.surface_smoothing_m
     seen = ideal_boundaries(
         cut_surfaces(walls[0], 0.5e-3), Pose(lateral_m=0, depth_m=0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m
     )
-    eye = session.step(session.begin(STUDY, stated, library), seen, 0.03)
+    eye = assimilation.step(assimilation.begin(STUDY, stated, library), seen, 0.03)
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.02)
     assert 0 < eye.sd_pa < 0.02e6

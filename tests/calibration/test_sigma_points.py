@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.calibration.sigma_points import RULES, sigma_points
+from scleraforce.calibration.roukf import RULES, sigma_points
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from calibrated_eye import calibration_of_a_sealed_eye
 
-from scleraforce.calibration.words import found_words
+from scleraforce.calibration.result import found_words
 from scleraforce.cli.main import run
 from scleraforce.notebook import work
-from scleraforce.reader.interval_scores import Stretch
-from scleraforce.reader.interval_traits import GLOBE_TRAITS
+from scleraforce.reader.intervals import GLOBE_TRAITS, Stretch
 from scleraforce.report.calibration_figures import draw_calibration
 
 FOUND = (

@@ -3,8 +3,7 @@
 import pytest
 
 from scleraforce.cli.known_eye import globe_words
-from scleraforce.known.eye import Known
-from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
+from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 
 CALIBRATED = KnownGlobe(
     kind="unknown", lowest=0.0, highest=UNKNOWN.highest, mean=REFERENCE_RIGIDITY, sd=0.02 * REFERENCE_RIGIDITY,

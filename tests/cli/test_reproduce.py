@@ -8,7 +8,7 @@ import pytest
 from frame_answers import frame_answer
 
 from scleraforce.cli.reproduce import _coverage_words, _stage, _true_metrics
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 
 
 def read_beside_log_and_truth(folder: Path) -> Evaluation:

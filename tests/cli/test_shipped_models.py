@@ -13,8 +13,14 @@ from analytic_frames import image, recording_toml, tip_of, wall_section
 import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
-from scleraforce.models.folder import read_folder
-from scleraforce.models.shipped import SHIPPED, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER, model_folder
+from scleraforce.models.folder import (
+    SHIPPED,
+    SHIPPED_PAPER,
+    SHIPPED_READER,
+    SHIPPED_WALL_FINDER,
+    model_folder,
+    read_folder,
+)
 
 NOT_FOR_A_FRAME = ("scipy", "matplotlib", "zarr", "torch", "onnx", "pydicom", "tifffile", "meshio", "pandas")
 

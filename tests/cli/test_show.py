@@ -15,7 +15,7 @@ from folder_contents import contents
 from notebook_folder import write_notebook_folder
 from small_recording import write_small_recording
 
-from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.calibration.result import calibration_as_json
 from scleraforce.cli.main import run
 from scleraforce.known.calibration_file import write_calibration
 from scleraforce.service.black_box.decision_log import DecisionLog

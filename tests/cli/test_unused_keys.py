@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from analytic_library import analytic_library
 
+from scleraforce.calibration.assimilation import eye_model
 from scleraforce.calibration.calibrate import stated_tissue
 from scleraforce.calibration.eye_model import EyeConstants, WallState
-from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
 from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset

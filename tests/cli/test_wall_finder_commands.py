@@ -9,8 +9,8 @@ import pytest
 
 from scleraforce.cli.main import run
 from scleraforce.laboratory.scenes.scene import draw_scene
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.wall import find_wall

@@ -18,8 +18,7 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.placement import Places
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, PRESSURE, ROTATION, SIZE, THICKNESS, TIP
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus
 from scleraforce.library import compiled_pressures, compiled_states
 from scleraforce.study.eye import RIGIDITY_LAWS
 

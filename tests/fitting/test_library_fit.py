@@ -28,9 +28,7 @@ from scleraforce.fitting.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.known.discrepancy import ForceDiscrepancy
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.known.eye import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, Modulus
 from scleraforce.library import Library
 
 WALLS = Walls(LIBRARY)

@@ -8,10 +8,8 @@ import pytest
 from calibration_file import calibration_text
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import globe_entry, read_calibration, summary_of_eye
-from scleraforce.known.discrepancy import ForceDiscrepancy
-from scleraforce.known.eye import Known, known_of_eye
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe, known_globe
+from scleraforce.known.calibration_file import globe_entry, known_of_eye, read_calibration, summary_of_eye
+from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, known_globe
 
 EYES = {
     "a": {"frames": [{"file": "1.png", "sha256": "1f"}, {"file": "2.png", "sha256": "2f"}], "mean_mpa": 0.31},

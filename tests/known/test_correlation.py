@@ -9,9 +9,7 @@ from calibration_file import calibration_text
 
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.calibration_file import globe_entry, read_calibration
-from scleraforce.known.correlation import MOST_CORRELATED, correlation_of
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import SEALED
+from scleraforce.known.eye import MOST_CORRELATED, SEALED, Known, Modulus, correlation_of
 from scleraforce.study import ReaderStudy
 
 

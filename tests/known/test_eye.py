@@ -6,17 +6,15 @@ from pathlib import Path
 import pytest
 from calibration_file import calibration_text
 
-from scleraforce.known.calibration_file import CalibrationSummary, globe_entry, read_calibration
-from scleraforce.known.eye import (
-    Known,
-    Modulus,
+from scleraforce.known.calibration_file import (
+    CalibrationSummary,
     calibrated_modulus,
     foreign_modulus,
+    globe_entry,
     known_of_eye,
-    known_of_recording,
-    told_globe,
+    read_calibration,
 )
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, told_globe
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)

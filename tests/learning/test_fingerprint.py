@@ -18,9 +18,9 @@ from scleraforce.learning.fingerprint import (
     reader_fingerprint,
 )
 from scleraforce.library.files import load_library
-from scleraforce.models.shipped import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader, load_model
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import Study, parse_study
 
 pytestmark = pytest.mark.usefixtures("compiled_loops")

@@ -7,11 +7,11 @@ from fixed_network import force_reader
 
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
-from scleraforce.known.globe import REFERENCE_RIGIDITY
+from scleraforce.known.eye import REFERENCE_RIGIDITY
 from scleraforce.notebook.calibrating import calibrate, evaluate
 from scleraforce.notebook.frames import read, segment
 from scleraforce.notebook.training import train
-from scleraforce.reader.readings import Reading
+from scleraforce.reader.answer import Reading
 
 FRAME = image(wall_section(tip_of(0.020)))
 SIZE = {"width_m": 15e-3, "depth_m": 4e-3}

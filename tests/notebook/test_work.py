@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import scleraforce
-from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.notebook.work import counting_for, library_for
 from scleraforce.reader import load_force_reader
 from scleraforce.study import Study

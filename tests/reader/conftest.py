@@ -24,7 +24,7 @@ def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
     pytest.importorskip("torch")
     from scleraforce.learning.classifier.graph import onnx_bytes
     from scleraforce.learning.classifier.network import Layer, TrainedNetwork
-    from scleraforce.models.writing import write_folder
+    from scleraforce.models.folder import write_folder
 
     rng = np.random.default_rng(5)
     pixels = study.slice.rows * study.slice.columns

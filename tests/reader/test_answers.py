@@ -24,9 +24,8 @@ from fixed_network import FIVE_MN, force_reader
 from tifffile import TiffFile
 
 from scleraforce.known.eye import Known, Modulus
-from scleraforce.reader.answers import Answer
-from scleraforce.reader.force_reader import SHIFTS, ForceReader
-from scleraforce.reader.readings import Reading
+from scleraforce.reader.answer import Answer, Reading
+from scleraforce.reader.kinds import SHIFTS, ForceReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.slice import boundary_slice

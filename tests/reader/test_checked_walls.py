@@ -13,7 +13,7 @@ from told_finder import STUDY as FINDER_STUDY, told_finder
 
 from scleraforce.cli.main import run
 from scleraforce.reader import load_classifier
-from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.kinds import ForceReader
 
 pytest.importorskip("torch")
 

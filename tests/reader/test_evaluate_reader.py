@@ -23,12 +23,9 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.known.discrepancy import NO_DISCREPANCY
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN
+from scleraforce.known.eye import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.reader import Reader, load_model
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale

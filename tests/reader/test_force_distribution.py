@@ -5,7 +5,7 @@ from math import inf, isfinite, nan
 import numpy as np
 import pytest
 
-from scleraforce.reader.force_distribution import (
+from scleraforce.reader.networks import (
     ForceDistribution,
     class_probabilities,
     force_distribution,

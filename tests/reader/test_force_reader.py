@@ -9,7 +9,7 @@ from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
 from scleraforce.known.eye import Known
-from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.kinds import ForceReader
 
 LIBRARY = made_up_library()
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scleraforce.known.globe import OPEN, UNKNOWN, known_globe
+from scleraforce.known.eye import OPEN, UNKNOWN, known_globe
 from scleraforce.library.base_bulge import pole_direction
-from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
+from scleraforce.reader.networks import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.study import ReaderStudy
 from scleraforce.units import to_si
 

@@ -11,21 +11,24 @@ from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.resting_form import FORMS
 from scleraforce.fitting.unknowns import FORM, NAMES
-from scleraforce.known.discrepancy import NO_DISCREPANCY
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN, SEALED
-from scleraforce.reader.force_distribution import ratio_edges, single_force
-from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, parse_factors
-from scleraforce.reader.interval_scores import (
+from scleraforce.known.eye import NO_DISCREPANCY, OPEN, SEALED, Known, Modulus
+from scleraforce.reader.answer import Reading, fit_reading
+from scleraforce.reader.intervals import (
+    FIT_TRAITS,
+    GLOBE_TRAITS,
+    NETWORK_TRAITS,
+    NO_FACTORS,
+    IntervalFactors,
     Score,
     conformal_quantile,
     intervals_record,
+    parse_factors,
     score,
     stretched,
     stretches,
+    traits_of,
 )
-from scleraforce.reader.interval_traits import FIT_TRAITS, GLOBE_TRAITS, NETWORK_TRAITS, traits_of
-from scleraforce.reader.readings import Reading, fit_reading
+from scleraforce.reader.networks import ratio_edges, single_force
 from scleraforce.reader.verdicts import no_wall_of_an_eye
 from scleraforce.study import ReaderStudy
 

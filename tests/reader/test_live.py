@@ -10,10 +10,9 @@ from fixed_network import FIVE_MN, force_reader
 
 from scleraforce.known.eye import Known
 from scleraforce.reader import load_classifier
-from scleraforce.reader.answers import LiveReading
-from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.live import LiveReader
-from scleraforce.reader.readings import Reading
+from scleraforce.reader.answer import LiveReading, Reading
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import SliceStudy, Study

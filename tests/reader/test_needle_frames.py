@@ -13,7 +13,7 @@ from scleraforce.fitting.unknowns import GAP
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import sample_optics
-from scleraforce.reader import interval_factors, load_model
+from scleraforce.reader import intervals, load_model
 from scleraforce.segmentation.sclera import find_sclera
 
 FORCE_N = 0.02
@@ -97,14 +97,14 @@ def test_the_fits_interval_is_as_much_wider_as_was_measured_beside_a_needle_or_u
 ) -> None:
     widths = []
     for stretch in (1.0, 1.5):
-        monkeypatch.setattr(interval_factors, "NEEDLE_STRETCH", stretch)
+        monkeypatch.setattr(intervals, "NEEDLE_STRETCH", stretch)
         widths.append(dict(force_reader().read(crossed, SCALE, NEAR).readings)["fit"].width_n)
     assert widths[1] == pytest.approx(1.5 * widths[0])
     wall = find_sclera(crossed, SCALE)
     trained = STUDY.reader
-    both = interval_factors.frame_stretch(replace(wall, conjunctiva_m=1e-4), NEAR, trained)
-    assert both == pytest.approx(1.5 * interval_factors.CONJUNCTIVA_STRETCH)
+    both = intervals.frame_stretch(replace(wall, conjunctiva_m=1e-4), NEAR, trained)
+    assert both == pytest.approx(1.5 * intervals.CONJUNCTIVA_STRETCH)
     unseen = replace(wall, needle=None)
-    assert interval_factors.frame_stretch(unseen, NEAR, trained) == 1.5  # as near, it is there all the same
+    assert intervals.frame_stretch(unseen, NEAR, trained) == 1.5  # as near, it is there all the same
     for far in (replace(NEAR, gap_m=0.4e-3), replace(NEAR, gap_m=None)):
-        assert interval_factors.frame_stretch(unseen, far, trained) == 1.0
+        assert intervals.frame_stretch(unseen, far, trained) == 1.0

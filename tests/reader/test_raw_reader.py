@@ -15,14 +15,13 @@ from raw_model import RAW_STUDY, write_raw_model
 
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
-from scleraforce.known.discrepancy import NO_DISCREPANCY
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.eye import NO_DISCREPANCY, Known, Modulus
 from scleraforce.models.session import network_session
 from scleraforce.reader import RawReader, load_force_reader, load_model
-from scleraforce.reader.interval_factors import IntervalFactors
-from scleraforce.reader.judged import WIDEST_N, judged_answer
-from scleraforce.reader.raw_network import OnnxRawNetwork
-from scleraforce.reader.readings import Reading
+from scleraforce.reader.answer import Reading
+from scleraforce.reader.intervals import IntervalFactors
+from scleraforce.reader.networks import OnnxRawNetwork
+from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import SliceStudy, Study

@@ -9,8 +9,7 @@ from parsed import syntax_nodes
 
 import scleraforce
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN, SEALED
+from scleraforce.known.eye import OPEN, SEALED, Known, Modulus
 from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study

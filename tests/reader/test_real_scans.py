@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import known_globe
-from scleraforce.reader.force_reader import ForceReader
+from scleraforce.known.eye import Known, Modulus, known_globe
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale

@@ -10,13 +10,10 @@ from analytic_library import analytic_library
 from fixed_reader import write_fixed_reader
 
 from scleraforce.errors import ModelError
-from scleraforce.known.discrepancy import ForceDiscrepancy
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.eye import ForceDiscrepancy, Known, Modulus
 from scleraforce.models.folder import sha256
 from scleraforce.reader import load_classifier, load_model
-from scleraforce.reader.force_distribution import ratio_edges
-from scleraforce.reader.given import unknown_modulus
-from scleraforce.reader.told_network import told_of
+from scleraforce.reader.networks import ratio_edges, told_of, unknown_modulus
 
 pytest.importorskip("torch")
 

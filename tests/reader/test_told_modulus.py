@@ -11,9 +11,9 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import STATED_MODULUS_SD, Modulus
 from scleraforce.learning.reader.virtual_eyes import draw_eye, draw_frames
-from scleraforce.reader.interval_scores import score
+from scleraforce.reader.answer import fit_reading
+from scleraforce.reader.intervals import score
 from scleraforce.reader.model import load_force_reader
-from scleraforce.reader.readings import fit_reading
 
 EYES, FRAMES = range(60, 90), 8
 

@@ -8,8 +8,7 @@ from analytic_frames import KNOWN, SCALE, STUDY
 from fixed_network import force_reader
 
 from scleraforce.known.eye import NOTHING_KNOWN, Known
-from scleraforce.reader.live import LiveReader
-from scleraforce.reader.warming import warming_frame
+from scleraforce.reader.model import LiveReader, warming_frame
 from scleraforce.recording.pixels import PixelScale
 
 SHAPE = (STUDY.oct.rows, STUDY.oct.columns)

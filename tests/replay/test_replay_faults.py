@@ -16,7 +16,7 @@ from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
-from scleraforce.reader.answers import Answer, LiveReading
+from scleraforce.reader.answer import Answer, LiveReading
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog

@@ -11,10 +11,10 @@ import pytest
 from frame_answers import frame_answer
 
 from bench_conjunctiva import SCALE, STUDY, drawn
-from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.look import look
+from scleraforce.reader.verdicts import look
 from scleraforce.report.answered_frame import look_at, look_at_all
 from scleraforce.report.browser.page import write_browser_html
 from scleraforce.report.frame_pictures import wall_picture

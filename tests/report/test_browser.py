@@ -12,7 +12,7 @@ from chromium import NEEDS_CHROMIUM, started_chromium
 from looked_at import looked_at_frames
 from playwright.sync_api import Page
 
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.browser import page as browser_page
 from scleraforce.report.browser.page import write_browser_html
 

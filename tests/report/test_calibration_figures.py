@@ -7,10 +7,9 @@ import pytest
 from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
 from calibrated_eye import calibration_of_a_sealed_eye
 
-from scleraforce.calibration import session
-from scleraforce.calibration.assimilation import FrameStep, moments
+from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.known.globe import SEALED
+from scleraforce.known.eye import SEALED
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.report.calibration_figures import draw_observed_points
@@ -24,11 +23,11 @@ def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> Non
         iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=0.6e-3, polar_rad=0.0, polar_sd_rad=0.0,
         globe=replace(SEALED, mean=0.4 * SEALED.mean),
     )  # fmt: skip
-    found, random = session.begin(STUDY, replace(truth, globe=SEALED), LIBRARY), np.random.default_rng(0)
+    found, random = begin(STUDY, replace(truth, globe=SEALED), LIBRARY), np.random.default_rng(0)
     for force_n in (0.012, 0.03):
         outer, inner = found.filter.model.curves([stated_wall(truth, 0.3e6, force_n, 0.0)])[0]
         pose = Pose(lateral_m=0.0, depth_m=0.5e-3)
-        found = session.step(found, ideal_boundaries(Section(outer, inner), pose, STUDY.oct, 2e-6, random), force_n)
+        found = step(found, ideal_boundaries(Section(outer, inner), pose, STUDY.oct, 2e-6, random), force_n)
     assert isinstance(found.last, FrameStep)
     means, sds = moments(found.filter, found.state)
     eye = replace(

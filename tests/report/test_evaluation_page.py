@@ -11,7 +11,7 @@ from frame_answers import frame_answer, refused_frame
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)

@@ -10,7 +10,7 @@ import numpy as np
 from frame_answers import frame_answer
 from looked_at import looked_at_frames
 
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.report.frame_pictures import MOST_PICTURES, frame_pictures, shown_frames
 
 

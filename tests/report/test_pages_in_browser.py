@@ -10,7 +10,7 @@ from chromium import NEEDS_CHROMIUM, started_chromium
 from looked_at import looked_at_frames
 from playwright.sync_api import Browser, Page
 
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
 
 pytestmark = NEEDS_CHROMIUM

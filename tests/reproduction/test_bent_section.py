@@ -6,7 +6,7 @@ from pathlib import Path
 
 from frame_answers import frame_answer
 
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
 from scleraforce.reproduction.bent_section import _comparison, _coverage_words, _held
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction
 from scleraforce.reproduction.bent import run_library

@@ -8,9 +8,9 @@ import pytest
 from bench_conjunctiva import rows_off, waving_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.optics import Conjunctiva, Pose, sample_conjunctiva, sample_optics
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.look import look
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.conjunctiva import below_conjunctiva

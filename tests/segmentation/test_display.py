@@ -11,8 +11,8 @@ from drawn_eyes import SCANNER, drawn_counts
 from hypothesis import given, strategies as st
 from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.display import NOT_LOGARITHMIC, as_logarithmic, pair_contrast

@@ -8,8 +8,8 @@ from analytic_frames import SCALE, image, tip_of, wall_section
 from told_finder import STUDY, told_finder
 
 from scleraforce.laboratory.scenes.scene import draw_scene
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns

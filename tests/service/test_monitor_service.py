@@ -7,8 +7,17 @@ from pathlib import Path
 import pytest
 from fake_companion import FakeCompanion
 
-from scleraforce.known.eye import Known, stated_eye, told_globe
-from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
+from scleraforce.known.eye import (
+    OPEN,
+    REFERENCE_RIGIDITY,
+    SEALED,
+    UNKNOWN,
+    Known,
+    KnownGlobe,
+    known_globe,
+    stated_eye,
+    told_globe,
+)
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service import monitor_service
 from scleraforce.service.companions.companions import OPINION, Companions

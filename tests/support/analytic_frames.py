@@ -8,8 +8,7 @@ from analytic_library import analytic_library
 
 from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN
+from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.recording.pixels import PixelScale

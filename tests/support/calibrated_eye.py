@@ -4,12 +4,10 @@ import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
 from scleraforce.calibration.known_forces import KnownForce
-from scleraforce.calibration.placement import NUISANCES
-from scleraforce.calibration.registration import PoseBelief
+from scleraforce.calibration.registration import NUISANCES, PoseBelief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.roukf import Posterior
-from scleraforce.known.discrepancy import ForceDiscrepancy
-from scleraforce.known.globe import REFERENCE_RIGIDITY, SEALED
+from scleraforce.known.eye import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
 
 __all__ = ["calibration_of_a_sealed_eye"]
 

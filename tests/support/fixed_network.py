@@ -6,8 +6,8 @@ import numpy as np
 from analytic_frames import LIBRARY, STUDY
 
 from scleraforce.known.eye import Known
-from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.readings import Reading
+from scleraforce.reader.answer import Reading
+from scleraforce.reader.kinds import ForceReader
 
 FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.004, 0.006), contact_m=0.3e-3)
 

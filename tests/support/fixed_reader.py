@@ -8,9 +8,7 @@ import numpy as np
 
 from scleraforce.library import Library, save_library
 from scleraforce.models.folder import LIBRARY_FILE
-from scleraforce.reader.given import GIVEN
-from scleraforce.reader.slice_network import SLICES
-from scleraforce.reader.told_network import CONTACT, HISTOGRAM, TOLD
+from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, SLICES, TOLD
 from scleraforce.study import Study, format_study, study_hash
 
 
@@ -26,7 +24,7 @@ def write_fixed_reader(
     import onnx
 
     from scleraforce.learning.classifier.graph import constant, model_bytes, node
-    from scleraforce.models.writing import write_folder
+    from scleraforce.models.folder import write_folder
 
     study = fixed_study(len(shares))
     slices, told = SLICES, TOLD

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from scleraforce.reader.evaluation import FrameAnswer
+from scleraforce.reader.evaluate import FrameAnswer
 
 __all__ = ["frame_answer", "refused_frame"]
 

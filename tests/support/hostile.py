@@ -108,7 +108,7 @@ def _read_frames(folder: Path) -> None:
 
 
 def _read_calibration(folder: Path) -> None:
-    from scleraforce.calibration.saved import parse_calibration
+    from scleraforce.calibration.result import parse_calibration
     from scleraforce.known.calibration_file import open_calibration, read_calibration
 
     read_calibration(folder / "calibration.json")

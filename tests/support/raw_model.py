@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from scleraforce.models.writing import write_folder
+from scleraforce.models.folder import write_folder
 from scleraforce.study import RawReaderStudy, ReaderStudy, Study, format_study, study_hash
 
 __all__ = ["RAW_STUDY", "write_raw_model"]

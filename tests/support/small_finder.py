@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from scleraforce.models.writing import write_folder
+from scleraforce.models.folder import write_folder
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy, format_study, study_hash
 from scleraforce.study.fields import Range, fixed
 

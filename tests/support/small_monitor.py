@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from turned_clock import TurnedClock
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.reader.answers import Answer, LiveReading
+from scleraforce.reader.answer import Answer, LiveReading
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.companions import Companions
 from scleraforce.service.companions.frame_ring import FrameRing

@@ -14,7 +14,7 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Modulus, known_of_recording
 from scleraforce.reader import ForceReader
-from scleraforce.reader.live import LiveReader
+from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.compiling import compile_wall

@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known.eye import Known
-from scleraforce.models.folder import NETWORK_FILE
-from scleraforce.models.shipped import SHIPPED_READER
-from scleraforce.reader.force_distribution import ratio_edges, single_force
-from scleraforce.reader.force_reader import SHIFTS
-from scleraforce.reader.given import given_inputs, told_modulus
+from scleraforce.models.folder import NETWORK_FILE, SHIPPED_READER
+from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
-from scleraforce.reader.told_network import told_of
+from scleraforce.reader.networks import given_inputs, ratio_edges, single_force, told_modulus, told_of
 from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study

@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from scleraforce.calibration.frame_walls import FrameWalls, StepCount
-from scleraforce.calibration.one_tissue import Way, calibrate_eye
-from scleraforce.calibration.result import Calibration, EyeCalibration
+from scleraforce.calibration.one_tissue import FrameWalls, StepCount, Way, calibrate_eye
+from scleraforce.calibration.result import Calibration, EyeCalibration, rigidity_words
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
-from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
-from scleraforce.known.globe import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
+from scleraforce.known.eye import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.folder import Recording
 from scleraforce.segmentation.wall_finder import WallFinder

@@ -1,18 +1,36 @@
-"""The force under each frame as the filter needs it: the label, freed of what is left of the sensor's zero.
+"""The force under each frame as the filter needs it, and how far the label of a frame may lie off it.
 
 E follows from F / E, so a zero that is off by 0.5 mN is an error of E by some percent. The label's tare rests on the
 few seconds before the first contact and does not follow the sensor's drift. But the needle lets go between two pushes;
 the rests there show the zero again and again, and a line through them corrects offset and drift.
+
+A label is a mean of the filtered log over `average_s` about the frame, less the tare (`recording.labels`). Its error is
+taken for the sum of independent parts, whose variances add:
+
+- *noise*: N times the energy of the label's weights (low-pass and mean), 1/W for a long window W. N, in N^2 s, is the
+  noise's density at frequencies of pushes: 0.1 s times the scatter of means of 0.1 s about a parabola, over a second or
+  the window about each frame; the median of all frames. Such means see noise that neighbouring samples share, too.
+- *the zero*: what the rests between pushes say of the sensor's offset and drift at the frame, squared, and how unsure
+  that is (`forces.zero_line`, its offsets scaled to the sensor's noise). Without rests the log does not show the drift:
+  it is then taken to be 0.2 mN a minute (standard deviation).
+- *the tare*: N over its length, as far as that is more than the prior of the zero's line counts already.
+- *quantisation*: a step D that the sample noise s does not dither leaves a bias of the variance
+  sum_k (D/(pi k))^2/2 exp(-(2 pi k s/D)^2), from D^2/12 without noise to nothing from s = D on (Widrow and Kollar,
+  Quantization Noise, 2008, ch. 4-6); once in the window and once in the tare.
+- *motion*: how far the mean of the parabola over the window is from its value at the frame, squared, as far as it is
+  beyond two standard errors of the noise.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.folder import Recording
-from scleraforce.recording.labels import Trial, contact_force
+from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
 
 Array = NDArray[np.float64]
 
@@ -110,3 +128,120 @@ def _running_mean(values: Array, length: int) -> Array:
     total = np.concatenate([[0.0], np.cumsum(values)])
     mean: Array = (total[length:] - total[:-length]) / length
     return mean
+
+
+REST_S = 1.0  # that `REST_SD_N` is of
+MEAN_S = 0.1  # of the means that the noise is taken from
+LEAST_SPAN_S = 1.0  # about a frame, that a parabola is laid through
+TERMS = 3  # of the parabola
+MOST_FRAMES = 200  # of which the noise is taken
+HARMONICS = 20  # of the quantisation
+SURE = 2.0  # standard errors, beyond which motion counts
+LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: a log without noise is none of a sensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Around:
+    """The log about one frame: `density` of its noise, N^2 s (NaN where there are too few samples), and `motion_n`.
+
+    `motion_n` is how far the mean over the window is from the force at the frame; its standard error is
+    `motion_gain` (1/sqrt(s)) times the square root of the density.
+    """
+
+    density: float
+    motion_n: float
+    motion_gain: float
+
+
+def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | None, ...]:
+    """Return the standard deviation of each label's error, N; None for a trial without a label.
+
+    Args:
+        recording: the recording.
+        trials: its labelled frames (`label_frames`), in order.
+    """
+    log, info = recording.forces, recording.info.force
+    labelled = [trial for trial in trials if trial.measured_force_n is not None]
+    if log is None or info is None or not labelled:
+        return tuple(None for _ in trials)
+    every_n = info.contact_sign * log.force_n(info.axis)
+    there = np.isfinite(every_n)
+    log_s, raw_n, contact_n = log.time_s[there], every_n[there], contact_force(log, info)[there]
+    frames_s = np.array([trial.time_s for trial in labelled])
+    frames_n = np.array([trial.measured_force_n for trial in labelled])
+    around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
+    density = _density(around[:: max(len(around) // MOST_FRAMES, 1)], raw_n, log.sample_rate_hz)
+    scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
+    rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
+    line, covariance = zero_line(rests_s / scale, rests_n / scale)  # times, too: the prior of the drift stays
+    at_frame = np.stack([np.ones_like(frames_s), (frames_s - log_s[0]) / scale], axis=1)
+    zero = scale**2 * ((at_frame @ line) ** 2 + np.einsum("fi,ij,fj->f", at_frame, covariance, at_frame))
+    tare_s = tare_samples(raw_n, log.sample_rate_hz) / log.sample_rate_hz
+    tare = max(density / tare_s - scale**2 * float(ZERO_PRIOR[0, 0]), 0.0)
+    noise = density * _energy(info.average_s, log.sample_rate_hz)
+    shared = noise + tare + 2.0 * _quantisation(raw_n)
+    sds = np.sqrt(shared + zero + [_motion(each, density) for each in around])
+    found = iter(sds.tolist())
+    return tuple(None if trial.measured_force_n is None else next(found) for trial in trials)
+
+
+def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Around:
+    """Lay a parabola through means of 0.1 s about a frame."""
+    half_s = max(average_s, LEAST_SPAN_S) / 2
+    start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
+    since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
+    block = np.floor((since_s + half_s) / MEAN_S).astype(np.intp)
+    count = np.bincount(block)
+    full = count > 0.5 * np.median(count[count > 0]) if len(count) else np.zeros(0, dtype=np.bool_)
+    if full.sum() <= TERMS:
+        return _Around(density=np.nan, motion_n=0.0, motion_gain=0.0)
+    mean_s, mean_n = (np.bincount(block, weights=values)[full] / count[full] for values in (since_s, force_n))
+    design = np.stack([np.ones_like(mean_s), mean_s, mean_s**2], axis=1)
+    inverse = np.linalg.inv(design.T @ design)
+    parabola = inverse @ design.T @ mean_n
+    rest = mean_n - design @ parabola
+    freedom = len(mean_n) - TERMS
+    median = (1.0 - 2.0 / (9.0 * freedom)) ** 3  # of a chi square over its degrees of freedom (Wilson and Hilferty)
+    window_s = since_s[np.abs(since_s) <= average_s / 2]
+    off = np.array([0.0, window_s.mean(), (window_s**2).mean()]) if len(window_s) else np.zeros(TERMS)
+    return _Around(
+        density=MEAN_S * float(rest @ rest) / freedom / median,
+        motion_n=float(off @ parabola),
+        motion_gain=sqrt(float(off @ inverse @ off) / MEAN_S),
+    )
+
+
+def _density(around: Sequence[_Around], raw_n: Array, rate_hz: float) -> float:
+    """Return the density of the noise, N^2 s: the median of frames, or of the samples' differences without any."""
+    found = [each.density for each in around if np.isfinite(each.density)]
+    return float(np.median(found)) if found else _sample_variance(raw_n) / rate_hz
+
+
+def _motion(around: _Around, density: float) -> float:
+    """Return the mean square that motion adds to a label, N^2."""
+    return max(around.motion_n**2 - (SURE * around.motion_gain) ** 2 * density, 0.0)
+
+
+def _energy(average_s: float, rate_hz: float) -> float:
+    """Return the energy of a label's weights, 1/s: low-pass, and mean over the window."""
+    time_s = np.arange(-round((average_s / 2 + 1.0) * rate_hz), round((average_s / 2 + 1.0) * rate_hz) + 1) / rate_hz
+    window = np.where(np.abs(time_s) <= average_s / 2, 1.0, 0.0)
+    weights = low_pass(window / window.sum(), time_s)
+    return float(weights @ weights) * rate_hz
+
+
+def _sample_variance(raw_n: Array) -> float:
+    """Return the variance of a sample's noise, N^2, from the differences of neighbours."""
+    steps_n = np.abs(np.diff(raw_n))
+    return float(steps_n.mean() ** 2 * pi / 4.0)
+
+
+def _quantisation(raw_n: Array) -> float:
+    """Return the variance of the bias that the log's steps leave, N^2 (see above)."""
+    levels_n = np.unique(raw_n)
+    if len(levels_n) < 2:
+        return 0.0
+    step_n = float(np.diff(levels_n).min())
+    noise = max(_sample_variance(raw_n) - step_n**2 / 12.0, 0.0)
+    k = np.arange(1, HARMONICS + 1)
+    return float(((step_n / (pi * k)) ** 2 / 2.0 * np.exp(-((2.0 * pi * k / step_n) ** 2) * noise)).sum())

@@ -1,25 +1,185 @@
-"""An eye of linear mechanics: responses over what is uncertain about it.
+"""An eye of linear mechanics: its displaced section for any modulus, force, pressure and gap (paper eq. 1, 2).
 
-Thickness and the contact's polar angle need a solution of their own each; between a few such solutions the
-displacements are interpolated by Lagrange's polynomial. Modulus, force, IOP and gap need none (`response`).
+K scales with E, so u = (IOP u_p + rho g u_g + F u_n) / E with three solutions at E = 1 Pa. They are kept only where the
+B-scan plane may cut: on short lines of material points across the plane. A line's point of zero distance to the plane
+is a point of the section. Thickness and the contact's polar angle need a solution of their own each; between a few such
+solutions the displacements are interpolated by Lagrange's polynomial.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import cos, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, polar_nodes
-from scleraforce.calibration.response import WallResponse, lateral_samples, response_fields
+from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, lagrange, polar_nodes, smoothed
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 Array = NDArray[np.float64]
+
+SAMPLE_REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
+LINE_STEP_M = 0.2e-3  # between material points across the plane
+LINE_REACH_M = 0.6e-3  # how far material may move across the plane
+BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallResponse:
+    """Material points about the plane of one contact and one thickness, and how they move.
+
+    `fields_fblsc` (field, boundary, line, sample, axis): the undeformed position, then the displacements at E = 1 Pa
+    per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the plane
+    (untilted, from the needle axis), depth below the undeformed contact. `weight_pa_m` is density times gravity;
+    `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
+    """
+
+    fields_fblsc: Array
+    weight_pa_m: float
+    tilt_rad: float
+    smoothing_m: float = 0.0
+
+    def curves(self, states: Sequence[WallState]) -> Array:
+        """Return the sections of several states as a segmentation sees them, (state, boundary, sample, 2) in m.
+
+        The last axis is lateral and depth.
+        """
+        curves = self._cut(states)
+        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+        return curves
+
+    def _cut(self, states: Sequence[WallState]) -> Array:
+        loads = np.array([self._loads(state) for state in states])
+        flat = self.fields_fblsc.reshape(4, -1)
+        points = (loads @ flat).reshape(len(states), *self.fields_fblsc.shape[1:])
+        gap = np.array([state.gap_m for state in states])[:, None, None, None]
+        return _cut_lines(points, gap, self.tilt_rad)
+
+    def section(self, state: WallState) -> Section:
+        """Return the section of one state in the plane's frame (`ScanPlane`)."""
+        outer, inner = self._cut([state])[0]
+        return Section(outer, inner)
+
+    def _loads(self, state: WallState) -> tuple[float, float, float, float]:
+        compliance = 1.0 / state.youngs_modulus_pa
+        return 1.0, state.iop_pa * compliance, self.weight_pa_m * compliance, state.force_n * compliance
+
+
+def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
+    """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
+    lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
+    across = across - gap_m
+    c, s = cos(tilt_rad), sin(tilt_rad)
+    distance, down = c * across - s * depth, s * across + c * depth
+    lines, samples = distance.shape[-2:]
+    before = np.minimum(np.maximum((distance < 0).sum(axis=-2) - 1, 0), lines - 2)
+    corner = np.arange(before.size // samples).reshape(*before.shape[:-1], 1) * (lines * samples)
+    first = corner + before * samples + np.arange(samples)
+    low, high = distance.ravel()[first], distance.ravel()[first + samples]
+    share = low / (low - high)
+    cut = np.empty((*before.shape, 2))
+    for axis, values in enumerate((lateral.ravel(), down.ravel())):
+        start = values[first]
+        cut[..., axis] = start + share * (values[first + samples] - start)
+    return cut
+
+
+def response_fields(
+    wall: LinearWall,
+    contact: Contact,
+    needle_radius_m: float,
+    lateral_m: Array,
+    gap_m: float,
+    direction_rad: float = 0.0,
+    tilt_rad: float = 0.0,
+) -> Array:
+    """Return the fields of a wall about the plane of one contact, see `WallResponse`.
+
+    Args:
+        wall: factored wall; one right-hand side is solved.
+        contact: where the needle pushes.
+        needle_radius_m: outer radius of the needle.
+        lateral_m: undeformed lateral positions of the section's points, see `lateral_samples`.
+        gap_m: the gap about which states may lie, to within 0.3 mm or so.
+        direction_rad: direction of the plane, see `ScanPlane`.
+        tilt_rad: tilt of the plane.
+    """
+    mesh = wall.mesh
+    axes = _plane_axes(contact, direction_rad)
+    solutions = np.stack([wall.pressure_nc, wall.gravity_nc, wall.needle_cnc([contact], needle_radius_m)[0]])
+    fields = [
+        _sample_surface(
+            mesh, quads, radius, solutions, axes, _line_points(radius, mesh.radius_m, lateral_m, gap_m, tilt_rad)
+        )
+        for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
+    ]
+    return np.stack(fields, axis=1)
+
+
+def lateral_samples(
+    radius_m: float,
+    thickness_m: float,
+    contacts: Sequence[Contact],
+    gap_m: float,
+    direction_rad: float = 0.0,
+    tilt_rad: float = 0.0,
+) -> Array:
+    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall lies above the base.
+
+    Args:
+        radius_m: outer radius.
+        thickness_m: of the wall, the largest that is wanted.
+        contacts: where the needle pushes.
+        gap_m: as for `response_fields`, like the rest.
+        direction_rad: direction of the plane.
+        tilt_rad: tilt of the plane.
+    """
+    reach = SAMPLE_REACH * radius_m
+    lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
+    above = np.ones(len(lateral), dtype=bool)
+    for contact in contacts:
+        axes = _plane_axes(contact, direction_rad)
+        points = _line_points(radius_m - thickness_m, radius_m, lateral, gap_m, tilt_rad)
+        height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
+        above &= (height > BASE_MARGIN * radius_m).all(axis=0)
+    return lateral[above]
+
+
+def _plane_axes(contact: Contact, direction_rad: float) -> Array:
+    """Return lateral axis, axis across the untilted plane and depth axis, shape (3, 3), one a row."""
+    lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
+    return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])
+
+
+def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Array, gap_m: float, tilt_rad: float) -> Array:
+    """Return points on a sphere of given radius in the plane's axes, from the contact: shape (line, sample, 3)."""
+    steps = np.arange(-LINE_REACH_M, LINE_REACH_M + LINE_STEP_M / 2, LINE_STEP_M)[:, None]
+    depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - gap_m**2)
+    across = gap_m + tan(tilt_rad) * depth + steps
+    depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - across**2)
+    return np.stack([np.broadcast_to(lateral_m, across.shape), across, depth], axis=-1)
+
+
+def _sample_surface(
+    mesh: HexMesh, quads_qn: NDArray[np.int64], radius_m: float, solutions_fnc: Array, axes: Array, points_lsc: Array
+) -> Array:
+    """Return position and displacements at points of one surface in the plane's axes, (field, line, sample, 3)."""
+    world = points_lsc @ axes - mesh.radius_m * axes[2]
+    quad, local = locate(mesh, world.reshape(-1, 3) / radius_m)
+    weights = surface_weights(mesh, local)
+    nodes = quads_qn[quad]
+    moved = np.einsum("pn,fpnc->fpc", weights, solutions_fnc[:, nodes])
+    stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]
+    fields = np.concatenate([stood[None], moved]) @ axes.T
+    return fields.reshape(4, *points_lsc.shape)
+
 
 THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, where the thickness is uncertain
 

@@ -1,39 +1,154 @@
 """An eye with walls of one tissue: its frames through the filter, one by one, and then read again."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import (
     PARAMETERS,
     RIGIDITY,
     EyeFilter,
+    EyeSession,
     FrameStep,
     Skipped,
+    begin,
+    known_after,
     known_globe_after,
     moments,
+    step,
 )
-from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frame_order import frame_order, reach_doubts
-from scleraforce.calibration.frame_walls import FrameWalls, StepCount
+from scleraforce.calibration.known_forces import settled
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import EyeCalibration, FrameRecord, UsedRecording
-from scleraforce.calibration.session import EyeSession, begin, known_after, step
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import Known, open_doubts, told_globe
-from scleraforce.known.globe import OPEN, UNKNOWN
+from scleraforce.known.eye import OPEN, UNKNOWN, Known, open_doubts, told_globe
 from scleraforce.library import Library
-from scleraforce.recording.folder import Recording, tables_digest
+from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames, label_notes, log_doubts
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import dent
+from scleraforce.segmentation.observed import dent, segmented_boundaries
+from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
+
+
+@dataclass
+class StepCount:
+    """How many steps of an eye's calibration are still to come, and who is told of each."""
+
+    left: int
+    progress: Callable[[int], object] | None
+
+    def __call__(self, steps: int) -> None:
+        """Report steps."""
+        self.left -= steps
+        if self.progress is not None:
+            self.progress(steps)
+
+    def finish(self) -> None:
+        """Report what was not needed."""
+        self(self.left)
+
+
+class SeenFrame(NamedTuple):
+    """By what a frame is known again, and the wall's boundaries in it, or why they are of no use."""
+
+    sha256: str
+    wall: Boundaries | Skipped
+
+
+@dataclass(frozen=True, eq=False)
+class FrameWalls:
+    """The frames of a recording, each read once; `used` are the digests of those that an earlier calibration used."""
+
+    recording: Recording
+    finder: WallFinder | None
+    used: frozenset[str]
+    _seen: dict[int, SeenFrame | None] = field(default_factory=dict)
+
+    def look(self, index: int) -> SeenFrame | None:
+        """Return what is seen in a frame; None if it was used before."""
+        if index not in self._seen:
+            self._seen[index] = self._look(self.recording.frame(self.recording.frames[index]))
+        return self._seen[index]
+
+    def _look(self, pixels: Pixels) -> SeenFrame | None:
+        sha256, info = frame_digest(pixels), self.recording.info
+        if sha256 in self.used:
+            return None
+        scale = PixelScale.of(info.oct)
+        found = find_sclera(pixels, scale, info.eye.thickness_m, self.finder)
+        wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
+        return SeenFrame(sha256, wall)
+
+
+Array = NDArray[np.float64]
+
+FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
+
+
+def frame_order(
+    force_n: Array, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
+) -> list[int]:
+    """Return the frames in the order in which they are looked at.
+
+    All in theirs; or, where only some are wanted, the first few that say where the eye lies, then those of the highest
+    force and of even shares of it, which tell modulus and rigidity apart, in rising order, then whatever else there is
+    for those that cannot be used. Shallow dents hardly show the rigidity: they give the modulus, and from there the way
+    to both is short. A deep one alone leaves a bent valley of both.
+
+    Args:
+        force_n: of each frame, N; not looked at where a frame is not included.
+        included: whether a frame may be used.
+        min_force_n: up to here a frame only says where the eye lies.
+        frames: how many are wanted; None: all.
+        rising: whether all are taken in rising order as well.
+    """
+    if frames is None and not rising:
+        return list(range(len(included)))
+    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= min_force_n]
+    left = [index for index, inside in enumerate(included) if inside and force_n[index] > min_force_n]
+    left.sort(key=lambda index: -force_n[index])
+    if frames is None:
+        return [*light, *reversed(left), *(index for index, inside in enumerate(included) if not inside)]
+    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
+    for share in np.arange(frames, 0, -1) / frames:
+        if left:
+            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
+            left.remove(nearest)
+            chosen.append(nearest)
+    return [*light[:frames], *reversed(chosen), *left]
+
+
+def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
+    """Return a sentence on forces far above those that could be calibrated on; none where there are none.
+
+    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be calibrated on, and modulus and
+    rigidity of a sealed eye can hardly be told apart in shallow dents.
+
+    Args:
+        used_n: forces of the frames that were calibrated on, N.
+        missed_n: of those that were to be, and could not.
+
+    >>> reach_doubts([0.011, 0.02], [0.028])
+    ()
+    """
+    highest_n, missed_n = max(used_n, default=0.0), [force_n for force_n in missed_n if np.isfinite(force_n)]
+    if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
+        return ()
+    return (
+        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on, of forces up to "
+        f"{from_si(max(missed_n), 'mn'):.0f} mN; what is read above rests on the library's walls alone",
+    )
+
 
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 

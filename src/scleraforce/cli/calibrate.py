@@ -113,7 +113,7 @@ def calibrate(
         _stretch(model, recordings, out, frames or CALIBRATED, finder, as_json)
         return
     notes = _Notes(as_json)
-    from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+    from scleraforce.calibration.result import calibration_as_json, parse_calibration
     from scleraforce.known.calibration_file import open_calibration, write_calibration
     from scleraforce.notebook.work import calibrate_eyes
     from scleraforce.report.files import check_figure_path
@@ -155,7 +155,7 @@ def _stretch(
 ) -> None:
     """Write a reader whose intervals hold on recordings, and say by how much they changed."""
     from scleraforce.notebook.work import recalibrate_intervals
-    from scleraforce.reader.interval_scores import FEW_EYES
+    from scleraforce.reader.intervals import FEW_EYES
 
     folder = finder_folder(finder)
     notes = _Notes(as_json)

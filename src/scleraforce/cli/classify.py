@@ -25,7 +25,7 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
     from scleraforce.reader import Reader
-    from scleraforce.reader.answers import Answer
+    from scleraforce.reader.answer import Answer
     from scleraforce.recording.folder import Scanner
 
 
@@ -163,7 +163,7 @@ def _read_as(read: "list[tuple[Path, _FrameRead]]") -> list[str]:
 def _entry(path: Path, found: _FrameRead | InputError, reader: "Reader") -> dict[str, Any]:
     """Return a frame as it stands in JSON; one that could not be read is withdrawn from, and has an `error`."""
     if isinstance(found, InputError):
-        from scleraforce.reader.answers import unusable
+        from scleraforce.reader.answer import unusable
 
         return {**_answered(path, unusable(reader.classes, str(found))), "error": str(found)}
     return {**_answered(path, found.answer), **found.read_with}

@@ -13,7 +13,7 @@ from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+    from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.metrics import Proportion
 
 

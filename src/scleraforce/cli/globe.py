@@ -13,7 +13,7 @@ from scleraforce.study.eye import GLOBES, GlobeStudy
 from scleraforce.study.fields import field_unit
 
 if TYPE_CHECKING:
-    from scleraforce.known.globe import KnownGlobe
+    from scleraforce.known.eye import KnownGlobe
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -59,7 +59,7 @@ def told_globe(globe: str | None, rigidity: float | None) -> "KnownGlobe | None"
     Raises:
         InputError: a rigidity of a globe that is not said to be sealed, or one that no globe has.
     """
-    from scleraforce.known.globe import known_globe
+    from scleraforce.known.eye import known_globe
 
     _check_rigidity(globe, rigidity)
     if globe is None:

@@ -94,11 +94,11 @@ def globe_words(known: "Known", reads_force: bool) -> str:
     """Return with which globe a model reads an eye, and what it costs where that is not known.
 
     >>> from scleraforce.known.eye import Known
-    >>> from scleraforce.known.globe import SEALED
+    >>> from scleraforce.known.eye import SEALED
     >>> globe_words(Known(globe=SEALED), reads_force=True)
     'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
     """
-    from scleraforce.known.globe import UNKNOWN
+    from scleraforce.known.eye import UNKNOWN
 
     globe = UNKNOWN if known.globe is None else known.globe
     if not reads_force:

@@ -128,8 +128,7 @@ def monitor(
 
 def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "tuple[Known, str | None]":
     """Return what is known of the eye, as told, with the calibration's modulus; and what is doubtful about that."""
-    from scleraforce.known.calibration_file import read_calibration
-    from scleraforce.known.eye import foreign_modulus, known_of_eye
+    from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
 
     told = {name: options[name] for name in TOLD}
     known = known_eye(**told)

@@ -12,14 +12,14 @@ import click
 
 from scleraforce.cli.output import print_json, progress_bar, say
 from scleraforce.compiled import use_compiled_loops
-from scleraforce.models.shipped import model_name
+from scleraforce.models.folder import model_name
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.reader.evaluation import Evaluation
+    from scleraforce.reader.evaluate import Evaluation
     from scleraforce.reproduction.run import Progress, Run
 
 

@@ -63,7 +63,7 @@ def asked_wall_finder(finder: Path | None) -> "WallFinder | None":
     if folder is None:
         return None
     # Imported here: ONNX Runtime takes longer to import than frames to segment.
-    from scleraforce.reader.wall_finder_model import load_wall_finder
+    from scleraforce.reader.model import load_wall_finder
 
     return load_wall_finder(folder)
 

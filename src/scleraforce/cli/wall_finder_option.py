@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -49,7 +49,7 @@ from scleraforce.fitting.unknowns import (
     TIP,
     TIP_STEP_M,
 )
-from scleraforce.known.globe import OPEN, KnownGlobe
+from scleraforce.known.eye import OPEN, KnownGlobe
 from scleraforce.library.responses import Library
 
 Array = NDArray[np.float64]

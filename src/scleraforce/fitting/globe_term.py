@@ -14,7 +14,7 @@ from scleraforce.compiled import loops_are_compiled
 from scleraforce.eye.globe import Globe
 from scleraforce.fitting.fit_prediction import Walls, displaced_m3
 from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
-from scleraforce.known.globe import KnownGlobe
+from scleraforce.known.eye import KnownGlobe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]

@@ -23,9 +23,7 @@ from scleraforce.fitting.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.known.discrepancy import NO_DISCREPANCY, ForceDiscrepancy
-from scleraforce.known.eye import Known
-from scleraforce.known.globe import UNKNOWN, KnownGlobe
+from scleraforce.known.eye import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy

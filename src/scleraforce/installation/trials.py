@@ -11,13 +11,12 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.installation.finding import Finding
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import OPEN
+from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import Pose, sample_optics
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetric_path
-from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Study

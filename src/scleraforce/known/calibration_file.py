@@ -1,21 +1,20 @@
 """The file that `calibrate` writes: opened, checked and written here, and what others than `calibration` need of it.
 
 That is each eye's modulus, the population's, and their provenance. The filter's state in it is read by
-`calibration.saved`. SciPy stays out of this module, for the reader's runtime uses it too.
+`calibration.result`. SciPy stays out of this module, for the reader's runtime uses it too.
 """
 
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.correlation import MOST_CORRELATED
-from scleraforce.known.discrepancy import ForceDiscrepancy
-from scleraforce.known.globe import OPEN, KnownGlobe
+from scleraforce.known.eye import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Known, KnownGlobe, Modulus
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import eye_id_fault
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -34,6 +33,7 @@ KINDS_OF_GLOBE = ("open", "sealed", "unknown")
 STIFFENS_MOST = 200.0
 LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
 LARGEST_SCATTER = 100.0
+NAMED_EYES = 8  # in a sentence
 LARGEST_N = 3.0  # of a force that a frame was calibrated on
 WRITER = "give a file of `scleraforce calibrate`"
 
@@ -114,7 +114,7 @@ def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
 
 
 def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
-    """Read a calibration file as it stands, for `summary_of` or `calibration.saved.parse_calibration`.
+    """Read a calibration file as it stands, for `summary_of` or `calibration.result.parse_calibration`.
 
     Raises:
         CalibrationError: the file cannot be read, or `calibrate` has not written it.
@@ -123,7 +123,7 @@ def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
 
 
 def write_calibration(content: Mapping[str, Any], path: Path) -> None:
-    """Write what `calibration.saved.calibration_as_json` returns, whole or not at all.
+    """Write what `calibration.result.calibration_as_json` returns, whole or not at all.
 
     Raises:
         InputError: its folder cannot be written to.
@@ -336,3 +336,71 @@ def number_of(entry: Mapping[str, Any], key: str, place: str, low: float, high: 
         between = f"{value:g} is not between {low:g} and {high:g} {unit}".rstrip()
         raise CalibrationError(f"{place}.{key}: {between}{meant(key, value, Unit(low=low, high=high))}")
     return float(value)
+
+
+def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
+    """Return what is known of an eye once a calibration adds its modulus.
+
+    A modulus goes with the stiffening of its tissue; one of the eye's own with the wall's thickness that it was
+    calibrated with, and with what was found of its globe, unless a kind was told then and another one is told now. Of
+    an eye whose calibration diverged nothing of its modulus is known, and nothing of the globe where its frames
+    contradict what was told of that: the file's is unknown then.
+    """
+    modulus = calibrated_modulus(summary, eye)
+    own = summary.eyes.get(eye)
+    if own is not None and not own.usable:
+        return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
+    if own is None or modulus is None or modulus.source != "own":
+        return replace(known, modulus=modulus, stiffening=summary.population_stiffening)
+    globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
+    return replace(
+        known,
+        modulus=modulus,
+        thickness_m=own.thickness_m,
+        globe=globe,
+        stiffening=own.stiffening,
+        discrepancy=own.discrepancy,
+    )
+
+
+def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
+    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes.
+
+    None for an eye whose calibration diverged: it is not one of those that the model describes, so nothing is known of
+    its modulus; likewise where that holds for all eyes. The spread is at least the paper's. A single eye says nothing
+    of it, and may itself lie off the mean by as much: the eye that is read then differs from it by the spread of two
+    eyes.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="own")
+    if own is not None or not any(other.usable for other in summary.eyes.values()):
+        return None
+    mean_pa = summary.population_mean_pa
+    if summary.population_sd_pa is None:
+        return Modulus(mean_pa=mean_pa, sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa, source="population")
+    return Modulus(mean_pa=mean_pa, sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa), source="population")
+
+
+def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
+    """Return a sentence where an eye is read without a modulus of its own, None where it has one.
+
+    It names the eye and the file's eyes, for the id may be mistyped.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return None
+    there = "is not in" if own is None else f"is not usable ({own.status}) in"
+    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
+    modulus = calibrated_modulus(summary, eye)
+    count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
+    read = (
+        "as one of unknown modulus"
+        + (" in a globe of which nothing is known" if own and own.globe.kind == "unknown" else "")
+        if modulus is None
+        else (
+            f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "
+            f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
+        )
+    )
+    return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"

@@ -6,7 +6,7 @@ It shifts the dent along the section and across it, in proportion to the pressur
 the dent: by 10 um at a tension of 0.12, 30 um at 0.2.
 
 The needle's force moves the dent, too (`base_push`): it has a part across the eye's axis, under which the half-sphere
-gives way by shear. How the wall bends with it is `calibration.base_moves`.
+gives way by shear. How the wall bends with it is `calibration.library_eye`.
 """
 
 import numpy as np

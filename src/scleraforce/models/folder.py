@@ -1,23 +1,50 @@
-"""The model folder: `model.onnx`, `study.toml`, `card.md`, and `model.json` with their SHA-256.
+"""The model folder: `model.onnx`, `study.toml`, `card.md`, and `model.json` with their SHA-256; and the bundled ones.
 
-A model of kind "reader" has the response library beside them, `library.npz`.
-
-Reading checks every file against `model.json` and refuses what does not match, so that a network is never run beside a
-study that it was not trained with.
+A model of kind "reader" has the response library beside them, `library.npz`. Reading checks every file against
+`model.json` and refuses what does not match, so that a network is never run beside a study that it was not trained
+with. Wherever MODEL is asked for, the name of a bundled model will do.
 """
 
 import hashlib
+import json
+import os
 import reprlib
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import mkdtemp
 from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
-from scleraforce.models.shipped import SHIPPED, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.whole_files import KINDS, read_bytes
+
+FOLDER = Path(__file__).parents[1] / "shipped"
+SHIPPED_READER, SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "paper", FOLDER / "wall_finder"
+SHIPPED = {"default": SHIPPED_READER, "paper": SHIPPED_PAPER, "wall-finder": SHIPPED_WALL_FINDER}
+
+
+def model_folder(given: Path) -> Path:
+    """Return the folder that MODEL means: itself where it exists, else the shipped one of that name, if there is one.
+
+    >>> model_folder(Path("default")) == SHIPPED_READER
+    True
+    >>> model_folder(Path("nowhere"))
+    PosixPath('nowhere')
+    """
+    return given if given.exists() else SHIPPED.get(str(given), given)
+
+
+def model_name(folder: Path) -> str:
+    """Return what MODEL calls a folder: its path, or the name of one that ships, wherever that is installed.
+
+    >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
+    ('default', 'models/mine')
+    """
+    return next((name for name, shipped in SHIPPED.items() if shipped == folder), str(folder))
+
 
 MODEL_FORMAT = 1
 NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
@@ -89,3 +116,55 @@ def _check_hash(path: Path, name: str, content: bytes, hashes: Mapping[str, Any]
             f"{path / name}: SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}; the file "
             "was changed after training: train the model again"
         )
+
+
+def check_place(out: Path) -> None:
+    """Check, before any work is done, that a model folder can be made.
+
+    Raises:
+        ModelError: `out` exists, or the folder that it is to stand in cannot be written to.
+    """
+    if out.exists() or out.is_symlink():
+        raise ModelError(f"{out}: exists already; remove it or choose another folder")
+    above = next(folder for folder in out.absolute().parents if folder.exists())
+    try:
+        Path(mkdtemp(prefix=".scleraforce-", dir=above)).rmdir()  # permissions alone do not tell, for some file systems
+    except OSError as fault:
+        raise ModelError(f"{out}: cannot be made: {above}: {fault.strerror}; choose another folder") from fault
+
+
+def write_folder(
+    out: Path,
+    network: bytes,
+    study_toml: str,
+    card: str,
+    record: Mapping[str, Any],
+    more: Mapping[str, bytes] = MappingProxyType({}),
+) -> None:
+    """Write a model folder under a temporary name beside `out`, then rename it.
+
+    Args:
+        out: the folder to make.
+        network: the ONNX model.
+        study_toml: the study, in canonical form.
+        card: the model card.
+        record: what `model.json` keeps besides format and hashes.
+        more: further files by name.
+
+    Raises:
+        ModelError: `out` exists, or cannot be written.
+    """
+    check_place(out)
+    files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
+    hashes = {name: sha256(content) for name, content in files.items()}
+    record_json = json.dumps({"format": MODEL_FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
+    partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
+    try:
+        partial.mkdir(parents=True)
+        for name, content in {**files, RECORD_FILE: (record_json + "\n").encode()}.items():
+            (partial / name).write_bytes(content)
+        partial.rename(out)
+    except OSError as fault:
+        raise ModelError(f"{out}: {fault.strerror}") from fault
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)

@@ -4,17 +4,15 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
-from scleraforce.calibration.result import Calibration
-from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.calibration.result import Calibration, calibration_as_json
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import check_model, summary_of_calibration
 from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reader.reader import Reader
+from scleraforce.reader.answer import Reader
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.study import Study
 
 MECHANICS = ("finite-strain", "linear")

@@ -14,13 +14,18 @@ import numpy as np
 
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError, StudyError
-from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
-from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
-from scleraforce.known.globe import KnownGlobe, known_globe
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.answers import Answer
-from scleraforce.reader.reader import Reader
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.known.calibration_file import (
+    CalibrationSummary,
+    foreign_modulus,
+    known_of_eye,
+    parse_calibration_file,
+    read_calibration,
+    summary_of,
+)
+from scleraforce.known.eye import Known, KnownGlobe, Modulus, completed, known_globe, known_of_recording
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.answer import Answer, Reader
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import RecordingInfo, Scanner, read_scaled_frame, recording_of
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
@@ -258,7 +263,7 @@ def summary_of_calibration(calibration: "Calibration | str | PathLike[str]") -> 
     """
     if isinstance(calibration, str | PathLike):
         return read_calibration(calibration)
-    from scleraforce.calibration.saved import calibration_as_json  # with all that calibrates
+    from scleraforce.calibration.result import calibration_as_json  # with all that calibrates
 
     text = json.dumps(calibration_as_json(calibration), allow_nan=False)
     return summary_of(parse_calibration_file(text.encode(), "the calibration"))

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.work import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
 from scleraforce.recording.importing import IMPORT_RECORD, NOBODY, Asker, Import, answers_like, complete, record_text
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys

@@ -12,7 +12,7 @@ from scleraforce.library.cache import cached_library
 from scleraforce.library.store import open_library
 from scleraforce.notebook.frames import load_model
 from scleraforce.notebook.work import counting_for, simulate_slices, train_on_library, train_on_slices
-from scleraforce.reader.reader import Reader
+from scleraforce.reader.answer import Reader
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
-from scleraforce.models.folder import LIBRARY_FILE, read_folder
-from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.models.folder import LIBRARY_FILE, SHIPPED_READER, read_folder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
 from scleraforce.study.unused import refuse_unused
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from scleraforce.learning.raw_reader.train import TrainedRawReader
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
-    from scleraforce.reader.interval_scores import Stretch
+    from scleraforce.reader.intervals import Stretch
 
 Given = Recording | str | PathLike[str]
 # Of work with a title and a number of steps: entered around it, it gives what is called with the steps newly done.
@@ -112,7 +111,7 @@ def calibrate_eyes(
     from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
     from scleraforce.known.eye import known_of_recording
     from scleraforce.reader.limits import slice_limits, wall_limits
-    from scleraforce.reader.wall_finder_model import load_wall_finder
+    from scleraforce.reader.model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
     sought = None if parameters is None else tuple(parameters)
@@ -161,7 +160,7 @@ def recalibrate_intervals(
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
     Each eye is calibrated on so many of its frames; the others are read, and their scores stretch the intervals.
-    Few eyes only widen them (`reader.interval_scores.FEW_EYES`).
+    Few eyes only widen them (`reader.intervals.FEW_EYES`).
 
     Args:
         model: folder of a reader.
@@ -180,12 +179,19 @@ def recalibrate_intervals(
     """
     from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
     from scleraforce.known.eye import known_of_recording
-    from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
-    from scleraforce.models.writing import check_place, write_folder
+    from scleraforce.models.folder import (
+        CARD_FILE,
+        COMMON_FILES,
+        NETWORK_FILE,
+        STUDY_FILE,
+        check_place,
+        read_folder,
+        write_folder,
+    )
     from scleraforce.notebook.frames import summary_of_calibration
-    from scleraforce.reader.interval_scores import intervals_record, recording_scores, stretched, stretches
-    from scleraforce.reader.model import load_force_reader
-    from scleraforce.reader.wall_finder_model import load_wall_finder
+    from scleraforce.reader.evaluate import recording_scores
+    from scleraforce.reader.intervals import intervals_record, stretched, stretches
+    from scleraforce.reader.model import load_force_reader, load_wall_finder
 
     check_place(out)
     use_compiled_loops()

@@ -1,26 +1,55 @@
-"""Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed)."""
+"""Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and read in the control loop."""
 
 import reprlib
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from scleraforce.errors import InputError, ModelError
+from scleraforce.known.eye import Known
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, RECORD_FILE, ModelFolder, read_folder
+from scleraforce.models.folder import (
+    LIBRARY_FILE,
+    NETWORK_FILE,
+    RECORD_FILE,
+    SHIPPED_WALL_FINDER,
+    WALL_FINDER,
+    ModelFolder,
+    read_folder,
+)
 from scleraforce.models.session import check_provenance, folder_session, folder_study, network_session
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.classifier import Classifier
-from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.interval_factors import parse_factors
-from scleraforce.reader.raw_network import OnnxRawNetwork
-from scleraforce.reader.raw_reader import RawReader
-from scleraforce.reader.reader import Reader
-from scleraforce.reader.readings import METHODS
-from scleraforce.reader.slice_network import OnnxSliceNetwork
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.answer import METHODS, LiveReading, Reader
+from scleraforce.reader.intervals import parse_factors
+from scleraforce.reader.kinds import Classifier, ForceReader, RawReader
+from scleraforce.reader.networks import OnnxRawNetwork, OnnxSliceNetwork
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
+
+
+def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
+    """Load a model folder of kind "wall-finder".
+
+    Args:
+        path: the folder that `scleraforce train --kind wall-finder` wrote.
+        threads: of ONNX Runtime within one operation.
+
+    Raises:
+        ModelError: a file is missing, was changed, or does not fit the study beside it; or it is of another kind.
+    """
+    folder = read_folder(Path(path))
+    if folder.record["kind"] != WALL_FINDER:
+        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {WALL_FINDER} is needed here")
+    finder = WallFinder(
+        folder_session(folder, threads), folder_study(folder).wall_finder, str(folder.path / NETWORK_FILE)
+    )
+    check_provenance(folder, finder.session)
+    return finder
+
 
 READS = (Classifier.kind, ForceReader.kind, RawReader.kind)  # kinds of models that read forces
 
@@ -116,3 +145,66 @@ def _default(folder: ModelFolder) -> str:
         place = folder.path / RECORD_FILE
         raise ModelError(f"{place}: default: found {reprlib.repr(default)}, expected {' or '.join(METHODS)}")
     return str(default)
+
+
+THICKNESS_M = 0.6e-3  # of the wall, where nothing is known of it
+SURFACE = 0.2  # depth of the apex, of the frame's
+NOISE, TISSUE = (0, 400), (600, 1600)  # counts; those of the tissue are added
+
+
+def warming_frame(
+    shape: tuple[int, int], scale: PixelScale, radius_m: float, thickness_m: float | None = None
+) -> NDArray[np.uint16]:
+    """Return a raw B-scan of the wall of an eye at rest, the same at each call.
+
+    Args:
+        shape: rows and columns.
+        scale: size of a pixel as stored, with the refractive index.
+        radius_m: of the eye.
+        thickness_m: of the wall; None: not known.
+
+    Returns:
+        uint16 (row, column).
+    """
+    (rows, columns), rng = shape, np.random.default_rng(0)
+    lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
+    falls_m = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
+    depth_m = (np.arange(rows)[:, None] + 0.5 - SURFACE * rows) * scale.depth_m - falls_m
+    is_tissue = (depth_m > 0.0) & (depth_m < (thickness_m or THICKNESS_M) * scale.refractive_index)
+    noise, tissue = (rng.integers(*counts, shape, dtype=np.uint16) for counts in (NOISE, TISSUE))
+    return noise + np.where(is_tissue, tissue, np.uint16(0))
+
+
+WARMING_FRAMES = 20
+
+
+class LiveReader:
+    """Reads the frames of one eye, one after the other.
+
+    Some frames are read at the start, so that the first real one takes no longer than the others.
+
+    Args:
+        reader: the model. A classifier's answer is its own; of a reader it is that of its network.
+        known: of the eye; a classifier takes no notice of it.
+        refractive_index: by which depth is stretched in the frames; 1 where the scanner has corrected it.
+    """
+
+    def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
+        self._reader, self._known, self._refractive_index = reader, known, refractive_index
+        scanner, scale = reader.study.oct, PixelScale.of(reader.study.oct)
+        frame = warming_frame((scanner.rows, scanner.columns), scale, reader.study.eye.radius_m, known.thickness_m)
+        for _ in range(WARMING_FRAMES):
+            self.read(frame, scale)
+
+    def read(self, frame: Pixels, scale: PixelScale) -> LiveReading:
+        """Read one raw frame.
+
+        Args:
+            frame: raw B-scan (row, column).
+            scale: size of a pixel as stored; its refractive index is not looked at, the scanner's counts.
+
+        Returns:
+            The reading; `can_calibrate` of its answer is False, as it is not asked in the loop.
+        """
+        scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
+        return self._reader.read_live(frame, scale, self._known)

@@ -1,4 +1,6 @@
-"""Verdicts on a frame beside its force: is it the wall of an eye, does its dent leave the window, can one calibrate."""
+"""What is seen in a frame, and verdicts on it: the wall of an eye, a dent that leaves the window, enough of it."""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +9,16 @@ from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
 from scleraforce.fitting.prior import Prior
 from scleraforce.fitting.resting_form import FORMS
 from scleraforce.fitting.unknowns import FORM, INNER_OFFSET, SIZE, THICKNESS
-from scleraforce.reader.readings import Reading
+from scleraforce.known.eye import Known
+from scleraforce.reader.answer import Answer, Reading, unusable
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.steps import Segmentation
-from scleraforce.study import ReaderStudy, SliceStudy
+from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
@@ -161,3 +170,147 @@ def allows_calibration(
         return False
     both = np.isfinite(depth_bc[:, near]).all(axis=0)
     return bool(both.mean() >= CALIBRATED_SHARE)
+
+
+SLACK_M = 0.1e-3  # of a stated gap, beyond the needle's radius
+
+
+def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
+    """Return what the fit reads: all that a model was trained on, and gaps from 0.
+
+    The library's walls are surfaces of revolution about the needle axis: it has a section at any gap.
+    """
+    return replace(trained, gap_m=Range(min=0.0, max=trained.gap_m.bounds[1]))
+
+
+def crossed_by_needle(trained: ReaderStudy, radius_m: float) -> ReaderStudy:
+    """Return what is known of a frame that a needle crosses: where no gap is told, it is within the needle's radius."""
+    return replace(trained, gap_m=Range(min=0.0, max=radius_m))
+
+
+def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -> str | None:
+    """Return why a needle in the picture and the gap that was told exclude each other; None where they do not.
+
+    Args:
+        needle: the one that is seen.
+        known: of the eye.
+        radius_m: of the needle that the model knows.
+
+    >>> seen = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(256.0, -0.5), hidden=(244, 268))
+    >>> needle_elsewhere(seen, Known(gap_m=0.8e-3), 0.35e-3)
+    'a needle is seen, although the B-scan is said to pass 0.8 mm from its axis: its radius is 0.35 mm'
+    >>> needle_elsewhere(seen, Known(gap_m=0.1e-3), 0.35e-3)
+    """
+    if needle is None or known.gap_m is None or known.gap_m <= radius_m + SLACK_M:
+        return None
+    return (
+        f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
+        f"its radius is {from_si(radius_m, 'mm'):.4g} mm"
+    )
+
+
+NEEDLE_SEEN = "a needle hides a part of the wall, and the network was not trained on such slices"
+
+_NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What was seen in a frame: its segmentation, and slices of it where there is a wall to read.
+
+    `cuts` (slice, row, column): the slice, and the same shifted in depth where the model reads several. `reason` says
+    why it cannot be read, None where it can.
+    """
+
+    segmentation: Segmentation
+    cuts: NDArray[np.uint8]
+    reason: str | None
+
+    @property
+    def cut(self) -> NDArray[np.uint8]:
+        """The slice that is not shifted."""
+        first: NDArray[np.uint8] = self.cuts[0]
+        return first
+
+    @property
+    def needle(self) -> SeenNeedle | None:
+        """The needle that crosses the frame."""
+        return self.segmentation.needle
+
+    def told(self, answer: Answer) -> Answer:
+        """Return an answer to the frame with its segmentation and what else is seen in it."""
+        found = self.segmentation
+        return replace(answer, segmentation=found, needle=found.needle, conjunctiva_m=found.conjunctiva_m)
+
+
+def look(
+    frame: Pixels,
+    scale: PixelScale,
+    slice_study: SliceStudy,
+    shifts: tuple[float, ...] = (0.0,),
+    thickness_m: float | None = None,
+    finder: WallFinder | None = None,
+) -> Look:
+    """Segment a frame and draw the slices that a model reads.
+
+    Args:
+        frame: raw B-scan (row, column).
+        scale: size of a pixel as stored, with the refractive index.
+        slice_study: of the model.
+        shifts: of the slices in depth, in rows of a slice; the first is 0.
+        thickness_m: of the wall, as told; and
+        finder: a network that checks the wall: see `find_sclera`.
+    """
+    found = find_sclera(frame, scale, thickness_m, finder)
+    if not found.usable:
+        return Look(found, _NOTHING, found.reason)
+    cuts = boundary_slices(found, scale, slice_study, shifts)
+    return Look(found, cuts, None if cuts[0].any() else "the wall lies outside the window of the slice")
+
+
+def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
+    """Return whether enough of the wall is in view about a contact to calibrate on a frame.
+
+    Args:
+        seen: of the frame.
+        boundaries: of its segmentation.
+        contact_m: lateral place of the contact from the frame's middle.
+    """
+    return not dent_leaves(seen.cut) and allows_calibration(
+        seen.segmentation, boundaries.lateral_m, boundaries.depth_m, contact_m
+    )
+
+
+WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
+
+
+def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> Answer:
+    """Return the answer that one method gives.
+
+    Args:
+        reading: of the method.
+        name: of the method.
+        leaves: whether the dent leaves the window.
+        study: of the model.
+    """
+    classes = len(study.classes.bounds_n) + 1
+    if not reading.finite:
+        return unusable(classes, f"what the {name} reads is no number")
+    reason = contact_outside(reading, study.reader)
+    if reason:
+        return unusable(classes, reason)
+    if leaves and not reading.width_n < WIDEST_N:
+        return unusable(
+            classes,
+            "the dent leaves the window of the slice, and its flanks leave the force open by "
+            f"{from_si(reading.width_n, 'mn'):.0f} mN",
+        )
+    return Answer(
+        predicted=reading.predicted,
+        probabilities=reading.probabilities,
+        usable=True,
+        reason=None,
+        force_n=reading.force_n,
+        interval_n=reading.interval_n,
+        contact_m=reading.contact_m,
+    )

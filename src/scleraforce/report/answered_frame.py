@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluation import FrameAnswer
+from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.slice import boundary_slice

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import FrameStep, predicted_points, rigidity_after
 from scleraforce.calibration.eye_model import stated_wall
-from scleraforce.calibration.placement import BY_POLAR, place_section
-from scleraforce.calibration.result import Calibration, EyeCalibration
-from scleraforce.calibration.words import found_words
+from scleraforce.calibration.registration import BY_POLAR, place_section
+from scleraforce.calibration.result import Calibration, EyeCalibration, found_words
 from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
 from scleraforce.report.tables import NOTHING

@@ -5,7 +5,7 @@ from datetime import datetime
 from math import isnan
 from pathlib import Path
 
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.files import write_page

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluation import FrameAnswer
+from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
 from scleraforce.units import from_si
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.pixels import Pixels
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.html import Html, gallery, paragraph, section

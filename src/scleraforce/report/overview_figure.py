@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scleraforce.reader.evaluation import FrameAnswer
+from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.force_figures import draw_trials
 from scleraforce.report.style import CLASS_INKS, SCAN_COLOURS, inches, styled

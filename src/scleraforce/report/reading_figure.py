@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from scleraforce.reader.evaluation import FrameAnswer
+from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, RED, inches, styled
 from scleraforce.units import from_si
 

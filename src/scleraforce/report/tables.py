@@ -6,7 +6,7 @@ from math import isnan
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import Proportion, precision, recall
 from scleraforce.report.html import Html, table
 from scleraforce.units import from_si

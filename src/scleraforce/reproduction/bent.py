@@ -12,8 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.result import Calibration
-from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.calibration.result import Calibration, calibration_as_json
 from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -22,12 +21,11 @@ from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.learning.reader.train import train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader, load_model
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash

@@ -12,9 +12,9 @@ from scleraforce.known.calibration_file import CalibrationSummary, read_calibrat
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.models.shipped import model_name
+from scleraforce.models.folder import model_name
 from scleraforce.reader import load_model
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import (
     SHARED_ERROR,
     ForceTrial,

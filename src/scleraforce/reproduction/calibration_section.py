@@ -3,14 +3,12 @@
 from collections.abc import Callable, Sequence
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.result import Calibration, EyeCalibration
-from scleraforce.calibration.saved import parse_calibration
-from scleraforce.calibration.words import found_words
+from scleraforce.calibration.result import Calibration, EyeCalibration, found_words, parse_calibration
 from scleraforce.known.calibration_file import open_calibration
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points

@@ -8,16 +8,15 @@ from math import radians
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.calibration.result import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
-from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.answered_frame import look_at_all
 from scleraforce.report.evaluation_page import write_evaluation_html

@@ -11,7 +11,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.reader import Classifier
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.report.answered_frame import look_at

@@ -18,7 +18,7 @@ from scleraforce.dataset import Dataset
 from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.classifier.train import split_samples
 from scleraforce.learning.classifier.training import fit
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.report.answered_frame import look_at
 from scleraforce.whole_files import KINDS, read_text, write_whole

@@ -6,7 +6,7 @@ from datetime import datetime
 import numpy as np
 
 from scleraforce.reader import Classifier, load_classifier
-from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
 from scleraforce.report.eye_view.view import view_script, view_style

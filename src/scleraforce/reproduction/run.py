@@ -17,9 +17,8 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.errors import InputError, StudyError
-from scleraforce.models.folder import read_folder, sha256
+from scleraforce.models.folder import SHIPPED_READER, read_folder, sha256
 from scleraforce.models.session import folder_study
-from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole

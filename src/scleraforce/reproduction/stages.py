@@ -10,19 +10,17 @@ from datetime import datetime
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
-from scleraforce.calibration.result import Calibration
-from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.library.plan import plan_library
-from scleraforce.models.shipped import SHIPPED_WALL_FINDER
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction.bent import (
     CALIBRATED_EYES,

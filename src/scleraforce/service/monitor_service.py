@@ -16,7 +16,7 @@ from scleraforce.errors import InputError
 from scleraforce.known.eye import Known, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
-from scleraforce.reader.live import LiveReader
+from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.compiling import compile_wall, compiled_is_kept

@@ -8,7 +8,7 @@ from typing import Any
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answers import Answer, LiveReading
+from scleraforce.reader.answer import Answer, LiveReading
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.overtaken import FramePace, Overtaken

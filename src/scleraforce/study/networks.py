@@ -88,7 +88,7 @@ class ReaderStudy(Section):
 
     `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is even.
     `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
-    which as many are uneven, tell how wide intervals have to be (`reader.interval_factors`); 0: they stay as they are.
+    which as many are uneven, tell how wide intervals have to be (`reader.intervals`); 0: they stay as they are.
 
     `boundary_errors`: times the errors that the segmentation of rendered frames makes, in the samples of the network,
     which has to stand more than it will see; `interval_boundary_errors` in the frames of the eyes that intervals are
@@ -100,7 +100,7 @@ class ReaderStudy(Section):
     surer than 6 % was calibrated with these. Each value is missing in `*_missing_fraction` of the samples.
 
     `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
-    (`known.globe`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
+    (`known.eye`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
     no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
     even over `rigidity_sd_pa13_per_m3`). Most values are told of most samples: what is said of an eye with all of them
     is sharp, and takes more samples to learn than what is said of one with few.

@@ -8,7 +8,7 @@ from analytic_library import analytic_library
 
 from scleraforce.learning.raw_reader.light import draw_optics, draw_shafts, largest_needle_gap
 from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSource, pair_rows, raw_chunks_ahead
-from scleraforce.reader.given import GIVEN
+from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, fixed
 

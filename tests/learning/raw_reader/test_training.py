@@ -19,7 +19,7 @@ from scleraforce.learning.reader.network import ReaderNetwork, histogram
 from scleraforce.library import Library
 from scleraforce.models.session import network_session
 from scleraforce.reader import load_model
-from scleraforce.reader.given import GIVEN
+from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import RawReaderStudy, ReaderStudy, Study, parse_study, study_hash
 

@@ -10,8 +10,8 @@ from scleraforce.known.eye import Known
 from scleraforce.learning.reader import intervals, virtual_eyes
 from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
 from scleraforce.library import Library
-from scleraforce.models.shipped import SHIPPED_READER
-from scleraforce.reader.interval_scores import Score
+from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.reader.intervals import Score
 from scleraforce.study import Range, ReaderStudy, Study
 
 EVEN = Study(reader=ReaderStudy(uneven_share=0.0, thickness_m=Range(min=500e-6, max=700e-6)))

@@ -10,13 +10,13 @@ from stiffened_library import made_up_library
 from scleraforce.errors import InputError
 from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
-from scleraforce.known.globe import SEALED, UNKNOWN
+from scleraforce.known.eye import SEALED, UNKNOWN
 from scleraforce.learning.reader.draws import CHUNK, TISSUE, Source, chunks_ahead
 from scleraforce.learning.reader.samples import ReaderSamples, concatenated, draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
-from scleraforce.reader.given import GIVEN
+from scleraforce.reader.networks import GIVEN
 from scleraforce.section.plane import SliceWindow
 from scleraforce.section.slices import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scleraforce.learning.reader.trait_factors import trait_factors
-from scleraforce.reader.interval_scores import Score, conformal_quantile
+from scleraforce.reader.intervals import Score, conformal_quantile
 
 TRAITS = {"sealed": 0.6, "taut": 0.9, "uneven": 1.5, "light": 2.0, "sparse": 1.0}
 

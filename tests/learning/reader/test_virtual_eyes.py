@@ -11,14 +11,12 @@ from logged_info import LOGGED_INFO
 from stiffened_library import made_up_library
 from without_rests import without_rests
 
-from scleraforce.calibration.discrepancy import _certain, read_again
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
+from scleraforce.calibration.known_forces import _certain, read_again
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries, fit_from
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.discrepancy import NO_DISCREPANCY
-from scleraforce.known.eye import Known
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.known.eye import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
 from scleraforce.learning.reader import virtual_eyes
 from scleraforce.learning.reader.boundary_errors import BoundaryErrors, disturb
@@ -36,9 +34,9 @@ from scleraforce.learning.reader.virtual_eyes import (
     of_population,
 )
 from scleraforce.library import INNER, OUTER, Library
-from scleraforce.reader.force_reader import SHIFTS
+from scleraforce.reader.answer import Reading
+from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import load_force_reader
-from scleraforce.reader.readings import Reading
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry

@@ -18,8 +18,7 @@ from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES, scene_ba
 from scleraforce.learning.wall_finder.train import TrainedFinder, train_wall_finder
 from scleraforce.learning.wall_finder.training import finder_loss, fit_wall_finder
 from scleraforce.models.session import network_session, run_network
-from scleraforce.reader.model import load_model
-from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL
 from scleraforce.study import Study, parse_study, study_hash
 

@@ -12,8 +12,7 @@ from decisions import READ_ENTRY, TICK_ENTRY
 from hypothesis import given, strategies as st
 
 from scleraforce.errors import MessageError
-from scleraforce.known.eye import Known, Modulus
-from scleraforce.known.globe import known_globe
+from scleraforce.known.eye import Known, Modulus, known_globe
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.black_box.decision_log import format_line

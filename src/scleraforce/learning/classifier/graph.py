@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.framework import onnx, torch
-from scleraforce.reader.classifier import INPUT, OUTPUT
+from scleraforce.reader.kinds import INPUT, OUTPUT
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime since 1.12
 

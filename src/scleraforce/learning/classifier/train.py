@@ -19,7 +19,7 @@ from scleraforce.learning.classifier.search import Candidate, search_sizes
 from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Curves, Fitted, fit
 from scleraforce.learning.fingerprint import classifier_fingerprint
 from scleraforce.learning.framework import onnx, torch
-from scleraforce.models.writing import check_place, write_folder
+from scleraforce.models.folder import check_place, write_folder
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 from scleraforce.units import from_si

@@ -15,14 +15,14 @@ from scleraforce.learning.framework import onnx
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
 from scleraforce.learning.reader.graph import reader_onnx_bytes
 from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
-from scleraforce.reader.slice_network import SLICES
+from scleraforce.reader.networks import SLICES
 from scleraforce.segmentation.wall_finder import FINDER_ROWS, FINDER_WALL
 
 OF_SLICES = "read_"  # begins the names of the slice network's values: both graphs have a "signal0"
 
 
 def raw_reader_onnx_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as a checked ONNX model; `reader.raw_network` says what goes in and comes out.
+    """Return the network as a checked ONNX model; `reader.networks` says what goes in and comes out.
 
     Args:
         network: trained, in its evaluating mode.

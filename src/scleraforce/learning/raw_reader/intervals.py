@@ -18,8 +18,8 @@ from scleraforce.learning.reader.virtual_eyes import FRAMES, VirtualEye, of_popu
 from scleraforce.library import Library
 from scleraforce.models.folder import NETWORK_FILE
 from scleraforce.models.session import network_session
-from scleraforce.reader.interval_scores import Score
-from scleraforce.reader.raw_network import OnnxRawNetwork
+from scleraforce.reader.intervals import Score
+from scleraforce.reader.networks import OnnxRawNetwork
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import Study, draw

@@ -14,8 +14,8 @@ from scleraforce.learning.reader.samples import concatenated, draw_eyes, draw_wa
 from scleraforce.library import Library
 from scleraforce.library.slices import Framing
 from scleraforce.processes import work_in_order
-from scleraforce.reader.given import given_inputs, told_modulus
-from scleraforce.reader.needle_gap import read_by_fit
+from scleraforce.reader.networks import given_inputs, told_modulus
+from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 

@@ -15,9 +15,9 @@ from scleraforce.learning.reader.draws import CHUNK
 from scleraforce.learning.reader.train import check_library, metrics_record, provenance_of, stored_library
 from scleraforce.learning.reader.training import ReaderMetrics
 from scleraforce.library import Library
-from scleraforce.models.writing import check_place, write_folder
+from scleraforce.models.folder import check_place, write_folder
 from scleraforce.processes import available_cores
-from scleraforce.reader.raw_reader import RawReader
+from scleraforce.reader.kinds import RawReader
 from scleraforce.study import Study, format_study
 
 

@@ -22,7 +22,7 @@ from scleraforce.learning.reader.samples import concatenated
 from scleraforce.learning.reader.training import READER_THREADS, fit_reader, reader_loss
 from scleraforce.learning.wall_finder.training import finder_loss
 from scleraforce.library import Library
-from scleraforce.reader.needle_gap import read_by_fit
+from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.study import RawReaderStudy, Study
 from scleraforce.units import from_si
 

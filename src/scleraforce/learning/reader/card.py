@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from scleraforce.known.globe import UNKNOWN
+from scleraforce.known.eye import UNKNOWN
 from scleraforce.study import Study
 from scleraforce.units import HumanUnit, from_si
 

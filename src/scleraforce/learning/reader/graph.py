@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from scleraforce.learning.classifier.graph import constant, model_bytes, node, tensor_values
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.network import KERNEL, SHARPNESS, STRIDE, ReaderNetwork, bin_ends
-from scleraforce.reader.given import GIVEN
-from scleraforce.reader.slice_network import SLICES
-from scleraforce.reader.told_network import CONTACT, HISTOGRAM, TOLD
+from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, SLICES, TOLD
 
 
 def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenance: Mapping[str, str]) -> bytes:

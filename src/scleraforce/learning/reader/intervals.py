@@ -1,4 +1,4 @@
-"""How wide a reader's intervals have to be: its scores (`reader.interval_scores`) on whole virtual eyes."""
+"""How wide a reader's intervals have to be: its scores (`reader.intervals`) on whole virtual eyes."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,11 +27,9 @@ from scleraforce.learning.reader.virtual_eyes import (
 )
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
-from scleraforce.reader.interval_factors import NO_FACTORS
-from scleraforce.reader.interval_scores import Score, intervals_record, score
-from scleraforce.reader.interval_traits import traits_of
+from scleraforce.reader.answer import Reading, fit_reading
+from scleraforce.reader.intervals import NO_FACTORS, Score, intervals_record, score, traits_of
 from scleraforce.reader.model import slice_network
-from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.learning.framework import torch
-from scleraforce.reader.given import GIVEN
+from scleraforce.reader.networks import GIVEN
 from scleraforce.study import ReaderStudy, SliceStudy
 
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle

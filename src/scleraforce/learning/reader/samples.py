@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.known.globe import NINETY_PERCENT, SEALED, UNKNOWN
+from scleraforce.known.eye import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.learning.reader.uneven import added_depths, draw_forms
 from scleraforce.library import Library
@@ -17,7 +17,7 @@ from scleraforce.library.base_bulge import pole_directions
 from scleraforce.library.section_motion import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.library.under_force import iop_ratio_under_force
-from scleraforce.reader.given import Told, given_inputs, told_modulus
+from scleraforce.reader.networks import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
 if TYPE_CHECKING:

@@ -21,8 +21,7 @@ from scleraforce.learning.reader.intervals import measured_intervals
 from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.files import StoredErrors
-from scleraforce.models.folder import LIBRARY_FILE
-from scleraforce.models.writing import check_place, write_folder
+from scleraforce.models.folder import LIBRARY_FILE, check_place, write_folder
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.units import from_si

@@ -18,8 +18,8 @@ from scleraforce.learning.framework import torch
 from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
 from scleraforce.learning.reader.network import ReaderNetwork, histogram, log_density
 from scleraforce.learning.reader.samples import ReaderSamples, concatenated
-from scleraforce.reader.force_distribution import ForceDistribution, force_distribution, ratio_edges
 from scleraforce.reader.metrics import accuracy, confusion_matrix
+from scleraforce.reader.networks import ForceDistribution, force_distribution, ratio_edges
 from scleraforce.study import ReaderStudy, Study
 from scleraforce.units import from_si, to_si
 

@@ -14,17 +14,17 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack
 
 from scleraforce.errors import SolverError
-from scleraforce.reader.interval_factors import Factors
-from scleraforce.reader.interval_scores import (
+from scleraforce.reader.intervals import (
+    GLOBE_TRAITS,
     LARGEST,
     SMALLEST,
+    Factors,
     Score,
     eye_count,
     of_each_modulus,
     share_of_new_eye,
     weights_of_eyes,
 )
-from scleraforce.reader.interval_traits import GLOBE_TRAITS
 
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 

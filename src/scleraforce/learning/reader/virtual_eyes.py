@@ -13,8 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import Skipped
-from scleraforce.calibration.discrepancy import settled
+from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.forces import (
     LABEL_SD_N,
@@ -24,21 +23,20 @@ from scleraforce.calibration.forces import (
     FrameForces,
     zero_line,
 )
-from scleraforce.calibration.frame_order import frame_order
+from scleraforce.calibration.known_forces import settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.calibration.placement import place_section
-from scleraforce.calibration.session import begin, known_after, step
+from scleraforce.calibration.one_tissue import frame_order
+from scleraforce.calibration.registration import place_section
 from scleraforce.calibration.stiffening import TissueTrial, search
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.placement import Places, curve_depths
-from scleraforce.known.eye import POPULATION_SD, Known, Modulus
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.known.eye import OPEN, POPULATION_SD, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.learning.reader.samples import library_of_tissue, log_even
 from scleraforce.learning.reader.uneven import Forms, added_depths, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.slices import column_laterals, fill_boundaries
-from scleraforce.reader.force_reader import SHIFTS
+from scleraforce.reader.kinds import SHIFTS
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import SliceStudy, Study, draw
 
@@ -169,7 +167,7 @@ def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], colu
     Args:
         eye: of whose wall.
         forces_n: under them (frame,).
-        poses: of the sections, one for each frame (`calibration.placement.place_section`).
+        poses: of the sections, one for each frame (`calibration.registration.place_section`).
         columns_m: lateral places of a frame's columns from its middle.
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))

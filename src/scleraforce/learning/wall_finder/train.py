@@ -15,9 +15,8 @@ from scleraforce.learning.wall_finder.card import finder_card
 from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
 from scleraforce.learning.wall_finder.measure import FinderMetrics, measure_finder
 from scleraforce.learning.wall_finder.training import FINDER_THREADS, FittedFinder, fit_wall_finder
-from scleraforce.models.folder import NETWORK_FILE, WALL_FINDER
+from scleraforce.models.folder import NETWORK_FILE, WALL_FINDER, check_place, write_folder
 from scleraforce.models.session import network_session
-from scleraforce.models.writing import check_place, write_folder
 from scleraforce.processes import available_cores
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study, format_study, study_hash

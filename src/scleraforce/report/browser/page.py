@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.files import write_page
 from scleraforce.report.frame_pictures import WALL_COLOURS, shown_frames, wall_picture

@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from scleraforce.calibration.result import Calibration, EyeCalibration
-from scleraforce.calibration.saved import parse_calibration
-from scleraforce.calibration.words import found_words
+from scleraforce.calibration.result import Calibration, EyeCalibration, found_words, parse_calibration
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.plain_text import wrapped
 from scleraforce.report.calibration_figures import draw_calibration

@@ -5,8 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.models.folder import RECORD_FILE, STUDY_FILE
-from scleraforce.models.shipped import SHIPPED, model_folder
+from scleraforce.models.folder import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.report.shown.thing import Thing
 from scleraforce.whole_files import KINDS, read_bytes

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
-from scleraforce.reader.answers import LiveReading
+from scleraforce.reader.answer import LiveReading
 from scleraforce.service.companions.channel import ChannelClosedError
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.codec import encode_message

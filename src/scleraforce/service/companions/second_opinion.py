@@ -15,8 +15,8 @@ from time import monotonic, sleep
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
-from scleraforce.reader.answers import Answer
-from scleraforce.reader.warming import warming_frame
+from scleraforce.reader.answer import Answer
+from scleraforce.reader.model import warming_frame
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing

@@ -1,0 +1,304 @@
+"""By how much intervals are stretched about the median, so that 90 % of them hold over whole eyes.
+
+What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
+that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
+World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading has
+a factor, and the factors of its traits are multiplied. Traits are what makes a reader wrong: whether E was found on
+frames of the eye; what is known of the globe, or that the pressure under the needle has drawn a sealed globe's wall so
+taut that its dent says little; whether the wall is uneven; whether the force is so light that errors of the boundaries
+count and the eye hardly does; whether it lies beyond the forces that the eye was calibrated on, and whether these leave
+wide gaps. `model.json` keeps the factors; a model without them has intervals as its methods say. Before that, an eye
+whose calibration left its frames of known force scattered has wider intervals than another (`Known.scatter`).
+
+The score of a reading is how far the force is from the median, over how far the interval's end on that side is. What
+90 % of the readings stay below, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
+exchangeable, the frames of one are not. With n eyes the share is 0.9 (n + 1)/n, as for a new eye.
+"""
+
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import ModelError
+from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.prior import form_size
+from scleraforce.known.eye import UNKNOWN, Known, KnownGlobe
+from scleraforce.reader.answer import METHODS, Reading
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.study import ReaderStudy
+
+OWN, OTHER = "own E", "other E"  # whose modulus: of which a reading has one
+GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
+GLOBE_TRAITS = (*GLOBES, TAUT)  # likewise; of the other traits it has none or some
+UNEVEN, LIGHT, BEYOND, SPARSE = "uneven", "light", ("beyond", "far beyond"), "sparse"
+OF_CALIBRATION = (*BEYOND, SPARSE)
+NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {OWN: (*GLOBES, *OF_CALIBRATION), OTHER: GLOBES}
+FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
+    OWN: (*GLOBE_TRAITS, UNEVEN, LIGHT, *OF_CALIBRATION),
+    OTHER: (*GLOBE_TRAITS, UNEVEN, LIGHT),
+}
+# Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
+LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
+# Of 140 virtual eyes of the library that were not told open, calibrated on frames of their own, 90 % of the scores of
+# even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
+SLACK_TENSION = 0.05
+LIGHTEST_N = 10e-3  # of other readings
+# Of the largest force that an eye was calibrated on: up to 1.2 of it, 90 % of the scores of 82 virtual eyes, calibrated
+# on three forces of up to 15 to 60 mN, stayed below 1.2, up to twice it below 1.3, beyond below 1.6 to 2.6.
+BEYOND_FROM = 1.2, 2.0
+# As a share of the largest force. Even shares of three leave 0.33; with three forces at random 0.98 of the intervals of
+# eight virtual eyes held whose widest gap was below 0.4, and 0.76 of those of 81 others.
+SPARSE_FROM = 0.45
+
+
+def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> tuple[str, ...]:
+    """Return the traits of a reading of a force, N: of the network, or with a fit those of the fit.
+
+    First whose modulus, then of `GLOBE_TRAITS`, then the others. An E that was told, or that is of other eyes, is not
+    the eye's own: how sure it is was said, not measured.
+
+    >>> traits_of(Known(), 20e-3)
+    ('other E', 'unknown')
+    """
+    globe = UNKNOWN if known.globe is None else known.globe
+    of_eye = _of_calibration(known, force_n) if known.has_own_modulus else ()
+    of_frame = (globe.kind,) if fit is None else _of_fit(fit, force_n, globe)
+    return OWN if known.has_own_modulus else OTHER, *of_frame, *of_eye
+
+
+def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:
+    """Return what makes a fit wrong."""
+    taut = globe.can_be_sealed and fit.tension > SLACK_TENSION
+    even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
+    found = {UNEVEN: not even, LIGHT: force_n < LIGHTEST_N}
+    return TAUT if taut else globe.kind, *(trait for trait, has in found.items() if has)
+
+
+def _of_calibration(known: Known, force_n: float) -> tuple[str, ...]:
+    """Return what the frames that an eye was calibrated on leave open of a force."""
+    if known.discrepancy is None:
+        return ()
+    largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
+    beyond = 0 if largest_n is None else sum(force_n > times * largest_n for times in BEYOND_FROM)
+    if beyond:
+        return (BEYOND[beyond - 1],)
+    return (SPARSE,) if gap is not None and gap > SPARSE_FROM else ()
+
+
+Factors = Mapping[str, Mapping[str, float]]  # by whose modulus, then by trait
+
+# Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
+# much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
+# needle,conjunctiva`, which is no draw of `make figures`; with the factors of that day, a tenth to a quarter larger.
+NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
+
+
+@dataclass(frozen=True)
+class IntervalFactors:
+    """Factors of the intervals of both methods, by the reading's traits; 1 where a trait has none."""
+
+    network: Factors = field(default_factory=dict)
+    fit: Factors = field(default_factory=dict)
+
+    def of_network(self, known: Known, force_n: float) -> float:
+        """Return the factor of the network's interval of a force, N."""
+        return _product(self.network, traits_of(known, force_n))
+
+    def of_fit(self, known: Known, fit: BoundaryFit) -> float:
+        """Return the factor of the interval of a fit."""
+        return known.scatter * _product(self.fit, traits_of(known, fit.force_n, fit))
+
+
+NO_FACTORS = IntervalFactors()
+
+
+def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
+    """Return by how much more the fit's interval is stretched beside a needle, and under a conjunctiva.
+
+    Args:
+        wall: as it was seen.
+        known: of the eye; a gap below those of the training is beside the needle, whether that is seen or not.
+        trained: on what the model was.
+    """
+    beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
+    return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
+
+
+def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
+    """Return the factors of a model's record; none where it has no `intervals`.
+
+    Args:
+        record: of `model.json`.
+        place: the file, for messages.
+
+    Raises:
+        ModelError: they are not what they should be.
+    """
+    intervals = record.get("intervals")
+    if intervals is None:
+        return NO_FACTORS
+    if not isinstance(intervals, dict):
+        raise ModelError(f"{place}: intervals: found {reprlib.repr(intervals)}, expected an object")
+    return IntervalFactors(
+        _parsed(intervals.get("network", {}), NETWORK_TRAITS, f"{place}: intervals.network"),
+        _parsed(intervals.get("fit", {}), FIT_TRAITS, f"{place}: intervals.fit"),
+    )
+
+
+def _product(factors: Factors, traits: tuple[str, ...]) -> float:
+    """Return the product of the factors of a reading's traits."""
+    modulus, *others = traits
+    given = factors.get(modulus, {})
+    return prod(given.get(trait, 1.0) for trait in others)
+
+
+def _parsed(values: object, traits: Mapping[str, tuple[str, ...]], place: str) -> Factors:
+    """Return the factors of one method's traits."""
+    if not isinstance(values, dict) or not set(values) <= set(traits):
+        found = f"found {reprlib.repr(values)}, expected factors of {' and '.join(traits)}"
+        raise ModelError(f"{place}: {found}; a model of an earlier version has to be made anew")
+    return {modulus: _of_modulus(given, traits[modulus], f"{place}: {modulus}") for modulus, given in values.items()}
+
+
+def _of_modulus(given: object, traits: tuple[str, ...], place: str) -> dict[str, float]:
+    """Return the factors of the traits of readings with one kind of modulus."""
+    if not isinstance(given, dict) or not set(given) <= set(traits):
+        raise ModelError(f"{place}: found {reprlib.repr(given)}, expected factors of {', '.join(traits)}")
+    for trait, value in given.items():
+        if type(value) not in (int, float) or not isfinite(value) or not value > 0.0:
+            raise ModelError(f"{place}, {trait}: found {reprlib.repr(value)}, expected a number above 0")
+    return {trait: float(value) for trait, value in given.items()}
+
+
+Floats = NDArray[np.float64]
+
+LEVEL = 0.9
+LEAST_N = 1e-6  # of a half interval
+SMALLEST, LARGEST = 0.3, 20.0  # factors: a few eyes must not promise more, nor say nothing
+FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
+
+
+@dataclass(frozen=True)
+class Score:
+    """One reading's score: by which method, of which traits (`interval_traits.traits_of`) and which eye."""
+
+    method: str
+    traits: tuple[str, ...]
+    eye: str
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """How a method's readings with one kind of modulus did, and by how much their intervals are stretched for it.
+
+    `held`: the share of the readings whose interval held the force before. `globes`: which of `GLOBE_TRAITS`
+    they have, whose factors grow by `factor`.
+    """
+
+    method: str
+    modulus: str
+    globes: tuple[str, ...]
+    eyes: int
+    readings: int
+    held: float
+    factor: float
+
+
+def score(reading: Reading, force_n: float) -> float:
+    """Return how far a force is from a reading's median, over how far the interval's end on that side is.
+
+    >>> round(score(Reading(probabilities=(1.0,), force_n=1e-3, interval_n=(0.0, 3e-3), contact_m=0.0), 4e-3), 9)
+    1.5
+    """
+    low_n, high_n = reading.interval_n
+    end_n = high_n if force_n > reading.force_n else low_n
+    return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
+
+
+def eye_count(scores: Iterable[Score]) -> int:
+    """Return of how many eyes scores are."""
+    return len({entry.eye for entry in scores})
+
+
+def weights_of_eyes(scores: Sequence[Score]) -> Floats:
+    """Return the weight of each score, of sum 1: every eye weighs the same."""
+    names, eye, count = np.unique([entry.eye for entry in scores], return_inverse=True, return_counts=True)
+    weights: Floats = (1.0 / (count * len(names)))[eye]
+    return weights
+
+
+def share_of_new_eye(eyes: int) -> float:
+    """Return which share of the scores of some eyes has to be held for 90 % of a new eye's.
+
+    >>> round(share_of_new_eye(90), 3), share_of_new_eye(8)
+    (0.91, 1.0)
+    """
+    return min(1.0, LEVEL * (eyes + 1) / eyes)
+
+
+def conformal_quantile(scores: Sequence[Score]) -> float:
+    """Return the score below which 90 % of the readings of a new eye lie."""
+    values = np.array([entry.score for entry in scores])
+    order = np.argsort(values)
+    held = np.cumsum(weights_of_eyes(scores)[order])
+    wanted = share_of_new_eye(eye_count(scores))
+    place = min(int(np.searchsorted(held, wanted * (1.0 - 1e-12))), len(values) - 1)
+    return float(np.clip(values[order][place], SMALLEST, LARGEST))
+
+
+def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score]]:
+    """Return the scores of each method and kind of modulus that has any."""
+    found: dict[tuple[str, str], list[Score]] = {}
+    for entry in scores:
+        found.setdefault((entry.method, entry.traits[0]), []).append(entry)
+    return dict(sorted(found.items()))
+
+
+def intervals_record(scores: Sequence[Score], factors: Mapping[str, Factors], source: str) -> dict[str, Any]:
+    """Return `intervals` of `model.json`: the factors of both methods, and on what they rest."""
+    return {
+        "level": LEVEL,
+        "source": source,
+        "eyes": eye_count(scores),
+        "readings": len(scores),
+        **factors,
+    }
+
+
+def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
+    """Return by how much intervals have to be stretched to hold on the eyes that scores are of.
+
+    All readings with one kind of modulus together: a user's eyes are too few to tell their traits apart. Fewer than
+    `FEW_EYES` only widen: that these did well does not say that others will.
+    """
+    found = list[Stretch]()
+    for (method, modulus), entries in of_each_modulus(scores).items():
+        eyes, factor = eye_count(entries), conformal_quantile(entries)
+        globes = tuple(globe for globe in GLOBE_TRAITS if any(globe in entry.traits for entry in entries))
+        found.append(
+            Stretch(
+                method=method,
+                modulus=modulus,
+                globes=globes,
+                eyes=eyes,
+                readings=len(entries),
+                held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
+                factor=max(factor, 1.0) if eyes < FEW_EYES else factor,
+            )
+        )
+    return tuple(found)
+
+
+def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> Mapping[str, Factors]:
+    """Return the factors of both methods after stretches that count from what was there; those of other traits stay."""
+    after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
+    for change in changes:
+        given = after[change.method].setdefault(change.modulus, {})
+        given |= {globe: round(given.get(globe, 1.0) * change.factor, 4) for globe in change.globes}
+    return after

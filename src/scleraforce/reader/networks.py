@@ -1,0 +1,430 @@
+"""The networks that read a force: a picture and what is known of the eye in, a histogram of F/E and the contact out.
+
+The histogram has the probability of bins of x = F/E, E the modulus that the network was given. Within a bin the density
+is even, so the distribution function is piecewise linear, and what is said of the force agrees: the probability of a
+class is that of its forces, and the median lies in the class that has more than half of it. Training judges many frames
+at once, with arrays; the control loop reads one, and `single_force` does so in plain Python: a third of the time.
+"""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import accumulate, pairwise
+from math import inf, nan, radians, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+import onnxruntime  # type: ignore[import-untyped]  # it ships no types
+from numpy.typing import NDArray
+
+from scleraforce.errors import ModelError
+from scleraforce.eye.globe import SAME_SLOPE_PA
+from scleraforce.known.eye import NO_DISCREPANCY, UNKNOWN, Known
+from scleraforce.library.base_bulge import pole_directions
+from scleraforce.library.plan import LARGEST_POLAR_DEG
+from scleraforce.models.session import check_interface, run_network
+from scleraforce.reader.answer import Reading, stretched_interval, unstretched
+from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors
+from scleraforce.reader.verdicts import read_by_fit
+from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES
+from scleraforce.study import ReaderStudy, Study
+from scleraforce.study.eye import RIGIDITY_LAWS
+
+Floats = NDArray[np.float64]
+
+INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interval's ends
+
+
+@dataclass(frozen=True)
+class ForceDistribution:
+    """Distributions of a force: `share_sk` of it lies below `edge_n_sk` (sample, edge), N; linear in between.
+
+    Shares rise from 0 to 1, edges increase.
+    """
+
+    edge_n_sk: Floats
+    share_sk: Floats
+
+    @property
+    def median_n(self) -> Floats:
+        """Median force (sample,), N."""
+        return quantile(self, 0.5)[:, 0]
+
+    @property
+    def interval_n(self) -> Floats:
+        """Ends of the 90 % interval (sample, 2), N: a twentieth lies on either side of it."""
+        return quantile(self, *INTERVAL)
+
+
+@dataclass(frozen=True)
+class SingleForce:
+    """Median force, the ends of its 90 % interval, N, and the probability of each class."""
+
+    median_n: float
+    interval_n: tuple[float, float]
+    probabilities: tuple[float, ...]
+
+
+def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
+    """Return the edges of the bins of x = F/E (bins + 1,), m^2, with widths that grow linearly from 0.
+
+    So a bin is narrow where forces are small and eyes stiff.
+
+    >>> ratio_edges(4, 16.0)
+    array([ 0.,  1.,  4.,  9., 16.])
+    """
+    edges: Floats = max_force_ratio * (np.arange(bins + 1) / bins) ** 2
+    return edges
+
+
+def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:
+    """Return the distribution of the force.
+
+    Args:
+        probabilities: of the bins (sample, bin), of any positive sum.
+        edges_m2: of the bins (bin + 1,).
+        modulus_pa: that the network was told (sample,).
+    """
+    shares = np.zeros((len(probabilities), len(edges_m2)))
+    probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])
+    shares /= shares[:, -1:]
+    return ForceDistribution(np.asarray(modulus_pa, dtype=np.float64)[:, None] * edges_m2, shares)
+
+
+def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
+    """Return the forces that these shares (between 0 and 1) of each distribution lie below (sample, share), N."""
+    edges, below = distribution.edge_n_sk, distribution.share_sk
+    wanted = np.array(shares)
+    last = (below[:, None, :] < wanted[:, None]).sum(axis=2)
+    last = np.minimum(np.maximum(last, 1), below.shape[1] - 1)
+    sample = np.arange(len(below))[:, None]
+    low, high = below[sample, last - 1], below[sample, last]
+    part = (wanted - low) / np.where(high > low, high - low, 1.0)
+    start = edges[sample, last - 1]
+    forces: Floats = start + part * (edges[sample, last] - start)
+    return forces
+
+
+def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, ...]) -> Floats:
+    """Return the probability of each class, shape (sample, len(bounds_n) + 1); rows sum to 1.
+
+    Args:
+        distribution: of the force.
+        bounds_n: increasing bounds between the classes, N.
+    """
+    below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
+    below[:, 0], below[:, -1] = 0.0, 1.0
+    for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
+        row[1:-1] = np.interp(bounds_n, edges, shares)
+    probabilities: Floats = below[:, 1:] - below[:, :-1]
+    return probabilities
+
+
+def single_force(
+    histogram: Sequence[float],
+    edges_m2: Sequence[float],
+    modulus_pa: float,
+    bounds_n: tuple[float, ...],
+    factor_of: Callable[[float], float] = lambda _: 1.0,
+) -> SingleForce:
+    """Return what one histogram says of the force: the same as the arrays' functions, for one sample.
+
+    Args:
+        histogram: probabilities of the bins, of any positive sum; one that is no number makes every answer none.
+        edges_m2: of the bins, one more.
+        modulus_pa: that the network was told.
+        bounds_n: increasing bounds between the classes, N.
+        factor_of: what the distribution is stretched by about its median, of that median (`interval_factors`); no
+            force is below 0.
+
+    >>> single_force([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
+    (0.25, 0.5, 0.25)
+    """
+    sums = list(accumulate(histogram, initial=0.0))
+    total = sums[-1] if 0.0 < sums[-1] < inf else nan
+    low_n, median_n, high_n = (
+        modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
+    )
+    factor = factor_of(median_n)
+    low_n, high_n = stretched_interval(median_n, (low_n, high_n), factor)
+    asked_n = unstretched(median_n, bounds_n, factor)
+    below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
+    return SingleForce(median_n, (low_n, high_n), tuple(after - before for before, after in pairwise(below)))
+
+
+def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
+    """Return where the sums reach what is wanted."""
+    last = min(max(bisect_left(sums, wanted), 1), len(sums) - 1)
+    low, high = sums[last - 1], sums[last]
+    part = (wanted - low) / (high - low if high > low else 1.0)
+    return edges_m2[last - 1] + part * (edges_m2[last] - edges_m2[last - 1])
+
+
+def _sum_below(sums: Sequence[float], edges_m2: Sequence[float], ratio_m2: float) -> float:
+    """Return the sum of what lies below a ratio."""
+    last = bisect_right(edges_m2, ratio_m2)
+    if last >= len(edges_m2):
+        return sums[-1]
+    part = (ratio_m2 - edges_m2[last - 1]) / (edges_m2[last] - edges_m2[last - 1])
+    return sums[last - 1] + part * (sums[last] - sums[last - 1])
+
+
+# One column of the network's input for each.
+GIVEN = (
+    "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
+    "thickness known", "thickness", "gap known", "gap", "rigidity low", "rigidity high",
+    "polar angle known", "polar angle", "direction known", "pole along", "pole across", "stiffening",
+)  # fmt: skip
+
+
+STIFF = np.log1p(30.0)  # of tissue that stiffens by so much the input is 1
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is known of some eyes, each (sample,); NaN: unknown.
+
+    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
+    The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
+    both 0 in an open globe; that is never unknown, only wide. `polar_rad` is the contact's polar angle, `direction_rad`
+    that of the section from the meridian. `stiffening` is b of the tissue, never unknown.
+    """
+
+    modulus_pa: Floats
+    modulus_sd_fraction: Floats
+    iop_pa: Floats
+    thickness_m: Floats
+    gap_m: Floats
+    rigidity_low: Floats
+    rigidity_high: Floats
+    polar_rad: Floats
+    direction_rad: Floats
+    stiffening: Floats
+
+
+def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
+    """Return mean and relative standard deviation that stand for a modulus of which nothing is known.
+
+    They are those of the training's range, evenly spread.
+
+    >>> mean_pa, sd = unknown_modulus(ReaderStudy())
+    >>> round(mean_pa), round(sd, 3)
+    (400000, 0.361)
+    """
+    low, high = study.youngs_modulus_pa.bounds
+    mean = 0.5 * (low + high)
+    return mean, (high - low) / sqrt(12.0) / mean
+
+
+def told_modulus(told: Told, study: ReaderStudy) -> tuple[Floats, Floats]:
+    """Return mean, Pa, and relative standard deviation of the modulus (sample,), also where it is unknown."""
+    mean, sd = unknown_modulus(study)
+    unknown = np.isnan(told.modulus_pa)
+    return np.where(unknown, mean, told.modulus_pa), np.where(unknown, sd, told.modulus_sd_fraction)
+
+
+def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
+    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 where unknown.
+
+    A value at the ends of its training range is -1 or 1. The IOP stands there twice: also over the modulus, which is
+    what the mechanics knows. Where the pole lies, along the section and across it, stands there over the farthest; of
+    an unknown polar angle it is that of the range's middle.
+    """
+    modulus, sd = told_modulus(told, study)
+    e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds
+    iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
+    a = study.polar_angle_rad.bounds
+    polar = np.minimum(told.polar_rad, radians(LARGEST_POLAR_DEG))
+    pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), told.direction_rad)
+    pole /= max(np.sin(a[1]), 1e-12)
+    columns = (
+        ~np.isnan(told.modulus_pa),
+        _scaled(modulus, *e),
+        _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
+        ~np.isnan(told.iop_pa),
+        _scaled(np.log(told.iop_pa), np.log(p[0]), np.log(p[1])),
+        _scaled(np.log(told.iop_pa / modulus), *iop_ratio),
+        ~np.isnan(told.thickness_m),
+        _scaled(told.thickness_m, *study.thickness_m.bounds),
+        ~np.isnan(told.gap_m),
+        _scaled(told.gap_m, *study.gap_m.bounds),
+        _scaled(told.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
+        _scaled(told.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
+        ~np.isnan(polar),
+        _scaled(polar, *a),
+        ~np.isnan(told.direction_rad),
+        *pole.T,
+        np.log1p(told.stiffening) / STIFF,
+    )
+    inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
+    return inputs
+
+
+def _scaled(values: Floats, low: float, high: float) -> Floats:
+    return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-12)
+
+
+TOLD = "given"
+HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
+EYES = 16  # of which it is kept what the network is told
+
+
+class Seen(NamedTuple):
+    """The first input of a network: its name, its type in ONNX, and the shape of one picture."""
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+
+
+class _Prepared(NamedTuple):
+    """What a network is told of an eye, (1, len(GIVEN)), the modulus in it, Pa, and the factor of a force's interval.
+
+    `edges_m2`: of the bins of F/E, with the eye's discrepancy of the force.
+    """
+
+    given: NDArray[np.float32]
+    modulus_pa: float
+    factor_of: Callable[[float], float]
+    edges_m2: list[float]
+
+
+class ToldNetwork:
+    """A network that ONNX Runtime runs.
+
+    Inputs: pictures (n, ...), and `given` float32 (n, len(GIVEN)). Outputs: `histogram` float32 (n, bin), the
+    probability of bins of F/E, E the modulus that it was told, and `contact_m` float32 (n,), the needle's place from
+    the picture's middle.
+    """
+
+    def __init__(
+        self,
+        session: onnxruntime.InferenceSession,
+        study: Study,
+        trained: ReaderStudy,
+        place: str,
+        factors: IntervalFactors,
+        sees: Seen,
+    ) -> None:
+        """Check a network that was trained on `trained`, and that sees such pictures.
+
+        Raises:
+            ModelError: it has other inputs or outputs; names `place`.
+        """
+        self._session, self._place, self._factors, self._sees = session, place, factors, sees
+        self._trained, self._bounds_n = trained, study.classes.bounds_n
+        self._edges_m2 = ratio_edges(trained.bins, trained.max_force_ratio)
+        self._told = lru_cache(maxsize=EYES)(self._prepared)
+        inputs = {sees.name: (sees.kind, list(sees.shape)), TOLD: ("tensor(float)", [len(GIVEN)])}
+        outputs = {HISTOGRAM: ("tensor(float)", [trained.bins]), CONTACT: ("tensor(float)", list[int]())}
+        check_interface(session, inputs, outputs, place)
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """What the network's file says about its making."""
+        metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
+        return metadata
+
+    def read_pictures(self, pictures: NDArray[Any], known: Known) -> Reading:
+        """Return what the network reads in pictures of one wall (picture, ...): the mean of its histograms."""
+        given, modulus_pa, factor_of, edges_m2 = self._told(known)
+        inputs: dict[str, NDArray[Any]] = {
+            self._sees.name: np.ascontiguousarray(pictures),
+            TOLD: np.repeat(given, len(pictures), axis=0),
+        }
+        histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
+        if histogram.shape != (len(pictures), len(self._edges_m2) - 1) or contact_m.shape != (len(pictures),):
+            found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._sees.name}"
+            raise ModelError(f"{self._place}: answers {found}")
+        mean = histogram.mean(axis=0).tolist()
+        force = single_force(mean, edges_m2, modulus_pa, self._bounds_n, factor_of)
+        return Reading(
+            probabilities=force.probabilities,
+            force_n=force.median_n,
+            interval_n=force.interval_n,
+            contact_m=float(contact_m.mean()),
+        )
+
+    def _prepared(self, known: Known) -> _Prepared:
+        told = told_of(known)
+        modulus_pa = float(told_modulus(told, self._trained)[0][0])
+        discrepancy = known.discrepancy or NO_DISCREPANCY
+        edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
+        given = given_inputs(told, self._trained)
+        return _Prepared(given, modulus_pa, partial(self._factors.of_network, known), edges_m2.tolist())
+
+
+def told_of(known: Known) -> Told:
+    """Return what is known of one eye as the network's training put it, arrays (1,), NaN where it is not known."""
+    modulus = known.modulus
+    values = (
+        modulus.mean_pa if modulus else None,
+        modulus.relative_sd if modulus else None,
+        known.iop_pa,
+        known.thickness_m,
+        known.gap_m,
+        *_rigidity_band(known),
+        known.polar_rad,
+        known.direction_rad,
+        known.stiffening or 0.0,
+    )
+    return Told(*(np.array([np.nan if value is None else value]) for value in values))
+
+
+def _rigidity_band(known: Known) -> tuple[float, float]:
+    """Return the band of a globe's rigidity by the cube-root law, as steep at the resting pressure as its own law."""
+    globe = UNKNOWN if known.globe is None else known.globe
+    if globe.law == RIGIDITY_LAWS[0]:
+        return globe.band
+    low, high = globe.band
+    factor = 1.0 if known.iop_pa is None else float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
+    return low * factor, high * factor
+
+
+SLICES = "slices"
+
+
+class OnnxSliceNetwork(ToldNetwork):
+    """The network that sees slices, uint8 (n, row, column).
+
+    Raises:
+        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
+    """
+
+    def __init__(
+        self,
+        session: onnxruntime.InferenceSession,
+        study: Study,
+        place: str,
+        factors: IntervalFactors = NO_FACTORS,
+    ) -> None:
+        sees = Seen(SLICES, "tensor(uint8)", (study.slice.rows, study.slice.columns))
+        super().__init__(session, study, study.reader, place, factors, sees)
+
+    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
+        """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
+        return self.read_pictures(cuts, known)
+
+
+class OnnxRawNetwork(ToldNetwork):
+    """The network that sees reduced frames (`FrameWindow.reduced`), float32 (n, row, column), of eyes with gaps from 0.
+
+    Raises:
+        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
+    """
+
+    def __init__(
+        self,
+        session: onnxruntime.InferenceSession,
+        study: Study,
+        place: str,
+        factors: IntervalFactors = NO_FACTORS,
+    ) -> None:
+        sees = Seen(FINDER_FRAMES, "tensor(float)", (study.raw_reader.rows, study.raw_reader.columns))
+        super().__init__(session, study, read_by_fit(study.reader), place, factors, sees)
+
+    def read(self, frame: Float, known: Known) -> Reading:
+        """Return what the network reads in a reduced frame (row, column)."""
+        return self.read_pictures(frame[None], known)
