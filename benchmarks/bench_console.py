@@ -25,14 +25,24 @@ from playwright.sync_api import Page, sync_playwright
 from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
 from monitor_service.session import add_options, run as run_session
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.companions.child import Child
+from scleraforce.monitor.events import Verdict
+from scleraforce.service.companions.channel import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import CompanionMessage, Decided, ListensAt, Outline, Rates
-from scleraforce.service.console import console_settings
+from scleraforce.service.companions.messages import (
+    CompanionMessage,
+    Decided,
+    ListensAt,
+    Outline,
+    Rates,
+    console_settings,
+)
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
 
 SIZE, FRAME_S = 512, 0.01
+VERDICT = Verdict(
+    predicted=1, probabilities=(0.02, 0.96, 0.02), usable=True, reason=None, force_n=0.012, interval_n=(0.01, 0.014)
+)
 OBSERVE = """() => {
   window.seen = [];
   const now = () => performance.timeOrigin + performance.now();
@@ -84,12 +94,7 @@ class Session:
             message=f"{self.state}: class 1; 12.0 mN",
             frame=self.frames,
             frame_id=self.frames,
-            predicted=1,
-            probabilities=(0.02, 0.96, 0.02),
-            force_mn=12.0,
-            interval_mn=(10.0, 14.0),
-            usable=True,
-            reason=None,
+            verdict=VERDICT,
             latency_ms=1.0,
         )
         sent_s = time()

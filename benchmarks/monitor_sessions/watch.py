@@ -6,13 +6,11 @@ from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
 from scleraforce.known.eye import Known
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import MonitorEvent, QueueLoss, Reset, SecondOpinion
+from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.companions.second_opinion import opinion_of
-from scleraforce.service.session import read_event
 
 __all__ = ["Watch", "Withdrawal"]
 
@@ -54,17 +52,17 @@ class Watch:
     def read(self, frame: Frame, at_s: float, number: int, shown_back: int) -> tuple[Answer, Withdrawal | None]:
         """Read a frame; return the network's answer, and the withdrawal where one begins."""
         answer = self._live.read(frame, self._scale).answer
-        event = read_event(
-            answer,
+        event = FrameRead(
             at_s=at_s,
             frame_id=number,
+            verdict=answer.verdict,
             size=frame.shape[:2],
             scale_m=(self._scale.lateral_m, self._scale.depth_m),
             shown_back=shown_back,
         )
         if number % OPINION_EVERY == 0:
-            opinion = opinion_of(number, self._reader.read(frame, self._scale, self._known))
-            self._pending.append(opinion.at(at_s + OPINION_AFTER_S))
+            opinion = self._reader.read(frame, self._scale, self._known).verdict
+            self._pending.append(SecondOpinion(at_s=at_s + OPINION_AFTER_S, frame_id=number, verdict=opinion))
         return answer, self._hear([event], at_s)
 
     def _hear(self, events: list[MonitorEvent], at_s: float) -> Withdrawal | None:

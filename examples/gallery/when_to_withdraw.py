@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scleraforce.monitor.decision import Decision, decide
-from scleraforce.monitor.events import FrameRead
+from scleraforce.monitor.events import FrameRead, Verdict
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.state import MonitorState
 from scleraforce.monitor.transitions import State
@@ -36,10 +36,11 @@ def decisions(time_s: np.ndarray, read_n: np.ndarray, half_n: np.ndarray) -> lis
     for number, (at_s, force_n, half) in enumerate(zip(time_s, read_n, half_n, strict=True), start=1):
         label = int(np.searchsorted([0.005, 0.030], force_n))
         frame = FrameRead(
-            at_s=float(at_s), frame_id=number, predicted=label,
-            probabilities=tuple(float(label == other) for other in range(3)), usable=True, reason=None,
-            force_n=float(force_n), interval_n=(float(force_n - half), float(force_n + half)), shown_back=0,
-            size=(512, 512), scale_m=(29e-6, 8e-6),
+            at_s=float(at_s), frame_id=number, shown_back=0, size=(512, 512), scale_m=(29e-6, 8e-6),
+            verdict=Verdict(
+                predicted=label, probabilities=tuple(float(label == other) for other in range(3)), usable=True,
+                reason=None, force_n=float(force_n), interval_n=(float(force_n - half), float(force_n + half)),
+            ),
         )  # fmt: skip
         state, decision = decide(state, frame, MonitorLimits())
         made.append(decision)

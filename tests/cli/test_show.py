@@ -9,7 +9,7 @@ from shutil import copytree
 import pytest
 from analytic_frames import SMALL_LIBRARY
 from calibrated_eye import calibration_of_a_sealed_eye
-from decisions import READ_ENTRY
+from decisions import READ_ENTRY, verdict
 from fixed_reader import write_fixed_reader
 from folder_contents import contents
 from notebook_folder import write_notebook_folder
@@ -28,8 +28,9 @@ def decisions(count: int = 30) -> list[Entry]:
     """A needle that pushes by 1 mN more in each frame, 10 ms apart; the monitor withdraws at the 21st."""
     return [
         replace(
-            READ_ENTRY, number=n, frame=n, at_s=n / 100, time_s=1.8e9 + n / 100, force_mn=float(n),
-            interval_mn=(n - 1.0, n + 1.0), state="WITHDRAW" if n > 20 else "WATCHING",
+            READ_ENTRY, number=n, frame=n, at_s=n / 100, time_s=1.8e9 + n / 100,
+            verdict=verdict(float(n), (n - 1.0, n + 1.0)),
+            state="WITHDRAW" if n > 20 else "WATCHING",
             cause="BOUND" if n > 20 else None,
         )
         for n in range(1, count + 1)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -25,6 +25,7 @@ from scleraforce.monitor.events import (
     Reset,
     SecondOpinion,
     Tick,
+    Verdict,
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
@@ -43,20 +44,30 @@ def frame(number: int, force_n: float = 0.01, at_s: float | None = None, half_n:
     return FrameRead(
         at_s=0.01 * number if at_s is None else at_s,
         frame_id=number,
-        predicted=0 if force_n < 5e-3 else 1,
-        probabilities=shares,
-        usable=True,
-        reason=None,
-        force_n=force_n,
-        interval_n=(force_n - half_n, force_n + half_n),
+        verdict=Verdict(
+            predicted=0 if force_n < 5e-3 else 1,
+            probabilities=shares,
+            usable=True,
+            reason=None,
+            force_n=force_n,
+            interval_n=(force_n - half_n, force_n + half_n),
+        ),
         shown_back=0,
         size=(512, 512),
         scale_m=(1e-5, 5e-6),
     )
 
 
+Read = TypeVar("Read", FrameRead, SecondOpinion)
+
+
+def judged(event: Read, **fields: Any) -> Read:
+    """An event with other fields of its verdict."""
+    return replace(event, verdict=replace(event.verdict, **fields))
+
+
 def unusable(number: int) -> FrameRead:
-    return replace(
+    return judged(
         frame(number), usable=False, reason="no wall", predicted=2, probabilities=None, force_n=None, interval_n=None
     )
 
@@ -67,17 +78,12 @@ def opinion(number: int, force_n: float = 0.01, at_s: float | None = None) -> Se
     return SecondOpinion(
         at_s=seen.at_s + 0.005 if at_s is None else at_s,
         frame_id=number,
-        usable=True,
-        reason=None,
-        predicted=seen.predicted,
-        probabilities=seen.probabilities,
-        force_n=seen.force_n,
-        interval_n=seen.interval_n,
+        verdict=seen.verdict,
     )
 
 
 def no_opinion(number: int) -> SecondOpinion:
-    return replace(
+    return judged(
         opinion(number), usable=False, reason="not the wall of an eye", predicted=2, probabilities=None, force_n=None,
         interval_n=None,
     )  # fmt: skip
@@ -113,7 +119,7 @@ STATES: dict[State, Callable[[], MonitorState]] = {
     State.WITHDRAW: withdrawn,
 }
 ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
-    "class 2": (replace(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "class 2": (judged(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (frame(6, 0.031), Cause.BOUND),
     "upper end": (frame(6, 0.0286), Cause.BOUND),
     "checksum": (ChecksumError(0.06, "CRC"), Cause.CHECKSUM),
@@ -122,16 +128,16 @@ ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
     "losses": (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
     "no loss": (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
     "a loss of no time": (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
-    "NaN force": (replace(frame(6), force_n=NAN), Cause.NO_NUMBER),
-    "NaN interval": (replace(frame(6), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
-    "endless interval": (replace(frame(6), interval_n=(0.0, float("inf"))), Cause.NO_NUMBER),
-    "interval upside down": (replace(frame(6), interval_n=(0.02, 0.01)), Cause.NO_NUMBER),
-    "NaN probability": (replace(frame(6), probabilities=(NAN, 0.5, 0.5)), Cause.NO_NUMBER),
-    "no probabilities": (replace(frame(6), probabilities=None), Cause.NO_NUMBER),
-    "sum": (replace(frame(6), probabilities=(0.5, 0.3, 0.1)), Cause.NO_NUMBER),
-    "negative class": (replace(frame(6), predicted=-1), Cause.NO_NUMBER),
-    "no force": (replace(frame(6), force_n=None, interval_n=None), Cause.NO_NUMBER),
-    "NaN in an unusable frame": (replace(unusable(6), force_n=NAN), Cause.NO_NUMBER),
+    "NaN force": (judged(frame(6), force_n=NAN), Cause.NO_NUMBER),
+    "NaN interval": (judged(frame(6), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
+    "endless interval": (judged(frame(6), interval_n=(0.0, float("inf"))), Cause.NO_NUMBER),
+    "interval upside down": (judged(frame(6), interval_n=(0.02, 0.01)), Cause.NO_NUMBER),
+    "NaN probability": (judged(frame(6), probabilities=(NAN, 0.5, 0.5)), Cause.NO_NUMBER),
+    "no probabilities": (judged(frame(6), probabilities=None), Cause.NO_NUMBER),
+    "sum": (judged(frame(6), probabilities=(0.5, 0.3, 0.1)), Cause.NO_NUMBER),
+    "negative class": (judged(frame(6), predicted=-1), Cause.NO_NUMBER),
+    "no force": (judged(frame(6), force_n=None, interval_n=None), Cause.NO_NUMBER),
+    "NaN in an unusable frame": (judged(unusable(6), force_n=NAN), Cause.NO_NUMBER),
     "NaN time": (frame(6, at_s=NAN), Cause.NO_NUMBER),
     "NaN tick": (Tick(NAN), Cause.NO_NUMBER),
     "NaN loss": (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
@@ -153,21 +159,21 @@ AFTER_A_FRAME: dict[str, tuple[MonitorEvent, Cause]] = {
     "scale of depth": (replace(frame(6), scale_m=(1e-5, 5.1e-6)), Cause.SCALE),
 }
 OPINIONS: dict[str, tuple[SecondOpinion, Cause]] = {
-    "class 2": (replace(opinion(5), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "class 2": (judged(opinion(5), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (opinion(5, 0.031), Cause.BOUND),
     "upper end": (opinion(5, 0.0286), Cause.BOUND),
-    "NaN force": (replace(opinion(5), force_n=NAN), Cause.NO_NUMBER),
-    "NaN in what cannot be judged": (replace(no_opinion(5), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
-    "no probabilities": (replace(opinion(5), probabilities=None), Cause.NO_NUMBER),
-    "no force": (replace(opinion(5), force_n=None, interval_n=None), Cause.NO_NUMBER),
+    "NaN force": (judged(opinion(5), force_n=NAN), Cause.NO_NUMBER),
+    "NaN in what cannot be judged": (judged(no_opinion(5), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
+    "no probabilities": (judged(opinion(5), probabilities=None), Cause.NO_NUMBER),
+    "no force": (judged(opinion(5), force_n=None, interval_n=None), Cause.NO_NUMBER),
     "time": (opinion(5, at_s=0.03), Cause.OUT_OF_ORDER),
 }
 OVERTAKEN: dict[str, tuple[FrameRead, Cause]] = {
-    "class 2": (replace(frame(4), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "class 2": (judged(frame(4), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (frame(4, 0.031), Cause.BOUND),
     "upper end": (frame(4, 0.0286), Cause.BOUND),
-    "NaN force": (replace(frame(4), force_n=NAN), Cause.NO_NUMBER),
-    "no probabilities": (replace(frame(4), probabilities=None), Cause.NO_NUMBER),
+    "NaN force": (judged(frame(4), force_n=NAN), Cause.NO_NUMBER),
+    "no probabilities": (judged(frame(4), probabilities=None), Cause.NO_NUMBER),
 }
 SIGNALS: dict[Signal, list[MonitorEvent]] = {
     Signal.HARMLESS: [frame(6)],
@@ -616,7 +622,7 @@ def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
 
 
 def test_a_classifier_reads_no_force() -> None:
-    read = replace(frame(1), force_n=None, interval_n=None)
+    read = judged(frame(1), force_n=None, interval_n=None)
     limits = MonitorLimits(reads_force=False)
     assert play([read], limits=limits).state is State.WATCHING
     assert play([read, unusable(2)], limits=limits).cause is Cause.UNUSABLE
@@ -678,7 +684,12 @@ def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
 
 
 def harmless(event: MonitorEvent) -> bool:
-    return isinstance(event, FrameRead) and event.usable and event.interval_n is not None and event.interval_n[1] < 0.03
+    return (
+        isinstance(event, FrameRead)
+        and event.verdict.usable
+        and event.verdict.interval_n is not None
+        and event.verdict.interval_n[1] < 0.03
+    )
 
 
 @pytest.mark.slow
@@ -691,7 +702,7 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
     for event in events:
         before = state
         state, decision = decide(state, event, limits)
-        seen = seen or (isinstance(event, SecondOpinion) and event.usable)
+        seen = seen or (isinstance(event, SecondOpinion) and event.verdict.usable)
         assert seen or not limits.expects_opinion or decision.code != 1
         good = good or harmless(event)
         assert good or decision.code != 1

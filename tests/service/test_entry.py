@@ -2,14 +2,15 @@ import json
 from dataclasses import fields, replace
 
 import pytest
-from decisions import READ_ENTRY, TICK_ENTRY
+from decisions import READ_ENTRY, TICK_ENTRY, verdict
 
 from scleraforce.service.entry import LATER, Entry
 
 
 def test_an_entry_reads_as_json_with_its_own_names_but_class():
     record = json.loads(READ_ENTRY.text)
-    assert set(record) == {field.name for field in fields(Entry)} - {"predicted"} | {"class"}
+    verdict_keys = {"class", "probabilities", "usable", "reason", "force_mn", "interval_mn"}
+    assert set(record) == {field.name for field in fields(Entry)} - {"verdict"} | verdict_keys
     assert record["class"] == 1
     assert record["probabilities"] == [0.0, 0.75, 0.25]
     assert record["interval_mn"] == [11.0, 13.5]
@@ -23,7 +24,7 @@ def test_an_entry_is_one_line():
 
 def test_what_is_no_number_is_null_wherever_it_stands():
     nan, inf = float("nan"), float("inf")
-    entry = replace(READ_ENTRY, force_mn=nan, interval_mn=(-inf, 13.5), probabilities=(nan, inf, 0.5), latency_ms=inf)
+    entry = replace(READ_ENTRY, verdict=verdict(nan, (-inf, 13.5), probabilities=(nan, inf, 0.5)), latency_ms=inf)
     record = json.loads(entry.text, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
     assert record["force_mn"] is record["latency_ms"] is None
     assert record["interval_mn"] == [None, 13.5]

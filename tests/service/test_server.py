@@ -10,6 +10,7 @@ from itertools import count
 
 import numpy as np
 import pytest
+from decisions import verdict
 from fake_companion import FakeCompanion
 from peer import FUSE_S, MATRIX, NoGuard, Peer, Running, serving, small_monitor, wait_until
 from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of, small_server
@@ -522,8 +523,8 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(cl
         questions = [message for message in asked if isinstance(message, OpinionAsked)]
         assert [question.number for question in questions] == list(range(1, 13))
         opinion = OpinionGiven(
-            order=questions[-1].order, usable=True, reason=None, predicted=2,
-            probabilities=(0.0, 0.0, 1.0), force_n=0.031, interval_n=(0.03, 0.032),
+            order=questions[-1].order,
+            verdict=verdict(31.0, (30.0, 32.0), predicted=2, probabilities=(0.0, 0.0, 1.0)),
         )  # fmt: skip
         companions[OPINION].says(opinion)
         status = scanner.wait_for_code(3)
@@ -552,9 +553,9 @@ def test_a_companion_that_does_not_keep_to_the_protocol_is_a_cause_for_good(cloc
     companions = {OPINION: FakeCompanion()}
     with serving(Companions(companions), clock=clock) as port, Peer(port, clock=clock) as scanner:  # type: ignore[arg-type]  # a stand-in
         scanner.watch()
-        companions[OPINION].theirs.send_encoded(b'{"kind": "opinion", "order": 1}')
+        companions[OPINION].theirs.send_encoded(b"\xff")
         status = scanner.watch_until(3)
-        assert (status.name, "does not keep to the protocol: opinion: without" in status.message) == ("EXCEPTION", True)
+        assert (status.name, "does not keep to the protocol: " in status.message) == ("EXCEPTION", True)
         companions[OPINION].says(Alive(faults=()))
         for _ in range(8):
             scanner.read(10.0)

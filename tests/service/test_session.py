@@ -242,7 +242,7 @@ def test_an_entry_has_the_reading_of_its_frame_only() -> None:
     told = session.entry("frame", clock.now_s, frame, 0.002)
     assert (told.number, told.frame, told.frame_id, told.force_mn, told.latency_ms) == (1, 1, 9, 10.0, 2.0)
     later = session.entry("tick", clock.now_s)
-    assert later == replace(later, number=2, frame=None, force_mn=None, usable=None, predicted=None)
+    assert later == replace(later, number=2, frame=None, verdict=None)
 
 
 def test_what_is_told_again_has_no_number_of_its_own_and_no_frame() -> None:

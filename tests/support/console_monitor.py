@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 from peer import FUSE_S
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.channel import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, ListensAt, Rates
-from scleraforce.service.console import console_settings
+from scleraforce.service.companions.messages import (
+    ClientRole,
+    CompanionMessage,
+    Decided,
+    ListensAt,
+    Rates,
+    console_settings,
+)
 from scleraforce.service.listening import listen
 
 __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]

@@ -16,6 +16,7 @@ from scleraforce.monitor.events import (
     Reset,
     SecondOpinion,
     Tick,
+    Verdict,
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
@@ -165,18 +166,19 @@ def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Findi
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
     """Return the meaning of a frame's reading."""
-    wrong = unsound(frame, limits)
+    verdict = frame.verdict
+    wrong = unsound(verdict, limits)
     if wrong:
         return _alarm(Cause.NO_NUMBER, wrong)
-    if not frame.usable:
-        return _unusable(now, frame.reason, now.unusable, limits.unusable_frames)
-    harmful = harm(frame, limits)
+    if not verdict.usable:
+        return _unusable(now, verdict.reason, now.unusable, limits.unusable_frames)
+    harmful = harm(verdict, limits)
     if harmful:
         return _alarm(*harmful)
-    upper_n = upper_end(frame)
-    if upper_n is not None and frame.force_n is not None:
+    upper_n = upper_end(verdict)
+    if upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations, limits.rate_frames)
-        if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
+        if risen_n is not None and risen_n + upper_n - verdict.force_n >= limits.bound_n:
             return _alarm(Cause.RISING, f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms")
     doubt = _doubt(now, frame.at_s, limits)
     if doubt:
@@ -188,25 +190,25 @@ def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -
     """Return the meaning of a second opinion: a doubt, or nothing new."""
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
-    return _only_doubts(now, opinion, "second opinion", now.doubted, limits.unusable_opinions, limits)
+    return _only_doubts(now, opinion.verdict, "second opinion", now.doubted, limits.unusable_opinions, limits)
 
 
 def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Finding:
     """Return the meaning of a frame that newer ones overtook: a cause in this frame alone, or nothing new."""
     name = f"frame {read.frame_id}, overtaken"
-    return _only_doubts(now, read, name, now.unusable + 1, limits.unusable_frames, limits)
+    return _only_doubts(now, read.verdict, name, now.unusable + 1, limits.unusable_frames, limits)
 
 
 def _only_doubts(
-    now: MonitorState, reading: FrameRead | SecondOpinion, name: str, in_row: int, most: int, limits: MonitorLimits
+    now: MonitorState, verdict: Verdict, name: str, in_row: int, most: int, limits: MonitorLimits
 ) -> _Finding:
-    """Return the meaning of a reading that can only add a doubt; `in_row` unusable ones in a row end with this one."""
-    wrong = unsound(reading, limits)
+    """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones in a row end with this one."""
+    wrong = unsound(verdict, limits)
     if wrong:
         return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
-    if not reading.usable:
-        return _unusable(now, f"{name}: {reading.reason or 'cannot be judged'}", in_row, most)
-    harmful = harm(reading, limits)
+    if not verdict.usable:
+        return _unusable(now, f"{name}: {verdict.reason or 'cannot be judged'}", in_row, most)
+    harmful = harm(verdict, limits)
     return _alarm(harmful[0], f"{name}: {harmful[1]}") if harmful else QUIET
 
 
@@ -214,8 +216,8 @@ def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
     """Return the doubt that the second opinions leave; a cause in the last one has led to a withdrawal already."""
     if now.opinion is None:
         return "no second opinion yet" if limits.expects_opinion else None
-    if not now.opinion.usable:
-        return f"second opinion: {now.opinion.reason or 'cannot be judged'}"
+    if not now.opinion.verdict.usable:
+        return f"second opinion: {now.opinion.verdict.reason or 'cannot be judged'}"
     return "the second opinion is not recent" if _waited(now, at_s) >= limits.opinion_s else None
 
 
@@ -279,7 +281,8 @@ def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) 
         moved,
         cause=None,
         reason="",
-        touched=before.frame is None or any(touches(seen, limits) for seen in (before.frame, before.opinion) if seen),
+        touched=before.frame is None
+        or any(touches(seen.verdict, limits) for seen in (before.frame, before.opinion) if seen),
         unusable=0,
         doubted=0,
         losses=(),
@@ -290,10 +293,10 @@ def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) 
 
 def _decision(state: MonitorState, finding: _Finding) -> Decision:
     words = [state.reason] if state.reason else []
-    if state.frame is not None and state.frame.usable:
-        words.append(f"class {state.frame.predicted}")
-        if state.frame.force_n is not None:
-            words.append(f"{from_si(state.frame.force_n, 'mn'):.1f} mN")
+    if state.frame is not None and state.frame.verdict.usable:
+        words.append(f"class {state.frame.verdict.predicted}")
+        if state.frame.verdict.force_n is not None:
+            words.append(f"{from_si(state.frame.verdict.force_n, 'mn'):.1f} mN")
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
     return Decision(

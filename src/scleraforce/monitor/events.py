@@ -4,23 +4,33 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameRead:
-    """A frame and its reading.
+class Verdict:
+    """The answer of a model to a frame: what is decided, sent, logged and shown.
 
-    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: how many frames ago its
-    picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock; None
-    if it states none. `pixel_type`: of its pixels as sent, such as "uint16". If the frame is not `usable`, `reason`
-    says why and `predicted` does not count. `force_n` and `interval_n` are None with a classifier.
+    If the frame is not `usable`, `reason` says why and `predicted`, the class, does not count. `force_n` and its 90 %
+    `interval_n` are None with a classifier. Numbers may be NaN: the decision checks them.
     """
 
-    at_s: float
-    frame_id: int
     predicted: int
     probabilities: tuple[float, ...] | None
     usable: bool
     reason: str | None
     force_n: float | None
     interval_n: tuple[float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRead:
+    """A frame and its reading.
+
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: how many frames ago its
+    picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock; None
+    if it states none. `pixel_type`: of its pixels as sent, such as "uint16".
+    """
+
+    at_s: float
+    frame_id: int
+    verdict: Verdict
     shown_back: int
     size: tuple[int, int]
     scale_m: tuple[float, float]
@@ -32,17 +42,12 @@ class FrameRead:
 class SecondOpinion:
     """The reading of a frame by another method; it comes after the first reading and can only add a doubt.
 
-    The fields are those of `FrameRead`; `at_s` is when the opinion came, `frame_id` the frame that was read.
+    `at_s` is when the opinion came, `frame_id` the frame that was read.
     """
 
     at_s: float
     frame_id: int
-    usable: bool
-    reason: str | None
-    predicted: int
-    probabilities: tuple[float, ...] | None
-    force_n: float | None
-    interval_n: tuple[float, float] | None
+    verdict: Verdict
 
 
 @dataclass(frozen=True)

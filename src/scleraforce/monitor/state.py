@@ -107,10 +107,10 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
         lags=lags,
         least_lag=_least_lag(state.least_lag, lags, frame.at_s, limits),
-        unusable=0 if frame.usable else state.unusable + 1,
+        unusable=0 if frame.verdict.usable else state.unusable + 1,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
     )
-    if not frame.usable or unsound(frame, limits):
+    if not frame.verdict.usable or unsound(frame.verdict, limits):
         return replace(state, clear_s=None)
     if sound_pixels(frame.size, frame.scale_m):
         same = state.scale_m is not None and of_scale(frame.scale_m, state.scale_m, limits)
@@ -118,9 +118,11 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
             state, size=limits.size or frame.size, scale_m=limits.scale_m or (state.scale_m if same else frame.scale_m)
         )
     state = _remember_contact(state, frame, limits)
-    if frame.force_n is None:
+    if frame.verdict.force_n is None:
         return state
-    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-NOISE_WINDOWS * limits.rate_frames :])
+    return replace(
+        state, history=(*state.history, (frame.at_s, frame.verdict.force_n))[-NOISE_WINDOWS * limits.rate_frames :]
+    )
 
 
 def _least_lag(
@@ -137,7 +139,7 @@ def _least_lag(
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
     """Contact begins with one frame and ends after `lifted_s` of sound frames without contact."""
-    if touches(frame, limits):
+    if touches(frame.verdict, limits):
         return replace(state, touched=True, clear_s=None)
     since_s = frame.at_s if state.clear_s is None else state.clear_s
     return replace(state, touched=state.touched and frame.at_s - since_s < limits.lifted_s, clear_s=since_s)
@@ -147,12 +149,12 @@ def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: Monit
     state = replace(
         state,
         opinion=opinion,
-        doubted=0 if opinion.usable else state.doubted + 1,
+        doubted=0 if opinion.verdict.usable else state.doubted + 1,
         unanswered=_unanswered(state.unanswered, opinion.frame_id),
     )
-    if not opinion.usable or unsound(opinion, limits):
+    if not opinion.verdict.usable or unsound(opinion.verdict, limits):
         return replace(state, clear_s=None)
-    return replace(state, touched=True, clear_s=None) if touches(opinion, limits) else state
+    return replace(state, touched=True, clear_s=None) if touches(opinion.verdict, limits) else state
 
 
 def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.unknowns import LATERAL
 from scleraforce.known.eye import NOTHING_KNOWN, Known
+from scleraforce.monitor.events import Verdict
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
@@ -134,6 +135,18 @@ class Answer:
     needle: SeenNeedle | None = None
     conjunctiva_m: float | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The part that the monitor decides on, sends and logs."""
+        return Verdict(
+            predicted=self.predicted,
+            probabilities=self.probabilities,
+            usable=self.usable,
+            reason=self.reason,
+            force_n=self.force_n,
+            interval_n=self.interval_n,
+        )
 
     @property
     def iop_at_dent_pa(self) -> float | None:

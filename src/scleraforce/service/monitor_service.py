@@ -20,14 +20,11 @@ from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.compiling import compile_wall, compiled_is_kept
-from scleraforce.service.black_box.settings import black_box_settings
-from scleraforce.service.companions.channel import Channel
-from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.channel import Channel, Child
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.opinion_settings import OpinionSettings
-from scleraforce.service.console.settings import console_settings
+from scleraforce.service.companions.messages import OpinionSettings, black_box_settings, console_settings
 from scleraforce.service.folders import try_folders
 from scleraforce.service.listening import listen
 from scleraforce.service.open_files import allow_files

@@ -16,6 +16,7 @@ from scleraforce.monitor.events import (
     Failure,
     MonitorEvent,
     Reset,
+    SecondOpinion,
     Tick,
 )  # fmt: skip
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
@@ -362,7 +363,7 @@ class Server:
     def _take_message(self, message: CompanionMessage, now_s: float) -> None:
         match message:
             case OpinionGiven():
-                self._decide("opinion", message.at(now_s))
+                self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=message.order, verdict=message.verdict))
             case ResetAsked(request=request, token=token):
                 granted, text = self._reset(token, now_s)
                 self._companions.tell(CONSOLE, ResetAnswered(request=request, granted=granted, message=text), now_s)

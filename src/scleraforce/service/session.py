@@ -6,9 +6,9 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick, Verdict
 from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answer import Answer, LiveReading
+from scleraforce.reader.answer import LiveReading
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.overtaken import FramePace, Overtaken
@@ -174,21 +174,23 @@ class Session:
         reading = None
         if size == self.limits.size:
             reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
-        answer = reading.answer if reading else self._of_another_size()
-        read = read_event(
-            answer,
+        read = FrameRead(
             at_s=frame.at_s,
             frame_id=frame.order,
+            verdict=reading.answer.verdict if reading else self._of_another_size(),
+            shown_back=frame.shown_back,
             size=size,
             scale_m=(image.lateral_m, image.depth_m),
-            shown_back=frame.shown_back,
             sent_s=frame.sent_s,
             pixel_type=image.sent_type,
         )
         return reading, read
 
-    def _of_another_size(self) -> Answer:
-        return Answer(predicted=self.limits.withdraw_class, probabilities=None, usable=False, reason="another size")
+    def _of_another_size(self) -> Verdict:
+        return Verdict(
+            predicted=self.limits.withdraw_class, probabilities=None, usable=False, reason="another size",
+            force_n=None, interval_n=None,
+        )  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
@@ -222,50 +224,12 @@ class Session:
             present=decision.present,
             frame=frame.number if frame else None,
             frame_id=frame.sender_id if frame else None,
-            predicted=answer.predicted if answer else None,
-            probabilities=answer.probabilities if answer else None,
-            force_mn=from_si(answer.force_n, "mn") if answer and answer.force_n is not None else None,
-            interval_mn=_mn(answer.interval_n) if answer and answer.interval_n is not None else None,
-            usable=answer.usable if answer else False if frame else None,
-            reason=answer.reason if answer else None,
+            verdict=answer.verdict if answer else None,
             latency_ms=from_si(latency_s, "ms"),
             overtaken=self._overtaken,
             lost=self.lost,
         )
 
 
-def read_event(
-    answer: Answer,
-    *,
-    at_s: float,
-    frame_id: int,
-    size: tuple[int, int],
-    scale_m: tuple[float, float],
-    shown_back: int,
-    sent_s: float | None = None,
-    pixel_type: str | None = None,
-) -> FrameRead:
-    """Return the event of a frame that was read; what is not of the answer is as `FrameRead` says."""
-    return FrameRead(
-        at_s=at_s,
-        frame_id=frame_id,
-        predicted=answer.predicted,
-        probabilities=answer.probabilities,
-        usable=answer.usable,
-        reason=answer.reason,
-        force_n=answer.force_n,
-        interval_n=answer.interval_n,
-        shown_back=shown_back,
-        size=size,
-        scale_m=scale_m,
-        sent_s=sent_s,
-        pixel_type=pixel_type,
-    )
-
-
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
     return Failure(at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
-
-
-def _mn(interval_n: tuple[float, float]) -> tuple[float, float]:
-    return from_si(interval_n[0], "mn"), from_si(interval_n[1], "mn")

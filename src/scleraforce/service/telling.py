@@ -4,11 +4,12 @@ from collections.abc import Callable
 from math import nan
 
 from scleraforce.monitor import Decision
+from scleraforce.monitor.events import Verdict
 from scleraforce.openigtlink import Message, Sensor, Status, Text, encode
 from scleraforce.service.entry import Entry
-from scleraforce.units import to_si
 
 STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
+NOT_READ = Verdict(predicted=0, probabilities=None, usable=False, reason=None, force_n=None, interval_n=None)
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 
 
@@ -24,15 +25,15 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
     The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
     (N), usable (1 or 0), code of the STATUS. Missing values are NaN.
     """
-    shares = (entry.probabilities or (nan, nan, nan))[:3]
-    low_mn, high_mn = entry.interval_mn or (nan, nan)
-    force_mn = nan if entry.force_mn is None else entry.force_mn
+    verdict = entry.verdict or NOT_READ
+    shares = (verdict.probabilities or (nan, nan, nan))[:3]
     numbers = (
         nan if entry.frame is None else float(entry.frame),
-        nan if entry.predicted is None else float(entry.predicted),
+        float(verdict.predicted) if entry.verdict else nan,
         *shares, *(nan,) * (3 - len(shares)),
-        to_si(force_mn, "mn"), to_si(low_mn, "mn"), to_si(high_mn, "mn"),
-        1.0 if entry.usable else 0.0,
+        nan if verdict.force_n is None else verdict.force_n,
+        *(verdict.interval_n or (nan, nan)),
+        float(verdict.usable),
         float(entry.code),
     )  # fmt: skip
     return Text(entry.text), Sensor(numbers)

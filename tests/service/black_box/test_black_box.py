@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from decisions import decision
+from decisions import READ_ENTRY, decision
+from msgspec import structs
 from peer import FUSE_S
 
 import scleraforce.service.black_box.log_sync as log_sync
@@ -14,10 +15,9 @@ import scleraforce.service.black_box.process as module
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.service.black_box.decision_log import DecisionLog, read_log
+from scleraforce.service.black_box.journal import Journal
 from scleraforce.service.black_box.process import BlackBox
-from scleraforce.service.black_box.settings import black_box_settings
-from scleraforce.service.companions.channel import Channel
-from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.channel import Channel, Child, encode_message
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import (
     Alive,
@@ -28,6 +28,7 @@ from scleraforce.service.companions.messages import (
     OpinionAsked,
     SelfReport,
     WithdrawalKept,
+    black_box_settings,
 )
 from scleraforce.study.records import ClassesStudy
 
@@ -39,6 +40,16 @@ INFO = RecordingInfo(
     NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
     ForceInfo("fz", -1, 0.2),
 )
+
+
+def line_of(folder, message):
+    """The line of a message in a log of its own."""
+    log, (channel, theirs) = DecisionLog(folder / type(message).__name__), Channel.pair()
+    line = Journal(log, channel).record(message)
+    log.close()
+    channel.close()
+    theirs.close()
+    return line
 
 
 def frame(number):
@@ -53,7 +64,7 @@ class Monitor:
         settings = black_box_settings(folder / "box", self.ring, info, record)
         self.channel, self.theirs = Channel.pair()
         ring = replace(settings.ring, descriptor=os.dup(self.ring.descriptor))
-        self.box = BlackBox(self.theirs, replace(settings, ring=ring))
+        self.box = BlackBox(self.theirs, structs.replace(settings, ring=ring))
         self.decisions = self.frames = 0
         self.at_s = 1000.0
         self.answers = []
@@ -451,12 +462,12 @@ def test_a_log_whose_folder_is_gone_is_told(tmp_path, monkeypatch):
 def test_what_is_no_message_or_not_for_it_is_told_for_good_and_the_log_goes_on(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
-    assert monitor.channel.send_encoded(b'{"kind": "note"}')
+    assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
     assert monitor.channel.send(OpinionAsked(number=1, order=1))
     for _ in range(3):
         monitor.decide()
     (told,) = monitor.heard(SelfReport)
-    assert told.detail == "message: note: without time_s, text"
+    assert told.detail.startswith("message: not a message: ")
     assert monitor.heard(Alive)[-1].faults == (told.detail,)
     monitor.end()
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 4
@@ -563,3 +574,17 @@ def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
     assert "Not a directory" in process.wait_for(SelfReport).detail
     assert process.child.end(FUSE_S) == 1
     assert "Traceback" in capfd.readouterr().err
+
+
+def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
+    """The keys, their order and the values of the log are a contract (docs/black_box.md)."""
+    assert line_of(tmp_path, Decided(entry=READ_ENTRY)) == (
+        b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": '
+        b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
+        b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
+        b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
+        b'"present_cause": null, "present": "", "class": 1}, "crc32": "6ef838f1"}\n'
+    )
+    assert line_of(tmp_path, Note(time_s=1.5, text="robot came")) == (
+        b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
+    )

@@ -1,9 +1,216 @@
+"""Processes beside the monitor and their channels: what is sent arrives whole, or is refused with one kind of error."""
+
+import json
+import os
+import signal
+import time
+from contextlib import suppress
+from math import inf, nan
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+import numpy as np
 import pytest
+from decisions import READ_ENTRY, TICK_ENTRY, verdict
+from hypothesis import given, strategies as st
+from peer import FUSE_S, wait_until
 
 from scleraforce.errors import MessageError
-from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.codec import MESSAGE_BYTES, encode_message
-from scleraforce.service.companions.messages import Note
+from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, known_globe
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.companions.channel import (
+    MESSAGE_BYTES,
+    Channel,
+    ChannelClosedError,
+    Child,
+    decode_message,
+    encode_message,
+    settings_of_child,
+)
+from scleraforce.service.companions.frame_ring import RingPlace
+from scleraforce.service.companions.guard import Guard
+from scleraforce.service.companions.messages import (
+    Alive,
+    BlackBoxSettings,
+    ClientRole,
+    CompanionMessage,
+    ConsoleSettings,
+    Decided,
+    ForceHeard,
+    ListensAt,
+    MonitorEnds,
+    Note,
+    OpinionAsked,
+    OpinionGiven,
+    OpinionSettings,
+    Outline,
+    Rates,
+    ResetAnswered,
+    ResetAsked,
+    SelfReport,
+    WithdrawalKept,
+    WrongTokens,
+)
+
+RING = RingPlace(descriptor=5, frames=1200, rows=512, columns=1024)
+INFO = RecordingInfo(
+    EyeInfo("eye", thickness_m=600e-6, iop_pa=None),
+    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    ForceInfo("fz", -1, 0.2),
+)
+NO_FORCE = RecordingInfo(INFO.eye, INFO.oct, INFO.needle)
+SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
+MESSAGES: list[CompanionMessage] = [
+    Decided(entry=READ_ENTRY),
+    Decided(entry=TICK_ENTRY),
+    ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
+    ForceHeard(at_s=1.0, time_s=1.8e9, values=(), device=""),
+    Note(time_s=1.5, text='é "\\ \n\t\0'),
+    MonitorEnds(),
+    Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
+    Rates(frames_per_second=99.5, lost=0, clients=(ClientRole(address="[::1]:1", role="scanner"),)),
+    Rates(frames_per_second=0.0, lost=0, clients=()),
+    ResetAsked(request=1, token="t"),
+    ResetAnswered(request=1, granted=False, message="no"),
+    ListensAt(url="http://127.0.0.1:1/"),
+    WrongTokens(count=7),
+    OpinionAsked(number=3, order=2**62),
+    OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
+    OpinionGiven(order=3, verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None)),
+    Alive(faults=()),
+    Alive(faults=("log: full", "disk: full")),
+    SelfReport(detail="it broke"),
+    WithdrawalKept(folder="/tmp/x"),
+    BlackBoxSettings(folder=Path("/tmp/box"), ring=RING, info=INFO, record=None, keep_s=10.0),
+    BlackBoxSettings(
+        folder=Path("/tmp/box"), ring=RING, info=NO_FORCE, record=Path("/tmp/é"), keep_s=10.0
+    ),
+    OpinionSettings(model=Path("m"), known=Known(), scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), ring=RING),
+    OpinionSettings(
+        model=Path("m"), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING,
+        known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4),
+    ),
+    OpinionSettings(
+        model=Path("m"), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING,
+        known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
+    ),
+    ConsoleSettings(
+        host="::1", listener=7, token_digest="d", ring=RING, pixel_mm=(0.03, 0.01), class_bounds_mn=(5.0, 30.0),
+        bound_mn=30.0, withdraw_class=2, silence_s=0.1, reads_force=True, model="reader", eye="", version="1",
+    ),
+]  # fmt: skip
+# A wrong value for each type of field.
+WRONG: list[Any] = [None, True, 1, 1.5, "1", b"1", [], [1], [[]], {}, {"a": 1}]
+
+
+def test_each_message_arrives_as_it_was_sent() -> None:
+    assert {type(message) for message in MESSAGES} == set(get_args(CompanionMessage))
+    for message in MESSAGES:
+        assert decode_message(encode_message(message)) == message
+
+
+def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
+    given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
+    opinion = decode_message(encode_message(OpinionGiven(order=3, verdict=given)))
+    assert repr(opinion) == repr(OpinionGiven(order=3, verdict=verdict(nan, (-inf, nan), probabilities=(nan, 1.0))))
+
+
+def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> None:
+    assert decode_message(encode_message(Alive(faults=("log: \udce9",)))) == Alive(faults=("log: \\udce9",))
+    settings = OpinionSettings(model=Path("\udce9"), known=NOTHING_KNOWN, scale=SCALE, ring=RING)
+    assert decode_message(encode_message(settings)) == settings
+
+
+def test_a_message_that_is_cut_anywhere_is_refused() -> None:
+    for message in MESSAGES:
+        data = encode_message(message)
+        for length in range(len(data)):
+            with pytest.raises(MessageError):
+                decode_message(data[:length])
+
+
+def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
+    for message in MESSAGES:
+        record = msgspec.msgpack.decode(encode_message(message))
+        for name in set(record) - {"type"}:
+            with pytest.raises(MessageError, match=name):
+                decode_message(msgspec.msgpack.encode({key: value for key, value in record.items() if key != name}))
+        with pytest.raises(MessageError, match="more"):
+            decode_message(msgspec.msgpack.encode(record | {"more": 1}))
+
+
+def test_any_value_in_a_field_is_read_or_refused() -> None:
+    """A value that is read is encoded to a message that decodes to the same."""
+    for message in MESSAGES:
+        record = msgspec.msgpack.decode(encode_message(message))
+        for path in places(record):
+            for wrong in WRONG:
+                with suppress(MessageError):
+                    read = decode_message(msgspec.msgpack.encode(changed(record, path, wrong)))
+                    assert decode_message(encode_message(read)) == read
+
+
+def test_a_value_of_another_type_is_refused_by_its_field() -> None:
+    for name, wrong in {"at_s": "1", "number": 1.5, "state": None, "frame": True, "verdict": []}.items():
+        record = msgspec.msgpack.decode(encode_message(Decided(entry=READ_ENTRY)))
+        with pytest.raises(MessageError, match=rf"entry\.{name}"):
+            decode_message(msgspec.msgpack.encode(changed(record, ["entry", name], wrong)))
+    record["entry"]["state"] = "OK"
+    with pytest.raises(MessageError, match="state"):
+        decode_message(msgspec.msgpack.encode(record))
+
+
+def places(record: Any) -> list[list[Any]]:
+    """The path to each value in an object, but to the object."""
+    if not isinstance(record, (dict, list)):
+        return []
+    entries = list(record.items()) if isinstance(record, dict) else list(enumerate(record))
+    return [[key, *rest] for key, value in entries for rest in ([], *places(value))]
+
+
+def changed(record: Any, path: list[Any], value: Any) -> Any:
+    """The object with another value in one place."""
+    if not path:
+        return value
+    copied = record.copy()
+    copied[path[0]] = changed(record[path[0]], path[1:], value)
+    return copied
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"], ids=repr)
+def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(data: bytes) -> None:
+    with pytest.raises(MessageError) as refused:
+        decode_message(data)
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 500
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_a_message_or_that_error(data: bytes) -> None:
+    with suppress(MessageError):
+        decode_message(data)
+
+
+@given(st.sampled_from(MESSAGES), st.data())
+def test_a_message_with_changed_bytes_is_a_message_or_that_error(
+    message: CompanionMessage, drawn: st.DataObject
+) -> None:
+    data = bytearray(encode_message(message))
+    for _ in range(drawn.draw(st.integers(1, 3))):
+        data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(st.integers(0, 255))
+    with suppress(MessageError):
+        assert isinstance(decode_message(bytes(data)), CompanionMessage)
+
+
+def test_other_values_and_large_messages_are_not_sent() -> None:
+    for wrong in (object(), Note(time_s=1.0, text=object()), WrongTokens(count=10**30)):  # type: ignore[arg-type]
+        with pytest.raises(MessageError):
+            encode_message(wrong)  # type: ignore[arg-type]
+    with pytest.raises(MessageError, match="131072"):
+        encode_message(Note(time_s=1.0, text="x" * MESSAGE_BYTES))
 
 
 def note(number, text=""):
@@ -81,21 +288,135 @@ def test_sending_to_an_end_that_left_is_said(ends):
 
 def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(ends):
     ours, theirs = ends
-    largest = note(1, "x" * (MESSAGE_BYTES - len(encode_message(note(1)))))
+    header = len(encode_message(note(1, "x" * 70_000))) - 70_000
+    largest = note(1, "x" * (MESSAGE_BYTES - header))
     assert ours.send(largest)
     assert theirs.receive() == [largest]
     with pytest.raises(MessageError, match="131073 bytes"):
         ours.send(note(1, largest.text + "x"))
     assert theirs.receive() == []
-    assert ours.send_encoded(encode_message(largest) + b" " * 1000)  # JSON all the same, if it were cut
+    assert ours.send_encoded(encode_message(largest) + b" " * 1000)  # a whole message, if it were cut
     with pytest.raises(MessageError, match="131073 bytes"):
         theirs.receive()
 
 
 def test_after_what_is_no_message_the_next_ones_can_be_read(ends):
     ours, theirs = ends
-    ours.send_encoded(b"{}")
+    ours.send_encoded(b"\xff")
     ours.send(note(1))
     with pytest.raises(MessageError):
         theirs.receive()
     assert theirs.receive() == [note(1)]
+
+
+MODULE = """
+import json, os, signal, sys, time
+from scleraforce.service.companions.channel import ChannelClosedError, settings_of_child
+from scleraforce.service.companions.messages import Note, OpinionSettings
+channel, settings = settings_of_child(sys.argv, OpinionSettings)
+blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+said = os.pread(settings.ring.descriptor, 100, 0).decode() if settings.ring.descriptor else None
+channel.send(Note(time_s=0.0, text=json.dumps({
+    "settings": repr(settings), "interrupts": signal.SIGINT not in blocked, "read": said,
+    "threads": os.environ["OMP_NUM_THREADS"],
+})))
+while settings.ring.frames:
+    try:
+        channel.receive()
+    except ChannelClosedError:
+        sys.exit(settings.ring.frames)
+    time.sleep(0.01)
+time.sleep(60)
+"""
+
+
+def ending_with(code, descriptor=0):
+    """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
+    ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
+    return OpinionSettings(
+        model=Path("é"), known=NOTHING_KNOWN, scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=ring
+    )
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    (tmp_path / "some_child.py").write_text(MODULE)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+
+
+def answer(child):
+    messages = []
+    wait_until(lambda: messages.extend(child.channel.receive()) or messages)
+    return json.loads(messages[0].text)
+
+
+@pytest.mark.usefixtures("module")
+def test_a_child_gets_its_settings_and_the_files_and_ends_when_the_channel_closes():
+    file = os.memfd_create("test")
+    os.write(file, b"shared")
+    settings = ending_with(7, file)
+    child = Child("some_child", settings, [file])
+    said = answer(child)
+    assert said == {"settings": repr(settings), "interrupts": False, "read": "shared", "threads": "1"}
+    assert child.exit_code is None
+    os.kill(child.pid, 0)
+    os.kill(child.pid, signal.SIGINT)
+    time.sleep(0.05)
+    assert child.exit_code is None
+    assert child.end(FUSE_S) == 7
+    assert child.exit_code == 7
+    os.close(file)
+
+
+@pytest.mark.usefixtures("module")
+def test_a_child_that_does_not_end_is_killed():
+    child = Child("some_child", ending_with(0))
+    answer(child)
+    assert child.end(within_s=0.05) == -signal.SIGKILL
+
+
+def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start():
+    ours, theirs = Channel.pair()
+    with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
+        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings, within_s=0.01)
+    ours.send(MonitorEnds())
+    with pytest.raises(MessageError, match="a MonitorEnds came; the first message must be a OpinionSettings"):
+        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings)
+    ours.close()
+    with pytest.raises(ChannelClosedError):
+        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings)
+    theirs.close()
+
+
+@pytest.mark.usefixtures("module")
+def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
+    """Those of PYTHONPATH do, as in the process that starts it."""
+    here = tmp_path / "here"
+    here.mkdir()
+    for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n")
+    monkeypatch.chdir(here)
+    child = Child("some_child", ending_with(3))
+    assert answer(child)["threads"] == "1"
+    assert child.end(FUSE_S) == 3
+    guard = Guard()
+    guard.end()
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGHUP,
+        *(pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGQUIT, signal.SIGINT, signal.SIGTERM)),
+    ],
+)
+@pytest.mark.usefixtures("module")
+def test_a_child_does_not_hear_of_a_terminal_that_is_closed(number):
+    child = Child("some_child", ending_with(5))
+    answer(child)
+    assert os.getsid(child.pid) == child.pid
+    os.kill(child.pid, number)
+    time.sleep(0.05)
+    assert child.exit_code is None
+    assert child.end(FUSE_S) == 5

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 
 import pytest
-from decisions import decision
+from decisions import decision, verdict
 from fake_companion import FakeCompanion
+from msgspec.msgpack import encode as packb
 
+from scleraforce.service.companions.channel import encode_message
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.messages import (
     Alive,
@@ -21,9 +23,7 @@ from scleraforce.service.companions.messages import (
     WrongTokens,
 )
 
-OPINION_OF_3 = OpinionGiven(
-    order=3, usable=True, reason=None, predicted=0, probabilities=None, force_n=None, interval_n=None
-)
+OPINION_OF_3 = OpinionGiven(order=3, verdict=verdict(predicted=0))
 
 
 @pytest.fixture
@@ -163,10 +163,10 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
 @pytest.mark.parametrize(
     ("name", "said", "reason"),
     [
-        (OPINION, b'{"kind": "opinion"}', "opinion: without order, usable, "),
-        (BLACK_BOX, b"\xff", "not JSON"),
-        (BLACK_BOX, b'{"kind": "reset", "request": 1, "token": "t"}', "a ResetAsked is not its to say"),
-        (OPINION, b'{"kind": "kept", "folder": "x"}', "a WithdrawalKept is not its to say"),
+        (OPINION, packb({"type": "OpinionGiven"}), "order"),
+        (BLACK_BOX, b"\xff", "not a message"),
+        (BLACK_BOX, encode_message(ResetAsked(request=1, token="t")), "a ResetAsked is not its to say"),
+        (OPINION, encode_message(WithdrawalKept(folder="x")), "a WithdrawalKept is not its to say"),
     ],
 )
 def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions, children, name, said, reason):

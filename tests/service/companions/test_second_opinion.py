@@ -11,8 +11,7 @@ from fixed_reader import write_fixed_reader
 from peer import FUSE_S
 
 from scleraforce.service.companions import second_opinion
-from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.channel import Channel, ChannelClosedError, Child
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import (
     Alive,
@@ -20,9 +19,9 @@ from scleraforce.service.companions.messages import (
     MonitorEnds,
     OpinionAsked,
     OpinionGiven,
+    OpinionSettings,
     SelfReport,
 )
-from scleraforce.service.companions.opinion_settings import OpinionSettings
 
 pytest.importorskip("torch")
 
@@ -65,12 +64,12 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     reader.ring.put(1, image(wall_section(tip_of(0.015))))
     reader.ask(1, 71)
     opinion = reader.opinion()
-    assert (opinion.order, opinion.usable, opinion.predicted) == (71, True, 1)
-    assert opinion.force_n == pytest.approx(0.015, abs=1.2e-3)
-    assert opinion.interval_n
-    assert opinion.probabilities
-    assert opinion.interval_n[0] < 0.015 < opinion.interval_n[1]
-    assert sum(opinion.probabilities) == pytest.approx(1.0)
+    assert (opinion.order, opinion.verdict.usable, opinion.verdict.predicted) == (71, True, 1)
+    assert opinion.verdict.force_n == pytest.approx(0.015, abs=1.2e-3)
+    assert opinion.verdict.interval_n
+    assert opinion.verdict.probabilities
+    assert opinion.verdict.interval_n[0] < 0.015 < opinion.verdict.interval_n[1]
+    assert sum(opinion.verdict.probabilities) == pytest.approx(1.0)
 
 
 def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the_monitor_before(
@@ -101,8 +100,8 @@ def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
     reader.ring.put(2, noise)
     reader.ask(2, 72)
     opinion = reader.opinion()
-    assert (opinion.order, opinion.usable, opinion.force_n) == (72, False, None)
-    assert opinion.reason
+    assert (opinion.order, opinion.verdict.usable, opinion.verdict.force_n) == (72, False, None)
+    assert opinion.verdict.reason
 
 
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:

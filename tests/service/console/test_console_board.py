@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import reading
-from decisions import decision
+from decisions import decision, verdict
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -70,7 +70,7 @@ def test_what_is_true_now_stands_beside_the_first_cause_and_its_time() -> None:
     assert shown["sentence"] == SENTENCES["SILENCE"]
     assert shown["present"] == SENTENCES["BOUND"]
     assert (shown["detail"], shown["withdrawn_s"], shown["reading"]["force_mn"]) == ("up to 40.5 mN", 1.8e9, 39.0)
-    over = replace(held, present_cause=None, present="", **reading(4.0))
+    over = replace(held, present_cause=None, present="", verdict=verdict(4.0))
     shown = board_with((1.0, held), (1.1, over)).as_json(1.1, 0)
     assert (shown["sentence"], shown["present"], shown["detail"]) == (SENTENCES["SILENCE"], "", "")
 

@@ -4,10 +4,10 @@ import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from scleraforce.service.black_box.decision_log import DecisionLog, format_line
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.codec import message_as_json
 from scleraforce.service.companions.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
 from scleraforce.units import from_si
 
@@ -28,7 +28,7 @@ class Journal:
 
     def record(self, message: Decided | Note) -> bytes:
         """Append a message to the log; return its line, also if it could not be written."""
-        record = message_as_json(message)
+        record = _as_json(message)
         try:
             line = self._log.append(record)
         except OSError as fault:
@@ -78,3 +78,10 @@ class Journal:
     def _tell(self, message: CompanionMessage) -> None:
         with suppress(ChannelClosedError):  # the black box notices it when it listens
             self._channel.send(message)
+
+
+def _as_json(message: Decided | Note) -> dict[str, Any]:
+    """Return a message as the log has it (docs/black_box.md)."""
+    if isinstance(message, Decided):
+        return {"kind": "entry", "entry": message.entry.as_json()}
+    return {"kind": "note", "time_s": message.time_s, "text": message.text}

@@ -17,13 +17,19 @@ from scleraforce.service.black_box.heard import Heard, SessionBeginning
 from scleraforce.service.black_box.journal import Journal
 from scleraforce.service.black_box.kept_frames import TakenFrame
 from scleraforce.service.black_box.log_sync import LogSync
-from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.black_box.whole_session import WholeSession
 from scleraforce.service.black_box.withdrawals import Withdrawals
-from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.child import settings_of_child
+from scleraforce.service.companions.channel import Channel, ChannelClosedError, settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import CompanionMessage, Decided, ForceHeard, MonitorEnds, Note, SelfReport
+from scleraforce.service.companions.messages import (
+    BlackBoxSettings,
+    CompanionMessage,
+    Decided,
+    ForceHeard,
+    MonitorEnds,
+    Note,
+    SelfReport,
+)
 from scleraforce.service.entry import Entry
 
 NICENESS = 5

@@ -5,8 +5,8 @@ from scleraforce.service.black_box.journal import Journal
 from scleraforce.service.black_box.kept_frames import FrameTaker, TakenFrame
 from scleraforce.service.black_box.robot_force import ForceSample
 from scleraforce.service.black_box.session_recording import SessionRecording
-from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import BlackBoxSettings
 
 SESSION = "session"  # what is not kept, where the disk fails
 

@@ -9,8 +9,8 @@ from scleraforce.service.black_box.heard import Heard
 from scleraforce.service.black_box.journal import Journal
 from scleraforce.service.black_box.kept_frames import FrameTaker, TakenFrame
 from scleraforce.service.black_box.kept_withdrawal import KeptWithdrawal
-from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import BlackBoxSettings
 from scleraforce.service.entry import Entry
 
 WITHDRAWAL = "withdrawal"  # what is not kept, where the disk fails

@@ -1,16 +1,93 @@
-"""A two-way channel between two processes of the monitor: messages, whole or not at all, without waiting."""
+"""The monitor's processes and their channels: messages, whole or not at all, without waiting."""
 
+import os
+import signal
 import socket
-from typing import Self
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from select import select
+from typing import Any, Self, TypeVar
 
-from scleraforce.service.companions.codec import MESSAGE_BYTES, decode_message, encode_message
-from scleraforce.service.companions.messages import CompanionMessage
+import msgspec
+
+from scleraforce.errors import MessageError, ScleraforceError
+from scleraforce.processes import one_thread
+from scleraforce.service.companions.messages import CompanionMessage, Settings
 
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
+MESSAGE_BYTES = 128 * 1024  # more than any message needs
+UNHEARD = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)
+
+ChildSettings = TypeVar("ChildSettings", bound=Settings)
 
 
 class ChannelClosedError(Exception):
     """The process at the other end has closed the channel, or has ended."""
+
+
+def encode_message(message: CompanionMessage) -> bytes:
+    """Return the bytes of a message (MessagePack).
+
+    Raises:
+        MessageError: a value that no message may hold, or a message that is too large.
+    """
+    try:
+        try:
+            data = _ENCODER.encode(message)
+        except UnicodeEncodeError:  # half a character, from a file name: it is escaped
+            data = _ENCODER.encode(_escaped(msgspec.to_builtins(message, builtin_types=(bytes,), enc_hook=_plain)))
+    except (msgspec.MsgspecError, TypeError, OverflowError) as fault:
+        raise MessageError(f"{type(message).__name__}: {fault}") from fault
+    _check_size(data)
+    return data
+
+
+def decode_message(data: bytes) -> CompanionMessage:
+    """Return the message in bytes that came.
+
+    Raises:
+        MessageError: they are not one whole message with exactly its fields.
+    """
+    _check_size(data)
+    try:
+        return _DECODER.decode(data)
+    except (msgspec.MsgspecError, ValueError, TypeError, OverflowError, RecursionError, ScleraforceError) as fault:
+        raise MessageError(f"not a message: {fault}") from fault  # records check their bounds by themselves
+
+
+def _check_size(data: bytes) -> None:
+    if len(data) > MESSAGE_BYTES:
+        raise MessageError(f"a message of {len(data)} bytes; at most {MESSAGE_BYTES}")
+
+
+def _plain(value: Any) -> bytes | float:
+    """Return the bytes of a path; a float of a kind of it, as NumPy has."""
+    if isinstance(value, Path):
+        return os.fsencode(value)
+    if isinstance(value, float):
+        return float(value)
+    raise TypeError(f"a {type(value).__name__} in it")
+
+
+def _path(kind: type, value: Any) -> Path:
+    if kind is Path and isinstance(value, bytes):
+        return Path(os.fsdecode(value))
+    raise TypeError(f"a {type(value).__name__} in place of a {kind.__name__}")
+
+
+def _escaped(value: Any) -> Any:
+    """Return a value with backslashes for the halves of characters in it."""
+    if isinstance(value, str):
+        return value.encode(errors="backslashreplace").decode()
+    if isinstance(value, dict):
+        return {key: _escaped(entry) for key, entry in value.items()}
+    return [_escaped(entry) for entry in value] if isinstance(value, (list, tuple)) else value
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain)
+_DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(CompanionMessage, dec_hook=_path)
 
 
 class Channel:
@@ -92,3 +169,102 @@ class Channel:
     def close(self) -> None:
         """Close this end; the other one notices."""
         self._end.close()
+
+
+def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
+    """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and not before.
+
+    No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
+    blocked, and output to standard error is lost where it would block. It imports nothing from the current folder,
+    which anybody may write to.
+
+    Args:
+        module: its full name.
+        arguments: of its command line.
+        descriptors: of files that it inherits, under the same numbers.
+    """
+    command = [sys.executable, "-P", "-m", module, *arguments]
+    errors = _errors_that_never_wait()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, UNHEARD)
+    try:
+        with one_thread():
+            return subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                pass_fds=descriptors,
+                start_new_session=True,
+            )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        os.close(errors)
+
+
+def _errors_that_never_wait() -> int:
+    """Return a new, non-blocking descriptor of standard error; the old one, which other processes share, may block."""
+    try:
+        return os.open("/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError:  # closed, a socket, another user's terminal
+        return os.open(os.devnull, os.O_WRONLY)
+
+
+class Child:
+    """A process that runs a module: `python -m MODULE DESCRIPTOR`, the descriptor of its end of the channel.
+
+    Its settings are the first message. It has to end when the channel closes.
+
+    Args:
+        module: its full name.
+        settings: the first message; descriptors in it must be among `descriptors`.
+        descriptors: of files that it inherits, under the same numbers.
+    """
+
+    def __init__(self, module: str, settings: Settings, descriptors: Sequence[int] = ()) -> None:
+        self.channel, theirs = Channel.pair()
+        self._process = start_companion(module, [str(theirs.fileno())], [theirs.fileno(), *descriptors])
+        theirs.close()
+        self.channel.send(settings)
+
+    @property
+    def pid(self) -> int:
+        """Id of the process."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """Return its exit code; None while it runs."""
+        return self._process.poll()
+
+    def end(self, within_s: float = 5.0) -> int:
+        """Close the channel, wait until the process ends, or kill it after `within_s`; return its exit code."""
+        self.channel.close()
+        try:
+            return self._process.wait(within_s)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+
+def settings_of_child(
+    arguments: Sequence[str], kind: type[ChildSettings], within_s: float = 10.0
+) -> tuple[Channel, ChildSettings]:
+    """Return the channel and the settings of this child process, from its command line.
+
+    Raises:
+        ChannelClosedError: the monitor has ended already.
+        MessageError: what came are not settings of this kind.
+        RuntimeError: no settings came.
+    """
+    channel = Channel.inherited(int(arguments[1]))
+    try:
+        messages = channel.receive(1) if select([channel], [], [], within_s)[0] else []
+        if not messages:
+            raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
+        settings = messages[0]
+        if not isinstance(settings, kind):
+            raise MessageError(f"a {type(settings).__name__} came; the first message must be a {kind.__name__}")
+    except BaseException:
+        channel.close()
+        raise
+    return channel, settings

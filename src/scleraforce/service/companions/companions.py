@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
 from scleraforce.reader.answer import LiveReading
-from scleraforce.service.companions.channel import ChannelClosedError
-from scleraforce.service.companions.child import Child
-from scleraforce.service.companions.codec import encode_message
+from scleraforce.service.companions.channel import ChannelClosedError, Child, encode_message
 from scleraforce.service.companions.messages import (
     Alive,
     CompanionMessage,

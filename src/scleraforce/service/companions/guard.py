@@ -6,7 +6,7 @@ import subprocess
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import Status, encode
-from scleraforce.service.companions.child import start_companion
+from scleraforce.service.companions.channel import start_companion
 from scleraforce.service.companions.watchdog import LOOK_S
 from scleraforce.service.companions.watchdog_messages import (
     ALIVE,

@@ -15,13 +15,10 @@ from time import monotonic, sleep
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
-from scleraforce.reader.answer import Answer
 from scleraforce.reader.model import warming_frame
-from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.child import settings_of_child
+from scleraforce.service.companions.channel import Channel, ChannelClosedError, settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import Alive, OpinionAsked, OpinionGiven, SelfReport
-from scleraforce.service.companions.opinion_settings import OpinionSettings
+from scleraforce.service.companions.messages import Alive, OpinionAsked, OpinionGiven, OpinionSettings, SelfReport
 from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
 LEAST_S = 0.02  # from frame to frame
@@ -54,7 +51,8 @@ def _serve(channel: Channel, settings: OpinionSettings) -> None:
             raise MessageError(f"a {type(asked).__name__} came; the second opinion is asked about frames only")
         pixels = ring.get(asked.number)
         if pixels is not None:
-            channel.send(opinion_of(asked.order, reader.read(pixels, settings.scale, settings.known)))
+            answer = reader.read(pixels, settings.scale, settings.known)
+            channel.send(OpinionGiven(order=asked.order, verdict=answer.verdict))
         sleep(rest_s(monotonic() - begun_s))
 
 
@@ -65,19 +63,6 @@ def rest_s(took_s: float) -> float:
     [0.015, 0.03]
     """
     return max(LEAST_S - took_s, took_s)
-
-
-def opinion_of(order: int, answer: Answer) -> OpinionGiven:
-    """Return what the second opinion says of the frame of this order."""
-    return OpinionGiven(
-        order=order,
-        usable=answer.usable,
-        reason=answer.reason,
-        predicted=answer.predicted,
-        probabilities=answer.probabilities,
-        force_n=answer.force_n,
-        interval_n=answer.interval_n,
-    )
 
 
 if __name__ == "__main__":

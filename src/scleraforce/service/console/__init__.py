@@ -1,3 +1,1 @@
 """The web console: a process beside the monitor that shows its decisions in a browser and sends it the reset."""
-
-from scleraforce.service.console.settings import console_settings as console_settings

@@ -2,9 +2,8 @@
 
 import sys
 
-from scleraforce.service.companions.child import settings_of_child
-from scleraforce.service.companions.messages import SelfReport
-from scleraforce.service.console.settings import ConsoleSettings
+from scleraforce.service.companions.channel import settings_of_child
+from scleraforce.service.companions.messages import ConsoleSettings, SelfReport
 
 
 def main() -> int:

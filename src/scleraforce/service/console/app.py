@@ -6,10 +6,10 @@ from typing import Any
 from fastapi import FastAPI, Response, WebSocket
 from pydantic import BaseModel, Field
 
+from scleraforce.service.companions.messages import ConsoleSettings
 from scleraforce.service.console.hub import Hub
 from scleraforce.service.console.origin import OwnPagesOnly
 from scleraforce.service.console.pages import show
-from scleraforce.service.console.settings import ConsoleSettings
 
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 

@@ -4,11 +4,12 @@ from collections import deque
 from statistics import median
 from typing import Any
 
+from msgspec import to_builtins
+
 from scleraforce.service.companions.messages import CompanionMessage, Decided, Outline, Rates
 from scleraforce.service.console.history import STEP_S, History
 from scleraforce.service.console.sentences import detail_of, sentence_of
 from scleraforce.service.entry import Entry
-from scleraforce.service.record_json import record_as_json
 
 SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
 WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
@@ -91,7 +92,7 @@ class Board:
             "latency_ms": self._latency_ms(now_s),
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,
-            "clients": [record_as_json(client) for client in self._rates.clients] if self._rates else [],
+            "clients": to_builtins(self._rates.clients) if self._rates else [],
             "steps": [step.as_json() for step in self.history.since(since)],
         }
 

@@ -31,10 +31,9 @@ class Step:
     def take(self, entry: Entry) -> None:
         """Add a decision."""
         self.state = max(self.state, entry.state, key=SEVERITY.index)
-        if not entry.usable:
+        if entry.verdict is None or not entry.verdict.usable:
             return
-        if entry.predicted is not None:
-            self.predicted = max(entry.predicted, self.predicted or 0)
+        self.predicted = max(entry.verdict.predicted, self.predicted or 0)
         low_mn, high_mn = entry.interval_mn or (None, None)
         self.force_mn = _farther(max, self.force_mn, entry.force_mn)
         self.low_mn = _farther(min, self.low_mn, low_mn)

@@ -8,12 +8,11 @@ import uvicorn
 
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import ListensAt
+from scleraforce.service.companions.messages import ConsoleSettings, ListensAt
 from scleraforce.service.console.app import console_app
 from scleraforce.service.console.connections import NewestConnections
 from scleraforce.service.console.hub import Hub
 from scleraforce.service.console.pictures import Pictures
-from scleraforce.service.console.settings import ConsoleSettings
 from scleraforce.service.reset_token import ResetToken
 
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
