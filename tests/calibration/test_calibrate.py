@@ -200,8 +200,8 @@ def test_an_earlier_file_of_other_parameters_is_refused(
     [
         ("{", "not JSON"),
         ("[]", "format"),
-        ('{"format": 3, "mechanics": "linear"}', "eyes: missing"),
-        ('{"format": 3, "mechanics": "linear", "eyes": {"a": {}}}', "eyes.a.frames: expected"),
+        ('{"format": 3, "mechanics": "linear"}', "eyes: expected"),
+        ('{"format": 3, "mechanics": "linear", "eyes": {"a": {}}}', "eyes.a.mean_mpa is missing"),
     ],
 )
 def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:

@@ -1,5 +1,4 @@
 import hashlib
-import json
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ import pytest
 from calibration_file import calibration_text
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import globe_entry, known_of_eye, read_calibration, summary_of_eye
+from scleraforce.known.calibration_file import globe_entry, known_of_eye, read_calibration
 from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, known_globe
 
 EYES = {
@@ -32,49 +31,61 @@ def test_eyes_population_and_provenance_are_read(tmp_path: Path) -> None:
     assert found.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{", "not JSON"),
-        ("\xff", "not JSON"),
-        ("[]", "format: expected"),
-        ("{}", "format: expected"),
-        (calibration_text(format=1), "format: expected"),
-        (calibration_text(mechanics="magic"), "mechanics: expected .*'magic'"),
-        (calibration_text(population={}), "population.mean_mpa is missing"),
-        (calibration_text(population=3), "population: missing"),
-        (calibration_text(population={"mean_mpa": 0.2}), "population.sd_mpa is missing"),
-        (calibration_text("stiff"), "population.mean_mpa: expected a number"),
-        (calibration_text(True), "population.mean_mpa: expected a number"),
-        (calibration_text(float("nan")), "not JSON: NaN is no number"),
-        (calibration_text(float("inf")), "not JSON: Infinity is no number"),
-        (calibration_text().replace("0.27", "1e999"), "not JSON: 1e999 is too large"),
-        (calibration_text().replace("0.27", "9" * 5000), "not JSON: 9{20}... has 5000 digits"),
-        ("[" * 100_000, "not JSON: nested too deep"),
-        (calibration_text().replace('"population"', '"format": 3, "population"'), "'format' stands twice"),
-        (calibration_text(format=2), "expected a JSON object with format 3, found 2; .* of this version"),
-        (calibration_text(mechanics=["linear"]), "mechanics: expected"),
-        (calibration_text(0.2, {"a\nb": {}}), "eyes: 'a.*line break"),
-        (calibration_text(0.2, {"\ud800": {}}), "eyes: .*unprintable"),
-        (calibration_text(-1), "not between"),
-        (calibration_text(270000), "not between"),
-        (calibration_text().replace('"eyes": {}', '"eyes": []'), "eyes: missing"),
-        (calibration_text().replace('"eyes": {}', '"eyes": {"x": []}'), "eyes.x: expected"),
-        (calibration_text(0.2, {"x": {"frames": "1.png"}}), "eyes.x.frames"),
-        (calibration_text(0.2, {"x": {"frames": ["1.png"]}}), r"eyes.x.frames\[0\]: expected an object"),
-        (calibration_text(0.2, {"x": {"frames": [{"file": "1.png"}]}}), r"eyes.x.frames\[0\].sha256: expected a text"),
-        (calibration_text(0.2, {"x": {"mean_mpa": None}}), "eyes.x.mean_mpa: expected a number"),
-        (calibration_text(0.2, {"x": {"sd_mpa": -1}}), "eyes.x.sd_mpa: -1 is not between"),
-        (calibration_text(0.2, {"x": {"thickness_um": 0}}), "eyes.x.thickness_um: 0 is not between"),
-        (calibration_text(0.2, {"x": {"status": 0}}), "eyes.x.status"),
-    ],
-)
-def test_a_file_that_cannot_be_used_is_refused_by_name_and_key(tmp_path: Path, text: str, message: str) -> None:
-    file = tmp_path / "calibration.json"
+def refusal(file: Path, text: str) -> str:
+    """The one line that refuses a file of this text, after the file's name."""
     file.write_text(text, encoding="latin-1")
-    with pytest.raises(CalibrationError, match=message) as fault:
+    with pytest.raises(CalibrationError) as fault:
         read_calibration(file)
-    assert str(file) in str(fault.value)
+    assert str(fault.value).startswith(f"{file}: ")
+    assert "\n" not in str(fault.value)
+    return str(fault.value).removeprefix(f"{file}: ")
+
+
+def test_a_file_that_is_not_json_or_of_another_format_is_refused(tmp_path: Path) -> None:
+    whole, broken = calibration_text(), tmp_path / "calibration.json"
+    for text in (
+        "{", "\xff", calibration_text(float("nan")), calibration_text(float("inf")), whole.replace("0.27", "1e999"),
+        whole.replace("0.27", "9" * 5000), "[" * 100_000, whole.replace('"population"', '"format": 3, "population"'),
+    ):  # fmt: skip
+        assert refusal(broken, text).startswith("not JSON: ")
+    for text in ("[]", "{}", calibration_text(format=1), calibration_text(format=2)):
+        assert refusal(broken, text).startswith("format: ")
+    for mechanics in ("magic", ["linear"], None):
+        assert refusal(broken, calibration_text(mechanics=mechanics)).startswith("mechanics: ")
+    for eye in ("a\nb", "\ud800"):
+        assert refusal(broken, calibration_text(0.2, {eye: {}})).startswith("eyes: ")
+
+
+def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(tmp_path: Path) -> None:
+    whole, broken = calibration_text(), tmp_path / "calibration.json"
+    for population, key in (
+        ({}, ".mean_mpa"), (3, ": "), (None, ": "), ({"mean_mpa": 0.2}, ".sd_mpa"),
+        ({"mean_mpa": "stiff"}, ".mean_mpa"), ({"mean_mpa": True}, ".mean_mpa"), ({"mean_mpa": -1}, ".mean_mpa"),
+        ({"mean_mpa": 0.2, "sd_mpa": "x"}, ".sd_mpa"), ({"mean_mpa": 0.2, "sd_mpa": -1}, ".sd_mpa"),
+    ):  # fmt: skip
+        assert refusal(broken, calibration_text(population=population)).startswith(f"population{key}")
+    for eyes, place in (("[]", "eyes: "), ('{"x": []}', "eyes")):
+        assert refusal(broken, whole.replace('"eyes": {}', f'"eyes": {eyes}')).startswith(place)
+    for entry, key in (
+        ({"frames": "1.png"}, "frames"), ({"frames": ["1.png"]}, "frames[0]"),
+        ({"frames": [{"file": "1.png"}]}, "frames[0].sha256"),
+        ({"frames": [{"file": "1\n", "sha256": ""}]}, "frames[0].file"),
+        ({"mean_mpa": None}, "mean_mpa"), ({"mean_mpa": 1e300}, "mean_mpa"), ({"sd_mpa": -1}, "sd_mpa"),
+        ({"thickness_um": 0}, "thickness_um"), ({"status": 0}, "status"), ({"status": "a\u2028b"}, "status"),
+        ({"discrepancy": 3}, "discrepancy"), ({"globe": None}, "globe"), ({"globe": []}, "globe"),
+    ):  # fmt: skip
+        assert refusal(broken, calibration_text(0.2, {"x": entry})).startswith(f"eyes.x.{key}")
+    for value in (-0.1, 200.1, "stiff", True, None, [1.0]):
+        assert refusal(broken, calibration_text(0.27, {"x": {"stiffening": value}})).startswith("eyes.x.stiffening: ")
+        population = {"mean_mpa": 0.27, "sd_mpa": 0.03, "stiffening": value}
+        assert refusal(broken, calibration_text(0.27, population=population)).startswith("population.stiffening: ")
+
+
+def test_a_refusal_says_what_was_found_and_the_unit_that_may_be_meant(tmp_path: Path) -> None:
+    said = refusal(tmp_path / "c.json", calibration_text(270.0))
+    assert "found 270.0" in said
+    assert "did you mean 0.27 MPa" in said
+    assert "scleraforce calibrate" in said
 
 
 GLOBES = {
@@ -107,51 +118,34 @@ def test_an_eye_without_a_globe_was_calibrated_as_an_open_one(tmp_path: Path) ->
 K = "rigidity_mmhg13_per_ul"
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        ([], None, "globe: missing"),
-        ([], [], "globe: missing, or no object"),
-        (["kind"], "shut", "globe: kind, rigidity_law, calibrated or rigidity_told"),
-        (["kind"], ["open"], "globe: kind, rigidity_law, calibrated or rigidity_told"),
-        (["rigidity_law"], "linear", "globe: kind, rigidity_law, calibrated or rigidity_told"),
-        (["calibrated"], 1, "globe: kind, rigidity_law, calibrated or rigidity_told"),
-        ([K], 0.03, f"globe: {K}: missing"),
-        ([K, "mean"], "stiff", f"globe.{K}.mean: expected a number"),
-        ([K, "mean"], -3.0, f"globe.{K}.mean: -3 is not between"),
-        ([K, "sd"], -0.1, f"globe.{K}.sd: -0.1 is not between"),
-        ([K, "sd"], 0.0, f"globe.{K}: .* sd not above 0"),
-        ([K, "lowest"], 0.07, f"globe.{K}: lowest above highest"),
-        ([K, "lowest"], -0.01, f"globe.{K}.lowest: -0.01 is not between"),
-        ([K, "highest"], 1e9, f"globe.{K}.highest: 1e\\+09 is not between"),
-        (["correlation"], 1.0, "globe.correlation: 1 is not between"),
-        (["correlation"], True, "globe.correlation: expected a number"),
-    ],
-)
-def test_a_globe_that_cannot_be_is_refused_in_one_line_with_its_key(
-    tmp_path: Path, path: list[str], value: Any, message: str
-) -> None:
-    file, entry = tmp_path / "calibration.json", {"globe": globe_entry(GLOBES["calibrated"])}
-    target: Any = entry
-    *parents, last = ["globe", *path]
-    for parent in parents:
-        target = target[parent]
-    assert last in target
-    target[last] = value
-    file.write_text(calibration_text(0.27, {"a": entry}))
-    with pytest.raises(CalibrationError, match=rf"eyes\.a(\.|: ){message}") as fault:
-        read_calibration(file)
-    assert str(fault.value).startswith(f"{file}: eyes.a")
-    assert "\n" not in str(fault.value)
+def test_a_globe_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
+    cases: list[tuple[str, Any]] = [
+        ("kind", "shut"), ("kind", ["open"]), ("rigidity_law", "linear"), ("calibrated", 1), ("rigidity_told", 0),
+        (K, 0.03), (f"{K}.mean", "stiff"), (f"{K}.mean", -3.0), (f"{K}.sd", -0.1), (f"{K}.lowest", -0.01),
+        (f"{K}.highest", 1e9), ("correlation", 1.0), ("correlation", True),
+    ]  # fmt: skip
+    cases += [(f"{K}.{name}", None) for name in ("lowest", "highest", "mean", "sd")]
+    for place, value in cases:
+        globe = globe_entry(GLOBES["calibrated"])
+        *parents, last = place.split(".")
+        target = globe[parents[0]] if parents else globe
+        assert last in target
+        target[last] = value
+        text = calibration_text(0.27, {"a": {"globe": globe}})
+        assert refusal(tmp_path / "c.json", text).startswith(f"eyes.a.globe.{place}"), place
+    for changed in ({"sd": 0.0}, {"lowest": 0.07}):  # each number can be, not all together
+        globe = globe_entry(GLOBES["calibrated"])
+        globe[K] |= changed
+        text = calibration_text(0.27, {"a": {"globe": globe}})
+        assert refusal(tmp_path / "c.json", text).startswith(f"eyes.a.globe.{K}: ")
 
 
 @pytest.mark.parametrize("name", ["lowest", "highest", "mean", "sd"])
 def test_a_globe_that_lacks_a_number_is_refused(tmp_path: Path, name: str) -> None:
-    file, entry = tmp_path / "calibration.json", globe_entry(GLOBES["calibrated"])
+    entry = globe_entry(GLOBES["calibrated"])
     del entry[K][name]
-    file.write_text(calibration_text(0.27, {"a": {"globe": entry}}))
-    with pytest.raises(CalibrationError, match=rf"eyes\.a\.globe\.{K}\.{name} is missing"):
-        read_calibration(file)
+    text = calibration_text(0.27, {"a": {"globe": entry}})
+    assert refusal(tmp_path / "c.json", text).startswith(f"eyes.a.globe.{K}.{name} is missing")
 
 
 def test_a_population_of_one_eye_has_no_spread(tmp_path: Path) -> None:
@@ -188,40 +182,6 @@ def test_a_file_of_an_earlier_version_says_nothing_of_a_stiffening_which_is_0(tm
     assert summary.population_stiffening == 0.0
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (-0.1, "-0.1 is not between 0 and 200"),
-        (200.1, "200.1 is not between 0 and 200"),
-        ("stiff", "expected a number, found 'stiff'"),
-        (True, "expected a number, found True"),
-        (None, "expected a number, found None"),
-        ([1.0], r"expected a number, found \[1.0\]"),
-    ],
-)
-def test_a_stiffening_that_cannot_be_is_refused_in_one_line_with_its_key(
-    tmp_path: Path, value: Any, message: str
-) -> None:
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.27, {"x": {"stiffening": value}}))
-    with pytest.raises(CalibrationError, match=rf"^\S*: eyes\.x\.stiffening: {message}$"):
-        read_calibration(file)
-    population = {"mean_mpa": 0.27, "sd_mpa": 0.03, "stiffening": value}
-    file.write_text(calibration_text(0.27, population=population))
-    with pytest.raises(CalibrationError, match=rf"^\S*: population\.stiffening: {message}$"):
-        read_calibration(file)
-
-
-def test_a_stiffening_that_is_not_a_number_is_no_json_and_no_entry(tmp_path: Path) -> None:
-    file, entry = tmp_path / "calibration.json", {"x": {"stiffening": float("nan")}}
-    file.write_text(calibration_text(0.27, entry))
-    with pytest.raises(CalibrationError, match=r"not JSON: NaN is no number"):
-        read_calibration(file)
-    content = json.loads(calibration_text(0.27, entry))
-    with pytest.raises(CalibrationError, match=r"^f: eyes\.x\.stiffening: nan is not between 0 and 200$"):
-        summary_of_eye(content["eyes"]["x"], "f: eyes.x")
-
-
 DISCREPANCY = {"level": 0.02, "growth": 0.4, "level_sd": 0.01, "growth_sd": 0.05, "correlation": -0.3}
 
 
@@ -243,21 +203,11 @@ def test_the_largest_force_that_an_eye_was_calibrated_on_is_read_where_a_file_ha
     assert [None if one is None else one.largest_n for one in found] == [31e-3, None, None]
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("growth", "steep", "growth: expected a number"),
-        ("growth", 3.0, "growth: 3 is not between"),
-        ("level", None, "level: expected a number"),
-        ("level_sd", -0.1, "level_sd: -0.1 is not between"),
-        ("correlation", 1.0, "correlation: 1 is not between"),
-        ("largest_n", 31.0, "largest_n: 31 is not between 0 and 3"),
-    ],
-)
-def test_a_discrepancy_that_cannot_be_is_refused_with_its_key(
-    tmp_path: Path, key: str, value: Any, message: str
-) -> None:
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.27, {"a": {"discrepancy": {**DISCREPANCY, key: value}}}))
-    with pytest.raises(CalibrationError, match=rf"eyes\.a\.discrepancy\.{message}"):
-        read_calibration(file)
+def test_a_discrepancy_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
+    for key, value in (
+        ("growth", "steep"), ("growth", 3.0), ("level", None), ("level_sd", -0.1), ("growth_sd", 2.1),
+        ("correlation", 1.0), ("largest_n", 31.0), ("widest_gap", 1.5), ("level_by", [0.1]), ("growth_by", [3.0, 0.0]),
+        ("scatter", -0.1),
+    ):  # fmt: skip
+        text = calibration_text(0.27, {"a": {"discrepancy": {**DISCREPANCY, key: value}}})
+        assert refusal(tmp_path / "c.json", text).startswith(f"eyes.a.discrepancy.{key}")

@@ -13,9 +13,10 @@ led astray; level and growth by what eyes have of them.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp, log
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import LABEL_SD_N
@@ -57,6 +58,13 @@ SETTLED = 1e-9
 EXPECTED_SQUARE, SCATTER_FRAMES = 0.17, 5.0
 
 
+# What a calibration file may hold: squares of the largest are still numbers, and the tiniest may be divided by.
+LARGEST, TINY = 1e15, 1e-15
+Finite = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[float, Meta(ge=0.0, le=LARGEST)]
+Positive = Annotated[float, Meta(ge=TINY, le=LARGEST)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class KnownForce:
     """A frame's force as it is known, what is read in it, and the standard deviation of that, all N.
@@ -66,14 +74,14 @@ class KnownForce:
     its boundaries (`BoundaryFit.loss`).
     """
 
-    force_n: float
-    library_n: float
-    sd_n: float
-    modulus_pa: float
-    rigidity: float
-    by_modulus: float = 1.0
-    by_rigidity: float = 0.0
-    loss: float = 0.0
+    force_n: Positive
+    library_n: Positive
+    sd_n: Positive
+    modulus_pa: Positive
+    rigidity: Finite
+    by_modulus: Finite = 1.0
+    by_rigidity: Finite = 0.0
+    loss: NotNegative = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

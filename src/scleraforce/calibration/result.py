@@ -3,15 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import exp, floor, isfinite, log10
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeFilter, EyeState, FrameStep
 from scleraforce.calibration.eye_model import spread
-from scleraforce.calibration.known_forces import KnownForce
+from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
 from scleraforce.calibration.registration import NUISANCES, PoseBelief
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
@@ -19,11 +21,10 @@ from scleraforce.known.calibration_file import (
     CALIBRATION_FORMAT,
     WRITER,
     CalibrationFile,
+    Line,
+    converted,
     globe_entry,
-    number_of,
     summary_of_eye,
-    table_of,
-    text_of,
 )
 from scleraforce.known.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe
 from scleraforce.units import HumanUnit, from_si
@@ -39,19 +40,19 @@ class FrameRecord:
     """
 
     recording: str
-    file: str
-    sha256: str
-    force_n: float
-    mean_pa: float
-    sd_pa: float
-    own_modulus_pa: float | None = None
+    file: Line
+    sha256: Line
+    force_n: Finite
+    mean_pa: NotNegative
+    sd_pa: NotNegative
+    own_modulus_pa: NotNegative | None = None
     again: KnownForce | None = None
-    points: int = 0
-    gated: tuple[int, ...] = ()
-    nis: float = 0.0
-    inflation: float = 1.0
-    status: str = "ok"
-    skipped: str | None = None
+    points: Annotated[int, Meta(ge=0)] = 0
+    gated: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    nis: NotNegative = 0.0
+    inflation: NotNegative = 1.0
+    status: Line = "ok"
+    skipped: Line | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +63,10 @@ class UsedRecording:
     """
 
     path: str
-    sha256: str
-    zero_n: float
-    drift_n_per_s: float
-    doubts: tuple[str, ...] = ()
+    sha256: Line
+    zero_n: Finite
+    drift_n_per_s: Finite
+    doubts: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -219,8 +220,6 @@ def _words(name: str, mean: float, sd: float) -> str:
 
 Array = NDArray[np.float64]
 
-LARGEST = 1e15  # of what is only carried on; squares of it are still numbers
-TINY = 1e-15  # of what is divided by
 LONGEST_RECENT = 100
 # What may be uncertain, and between which values (SI) it can be.
 _RANGES = {
@@ -303,158 +302,98 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
     """
     name, content = file.path, file.content
     eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
-    bounds_n = _numbers(content, "class_bounds_n", name, 1)
-    if not (np.diff(bounds_n) > 0.0).all() or not len(bounds_n):
+    study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")
+    bounds_n = converted(content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n")
+    if not bounds_n or not (np.diff(bounds_n) > 0.0).all():
         raise CalibrationError(f"{name}: class_bounds_n: expected bounds that increase; {WRITER}")
-    return Calibration(eyes, text_of(content, "study_sha256", name), tuple(bounds_n.tolist()), content["mechanics"])
+    return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
+
+
+class _Moments(msgspec.Struct):
+    mean: Finite
+    sd: NotNegative
+
+
+class _State(msgspec.Struct):
+    mean: list[Finite]
+    factor: list[list[Finite]]
+    precision: list[list[Finite]]
+    updates: Annotated[int, Meta(ge=0, le=10**9)]
+    recent: Annotated[tuple[tuple[NotNegative, Annotated[int, Meta(ge=0)]], ...], Meta(max_length=LONGEST_RECENT)]
+    belief_mean: list[Finite]
+    belief_covariance: list[list[Finite]]
+    shared: tuple[str, ...]
+    sensitivity: list[list[Finite]]
+    zero_covariance: list[list[Finite]]
+
+
+class _Saved(msgspec.Struct):
+    """What `calibration` reads of an entry of `eyes` beside its summary."""
+
+    parameters: dict[str, dict[str, Any]]
+    recordings: tuple[UsedRecording, ...]
+    steps: tuple[FrameRecord, ...]
+    state: dict[str, Any]
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
-    summary = summary_of_eye(entry, place)
-    parameters = table_of(entry, "parameters", place)
-    if not parameters or set(parameters) - set(_RANGES) or "youngs_modulus_pa" not in parameters:
+    summary, saved = summary_of_eye(entry, place), converted(entry, _Saved, place)
+    if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and of {known} what else; {WRITER}")
-    moments = {name: _moments(parameters, name, f"{place}.parameters") for name in parameters}
+    moments = {name: _moments(values, name, place) for name, values in saved.parameters.items()}
     found = EyeCalibration(
         id=eye_id,
         names=tuple(moments),
-        means=tuple(mean for mean, _ in moments.values()),
-        sds=tuple(sd for _, sd in moments.values()),
+        means=tuple(each.mean for each in moments.values()),
+        sds=tuple(each.sd for each in moments.values()),
         stated_thickness_m=summary.thickness_m,
         globe=summary.globe,
-        state=_parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
-        recordings=tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
-        frames=tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
+        state=_parse_state(converted(saved.state, _State, f"{place}.state"), len(moments), f"{place}.state"),
+        recordings=saved.recordings,
+        frames=saved.steps,
         discrepancy=summary.discrepancy,
         stiffening=summary.stiffening,
     )
-    if not found.used:
-        raise CalibrationError(f"{place}.steps: no frame that was used; {WRITER}")
+    if not found.used or not found.recordings:
+        raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
         raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
     return found
 
 
-def _moments(parameters: dict[str, Any], name: str, place: str) -> tuple[float, float]:
-    entry, (low, high) = table_of(parameters, name, place), _RANGES[name]
-    return number_of(entry, "mean", f"{place}.{name}", low, high), number_of(entry, "sd", f"{place}.{name}", 0.0, high)
+def _moments(values: dict[str, Any], name: str, place: str) -> _Moments:
+    found, (low, high) = converted(values, _Moments, f"{place}.parameters.{name}"), _RANGES[name]
+    if not (low <= found.mean <= high and found.sd <= high):
+        raise CalibrationError(f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}")
+    return found
 
 
-def _parse_state(state: dict[str, Any], size: int, place: str) -> EyeState:
-    if state.get("shared") != list(SHARED):
+def _parse_state(saved: _State, size: int, place: str) -> EyeState:
+    if saved.shared != SHARED:
         raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
-    posterior = Posterior(
-        _numbers(state, "mean", place, 1),
-        _numbers(state, "factor", place, 2),
-        _positive(state, "precision", place),
-        round(number_of(state, "updates", place, 0.0, 1e9)),
-        tuple((float(nis), round(count)) for nis, count in _pairs(state, "recent", place)),
-    )
-    belief = PoseBelief(_numbers(state, "belief_mean", place, 1), _positive(state, "belief_covariance", place))
-    sensitivity = _numbers(state, "sensitivity", place, 2)
-    zero = _positive(state, "zero_covariance", place)
-    pose = len(NUISANCES)
-    expected = ((size,), (size, size), (size, size), (pose,), (pose, pose), (size, len(SHARED)), (2, 2))
-    arrays = (posterior.mean, posterior.factor, posterior.precision, *vars(belief).values(), sensitivity, zero)
-    if tuple(array.shape for array in arrays) != expected:
-        raise CalibrationError(f"{place}: its arrays do not fit {size} parameters; {WRITER}")
-    if np.linalg.eigvalsh(posterior.precision).min() <= 0.0:
-        raise CalibrationError(f"{place}.precision: is not positive definite; {WRITER}")
-    return EyeState(posterior, belief, sensitivity, zero)
+    pose, shared = len(NUISANCES), len(SHARED)
 
+    def array(name: str, *shape: int) -> Array:
+        try:
+            found = np.array(getattr(saved, name), dtype=np.float64)
+        except ValueError:  # rows of several lengths
+            found = np.empty(0)
+        if found.shape != shape:
+            raise CalibrationError(f"{place}.{name}: expected numbers of shape {shape}; {WRITER}")
+        return found
 
-def _parse_recording(entry: Mapping[str, Any], place: str) -> UsedRecording:
-    return UsedRecording(
-        path=_text(entry, "path", place),
-        sha256=text_of(entry, "sha256", place),
-        zero_n=number_of(entry, "zero_n", place, -LARGEST, LARGEST),
-        drift_n_per_s=number_of(entry, "drift_n_per_s", place, -LARGEST, LARGEST),
-        doubts=tuple(text_of({"doubts": doubt}, "doubts", place) for doubt in _list(entry, "doubts", place)),
-    )
+    def covariance(name: str, size: int) -> Array:
+        """Return a symmetric matrix that is nowhere negative."""
+        found = array(name, size, size)
+        slack = 1e-9 * np.abs(found).max()
+        if np.abs(found - found.T).max() > slack or np.linalg.eigvalsh(found).min() < -slack:
+            raise CalibrationError(f"{place}.{name}: not a covariance or precision; {WRITER}")
+        return found
 
-
-def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
-    gated, skipped = entry.get("gated"), entry.get("skipped")
-    if not isinstance(gated, list) or not all(type(index) is int and index >= 0 for index in gated):
-        raise CalibrationError(f"{place}.gated: expected a list of indices; {WRITER}")
-    return FrameRecord(
-        recording=_text(entry, "recording", place),
-        file=text_of(entry, "file", place),
-        sha256=text_of(entry, "sha256", place),
-        force_n=number_of(entry, "force_n", place, -LARGEST, LARGEST),
-        mean_pa=number_of(entry, "mean_pa", place, 0.0, LARGEST),
-        sd_pa=number_of(entry, "sd_pa", place, 0.0, LARGEST),
-        own_modulus_pa=_maybe(entry, "own_modulus_pa", place),
-        again=_parse_again(entry, place),
-        points=round(number_of(entry, "points", place, 0.0, LARGEST)),
-        gated=tuple(gated),
-        nis=number_of(entry, "nis", place, 0.0, LARGEST),
-        inflation=number_of(entry, "inflation", place, 0.0, LARGEST),
-        status=text_of(entry, "status", place),
-        skipped=None if skipped is None else text_of(entry, "skipped", place),
-    )
-
-
-def _parse_again(entry: Mapping[str, Any], place: str) -> KnownForce | None:
-    """Return what a frame reads again; None where it was not read, and in files of earlier versions."""
-    if entry.get("again") is None:
-        return None
-    values, within = table_of(entry, "again", place), f"{place}.again"
-    least = dict.fromkeys(("force_n", "library_n", "sd_n", "modulus_pa"), TINY)
-    least |= dict.fromkeys(("rigidity", "by_modulus", "by_rigidity"), -LARGEST)
-    loss = number_of(values, "loss", within, 0.0, LARGEST) if "loss" in values else 0.0
-    return KnownForce(**{name: number_of(values, name, within, low, LARGEST) for name, low in least.items()}, loss=loss)
-
-
-def _maybe(entry: Mapping[str, Any], key: str, place: str) -> float | None:
-    return None if entry.get(key) is None else number_of(entry, key, place, 0.0, LARGEST)
-
-
-def _entries(entry: Mapping[str, Any], key: str, place: str) -> list[tuple[Mapping[str, Any], str]]:
-    """Return the objects of a list, each with its place."""
-    found = _list(entry, key, place)
-    if not all(isinstance(each, dict) for each in found):
-        raise CalibrationError(f"{place}.{key}: expected a list of objects; {WRITER}")
-    return [(each, f"{place}.{key}[{index}]") for index, each in enumerate(found)]
-
-
-def _list(entry: Mapping[str, Any], key: str, place: str) -> list[Any]:
-    found = entry.get(key)
-    if not isinstance(found, list):
-        raise CalibrationError(f"{place}.{key}: expected a list; {WRITER}")
-    return found
-
-
-def _text(entry: Mapping[str, Any], key: str, place: str) -> str:
-    value = entry.get(key)
-    if not isinstance(value, str):
-        raise CalibrationError(f"{place}.{key}: expected a text, found {value!r:.40}; {WRITER}")
-    return value
-
-
-def _pairs(state: Mapping[str, Any], key: str, place: str) -> Array:
-    found = _numbers(state, key, place, 2) if state.get(key) else np.empty((0, 2))
-    if found.shape[1] != 2 or (found < 0.0).any() or len(found) > LONGEST_RECENT:
-        raise CalibrationError(f"{place}.{key}: expected at most {LONGEST_RECENT} pairs of numbers; {WRITER}")
-    return found
-
-
-def _positive(state: Mapping[str, Any], key: str, place: str) -> Array:
-    """Return a symmetric matrix that is nowhere negative."""
-    found = _numbers(state, key, place, 2)
-    slack = 1e-9 * np.abs(found).max()
-    square = found.shape[0] == found.shape[1]
-    if not square or np.abs(found - found.T).max() > slack or np.linalg.eigvalsh(found).min() < -slack:
-        raise CalibrationError(f"{place}.{key}: is no covariance or precision; {WRITER}")
-    return found
-
-
-def _numbers(state: Mapping[str, Any], key: str, place: str, axes: int) -> Array:
-    try:
-        found = np.array(state.get(key), dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        found = np.empty(0)
-    if found.ndim != axes or not found.size or not (np.abs(found) <= LARGEST).all():
-        raise CalibrationError(f"{place}.{key}: expected numbers within +-{LARGEST:g} along {axes} axes; {WRITER}")
-    return found
+    precision = covariance("precision", size)
+    if np.linalg.eigvalsh(precision).min() <= 0.0:
+        raise CalibrationError(f"{place}.precision: not positive definite; {WRITER}")
+    posterior = Posterior(array("mean", size), array("factor", size, size), precision, saved.updates, saved.recent)
+    belief = PoseBelief(array("belief_mean", pose), covariance("belief_covariance", pose))
+    return EyeState(posterior, belief, array("sensitivity", size, shared), covariance("zero_covariance", 2))

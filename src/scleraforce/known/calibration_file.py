@@ -1,41 +1,56 @@
-"""The file that `calibrate` writes: opened, checked and written here, and what others than `calibration` need of it.
+"""The file that `calibrate` writes: its format as typed records, opened, checked and written; what it says of an eye.
 
-That is each eye's modulus, the population's, and their provenance. The filter's state in it is read by
-`calibration.result`. SciPy stays out of this module, for the reader's runtime uses it too.
+The filter's state in it is read by `calibration.result`, with the same codec. SciPy stays out of this module, for the
+reader's runtime uses it too.
 """
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal, TypeVar
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Known, KnownGlobe, Modulus
+from scleraforce.known.eye import (
+    MOST_CORRELATED,
+    OPEN,
+    POPULATION_SD,
+    ForceDiscrepancy,
+    Kind,
+    Known,
+    KnownGlobe,
+    Modulus,
+)
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import eye_id_fault
-from scleraforce.study.eye import RIGIDITY_LAWS
-from scleraforce.study.fields import Unit, allowed, meant
+from scleraforce.study.fields import allowed, meant
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
-_MODULUS, _THICKNESS = allowed("youngs_modulus_mpa"), allowed("thickness_um")
-SOFTEST_MPA, STIFFEST_MPA = _MODULUS.low or 0.0, _MODULUS.high or 0.0
-THINNEST_UM, THICKEST_UM = _THICKNESS.low or 0.0, _THICKNESS.high or 0.0
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
-KINDS_OF_GLOBE = ("open", "sealed", "unknown")
-STIFFENS_MOST = 200.0
-LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
-LARGEST_SCATTER = 100.0
 NAMED_EYES = 8  # in a sentence
-LARGEST_N = 3.0  # of a force that a frame was calibrated on
 WRITER = "give a file of `scleraforce calibrate`"
+_HINTED = {"mean_mpa": allowed("youngs_modulus_mpa"), "thickness_um": allowed("thickness_um")}
+_PRINTABLE = r"^[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z"
+
+Line = Annotated[str, Meta(pattern=_PRINTABLE)]
+_ModulusMpa = Annotated[float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean_mpa"].high)]
+_ModulusSdMpa = Annotated[float, Meta(ge=0.0, le=_HINTED["mean_mpa"].high)]
+_ThicknessUm = Annotated[float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)]
+_Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
+_Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
+
+Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
@@ -51,8 +66,8 @@ class CalibrationFile:
 class UsedFrame:
     """A frame that a calibration rests on: its name, and `recording.folder.frame_digest` of its pixels."""
 
-    file: str
-    sha256: str
+    file: Line
+    sha256: Line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +146,62 @@ def write_calibration(content: Mapping[str, Any], path: Path) -> None:
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
 
 
+class _RigidityEntry(msgspec.Struct):
+    lowest: _Rigidity
+    highest: _Rigidity
+    sd: _Rigidity
+    mean: Annotated[float, Meta(ge=-STIFFEST_RIGIDITY, le=STIFFEST_RIGIDITY)]
+
+
+class _GlobeEntry(msgspec.Struct):
+    kind: Kind
+    rigidity_law: Literal["cube-root", "logarithmic"]
+    rigidity_mmhg13_per_ul: _RigidityEntry
+    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
+    calibrated: bool
+    rigidity_told: bool
+
+
+class _EyeEntry(msgspec.Struct):
+    """An entry of `eyes`, without the filter's state; files of earlier versions lack what has a default."""
+
+    mean_mpa: _ModulusMpa
+    sd_mpa: _ModulusSdMpa
+    frames: tuple[UsedFrame, ...]
+    thickness_um: _ThicknessUm
+    status: Line
+    globe: _GlobeEntry | UnsetType = UNSET
+    discrepancy: ForceDiscrepancy | None = None
+    stiffening: _Stiffening = 0.0
+
+
+class _Population(msgspec.Struct):
+    mean_mpa: _ModulusMpa
+    sd_mpa: _ModulusSdMpa | None
+    stiffening: _Stiffening = 0.0
+
+
+def converted(content: Any, record: type[Record], place: str) -> Record:
+    """Return plain content of a calibration file as a typed record; `place` is the content's place in messages.
+
+    Raises:
+        CalibrationError: a key is missing, or of another type or out of range; names the key.
+    """
+    try:
+        return msgspec.convert(content, record)
+    except msgspec.ValidationError as fault:
+        what, _, path = str(fault).rstrip("`").partition(" - at `$")
+        missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)
+        if missing:
+            raise CalibrationError(f"{place}{path}.{missing[1]} is missing; {WRITER}") from fault
+        found, key = content, ""
+        for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
+            found, key = found[name or int(index)], name or key
+        hint = meant(key, found, _HINTED[key]) if key in _HINTED and type(found) in (int, float) else ""
+        wanted = "expected a text of one line" if "regex" in what else f"{what[0].lower()}{what[1:]}".replace("`", "")
+        raise CalibrationError(f"{place}{path}: {wanted}, found {found!r:.40}{hint}; {WRITER}") from fault
+
+
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
     """Return what others than `calibration` need of a file.
 
@@ -138,22 +209,16 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
         CalibrationError: it lacks something; names the key.
     """
     name, content = file.path, file.content
-    population, place = table_of(content, "population", name), f"{name}: population"
+    population = converted(content.get("population"), _Population, f"{name}: population")
     return CalibrationSummary(
         eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        population_mean_pa=to_si(number_of(population, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
-        population_sd_pa=_spread_pa(population, place),
-        population_stiffening=_stiffening(population, place),
+        population_mean_pa=to_si(population.mean_mpa, "mpa"),
+        population_sd_pa=None if population.sd_mpa is None else to_si(population.sd_mpa, "mpa"),
+        population_stiffening=population.stiffening,
         mechanics=content["mechanics"],
         path=name,
         sha256=file.sha256,
     )
-
-
-def _spread_pa(population: Mapping[str, Any], place: str) -> float | None:
-    if "sd_mpa" in population and population["sd_mpa"] is None:
-        return None
-    return to_si(number_of(population, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa")
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
@@ -175,7 +240,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"
         raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}")
-    for eye in table_of(content, "eyes", name):
+    for eye in converted(content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"):
         wrong = eye_id_fault(eye)
         if wrong:
             raise CalibrationError(f"{name}: eyes: {wrong}")
@@ -183,63 +248,22 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 
 
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
-    """Return one entry of `eyes`; `place` stands in messages.
+    """Return one entry of `eyes`; `place` is its place in messages.
 
     Raises:
         CalibrationError: naming the key.
     """
-    if not isinstance(entry, dict):
-        raise CalibrationError(f"{place}: expected an object; {WRITER}")
-    frames = entry.get("frames")
-    if not isinstance(frames, list):
-        raise CalibrationError(f"{place}.frames: expected a list of the frames that were used; {WRITER}")
+    eye = converted(entry, _EyeEntry, place)
     return EyeSummary(
-        mean_pa=to_si(number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
-        sd_pa=to_si(number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa"),
-        frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
-        thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "µm"), "um"),
-        globe=OPEN if "globe" not in entry else _globe(table_of(entry, "globe", place), f"{place}.globe"),
-        discrepancy=_discrepancy(entry, place),
-        stiffening=_stiffening(entry, place),
-        status=text_of(entry, "status", place),
+        mean_pa=to_si(eye.mean_mpa, "mpa"),
+        sd_pa=to_si(eye.sd_mpa, "mpa"),
+        frames=eye.frames,
+        thickness_m=to_si(eye.thickness_um, "um"),
+        globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
+        discrepancy=eye.discrepancy,
+        stiffening=eye.stiffening,
+        status=eye.status,
     )
-
-
-def _stiffening(entry: Mapping[str, Any], place: str) -> float:
-    """Return b; 0 where it is missing, as it is in files of earlier versions."""
-    return number_of(entry, "stiffening", place, 0.0, STIFFENS_MOST) if "stiffening" in entry else 0.0
-
-
-def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | None:
-    if entry.get("discrepancy") is None:
-        return None
-    values, within = table_of(entry, "discrepancy", place), f"{place}.discrepancy"
-    ends = dict.fromkeys(("level", "growth"), (-LARGEST_DISCREPANCY, LARGEST_DISCREPANCY))
-    ends |= dict.fromkeys(("level_sd", "growth_sd"), (0.0, LARGEST_DISCREPANCY))
-    ends["correlation"] = -MOST_CORRELATED, MOST_CORRELATED
-    return ForceDiscrepancy(
-        **{name: number_of(values, name, within, *bounds) for name, bounds in ends.items()},
-        level_by=_pair(values, "level_by", within),
-        growth_by=_pair(values, "growth_by", within),
-        scatter=number_of(values, "scatter", within, 0.0, LARGEST_SCATTER) if "scatter" in values else 1.0,
-        largest_n=_or_none(values, "largest_n", within, LARGEST_N),
-        widest_gap=_or_none(values, "widest_gap", within, 1.0),
-    )
-
-
-def _or_none(values: Mapping[str, Any], key: str, place: str, high: float) -> float | None:
-    """Return a number from 0 on; None where it is null, or missing, as it is in files of earlier versions."""
-    return None if values.get(key) is None else number_of(values, key, place, 0.0, high)
-
-
-def _pair(values: Mapping[str, Any], key: str, place: str) -> tuple[float, float]:
-    """Return two numbers under a key; zeros where it is missing, as it is in files of earlier versions."""
-    found = values.get(key, [0.0, 0.0])
-    if not isinstance(found, list) or len(found) != 2:
-        raise CalibrationError(f"{place}.{key}: expected two numbers; {WRITER}")
-    low, high = -LARGEST_DISCREPANCY, LARGEST_DISCREPANCY
-    first, second = (number_of({key: value}, key, place, low, high) for value in found)
-    return first, second
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
@@ -263,79 +287,21 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     }
 
 
-def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
-    kind, law, calibrated, told = (entry.get(key) for key in ("kind", "rigidity_law", "calibrated", "rigidity_told"))
-    if kind not in KINDS_OF_GLOBE or law not in RIGIDITY_LAWS or not {type(calibrated), type(told)} == {bool}:
-        raise CalibrationError(
-            f"{place}: kind, rigidity_law, calibrated or rigidity_told: not as `calibrate` writes them; {WRITER}"
-        )
-    rigidity, within = table_of(entry, "rigidity_mmhg13_per_ul", place), f"{place}.rigidity_mmhg13_per_ul"
-    ends = {"lowest": 0.0, "highest": 0.0, "sd": 0.0, "mean": -STIFFEST_RIGIDITY}  # the least that each may be
-    values = {
-        name: to_si(number_of(rigidity, name, within, least, STIFFEST_RIGIDITY), RIGIDITY_UNIT)
-        for name, least in ends.items()
-    }
-    if values["highest"] < values["lowest"] or (values["highest"] > 0.0 and not values["sd"] > 0.0):
-        raise CalibrationError(f"{within}: lowest above highest, or sd not above 0; {WRITER}")
-    correlation = number_of(entry, "correlation", place, -MOST_CORRELATED, MOST_CORRELATED)
+def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
+    rigidity = entry.rigidity_mmhg13_per_ul
+    if rigidity.highest < rigidity.lowest or (rigidity.highest > 0.0 and not rigidity.sd > 0.0):
+        raise CalibrationError(f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}")
     return KnownGlobe(
-        kind=kind,
-        lowest=values["lowest"],
-        highest=values["highest"],
-        mean=values["mean"],
-        sd=values["sd"],
-        law=law,
-        correlation=correlation,
-        calibrated=bool(calibrated),
-        rigidity_told=bool(told),
+        kind=entry.kind,
+        lowest=to_si(rigidity.lowest, RIGIDITY_UNIT),
+        highest=to_si(rigidity.highest, RIGIDITY_UNIT),
+        mean=to_si(rigidity.mean, RIGIDITY_UNIT),
+        sd=to_si(rigidity.sd, RIGIDITY_UNIT),
+        law=entry.rigidity_law,
+        correlation=entry.correlation,
+        calibrated=entry.calibrated,
+        rigidity_told=entry.rigidity_told,
     )
-
-
-def _frame(entry: Any, place: str) -> UsedFrame:
-    if not isinstance(entry, dict):
-        raise CalibrationError(f"{place}: expected an object with file and sha256; {WRITER}")
-    return UsedFrame(text_of(entry, "file", place), text_of(entry, "sha256", place))
-
-
-def table_of(content: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:
-    """Return the object under a key; `place` stands in messages.
-
-    Raises:
-        CalibrationError: there is none.
-    """
-    table = content.get(key)
-    if not isinstance(table, dict):
-        raise CalibrationError(f"{place}: {key}: missing, or no object; {WRITER}")
-    return table
-
-
-def text_of(entry: Mapping[str, Any], key: str, place: str) -> str:
-    """Return the text of one line under a key; `place` stands in messages.
-
-    Raises:
-        CalibrationError: there is none.
-    """
-    value = entry.get(key)
-    if not isinstance(value, str) or not value.isprintable():
-        raise CalibrationError(f"{place}.{key}: expected a text of one line, found {value!r:.40}; {WRITER}")
-    return value
-
-
-def number_of(entry: Mapping[str, Any], key: str, place: str, low: float, high: float, unit: str = "") -> float:
-    """Return the number under a key; `place` stands in messages.
-
-    Raises:
-        CalibrationError: there is none, or it is not between the bounds.
-    """
-    if key not in entry:
-        raise CalibrationError(f"{place}.{key} is missing; {WRITER}")
-    value = entry[key]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CalibrationError(f"{place}.{key}: expected a number, found {value!r:.40}")
-    if not low <= value <= high:  # true of NaN as well
-        between = f"{value:g} is not between {low:g} and {high:g} {unit}".rstrip()
-        raise CalibrationError(f"{place}.{key}: {between}{meant(key, value, Unit(low=low, high=high))}")
-    return float(value)
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

@@ -11,9 +11,10 @@ learned per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat.
 
 from dataclasses import dataclass, fields, replace
 from math import sqrt
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce.eye.globe import Globe, sealed_globe
@@ -60,6 +61,10 @@ Floats = NDArray[np.float64]
 REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy stays as it is
 
 
+_LARGEST_LOG = 2.0  # of a force's logarithm, in a file
+_Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class ForceDiscrepancy:
     """Means and standard deviations of level and growth, which are normal, and their correlation.
@@ -71,16 +76,16 @@ class ForceDiscrepancy:
     between two of them, or below the first, as a share of the largest. None where they are not known.
     """
 
-    level: float
-    growth: float
-    level_sd: float
-    growth_sd: float
-    correlation: float
-    level_by: tuple[float, float] = (0.0, 0.0)
-    growth_by: tuple[float, float] = (0.0, 0.0)
-    scatter: float = 1.0
-    largest_n: float | None = None
-    widest_gap: float | None = None
+    level: _Log
+    growth: _Log
+    level_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
+    growth_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
+    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
+    level_by: tuple[_Log, _Log] = (0.0, 0.0)
+    growth_by: tuple[_Log, _Log] = (0.0, 0.0)
+    scatter: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
+    largest_n: Annotated[float, Meta(ge=0.0, le=3.0)] | None = None
+    widest_gap: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
 
     def corrected_n(
         self,
