@@ -1,3 +1,5 @@
+"""Recording folders."""
+
 import shutil
 from pathlib import Path
 

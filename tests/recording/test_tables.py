@@ -1,4 +1,4 @@
-"""Tables as spreadsheets and robots write them are read like plain ones, or refused with line and remedy."""
+"""Tables as editors, robots and spreadsheets write them."""
 
 from collections.abc import Callable
 from pathlib import Path

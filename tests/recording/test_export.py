@@ -1,0 +1,262 @@
+"""Recordings and answers in the formats of other programs."""
+
+import csv
+import json
+import re
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from format_frames import with_log
+from small_recording import COLUMNS, ROWS, write_small_recording
+
+from scleraforce.cli.main import run
+from scleraforce.errors import InputError
+from scleraforce.recording.bags import read_bag
+from scleraforce.recording.export import (
+    ANSWER_TOPIC,
+    FORCE_TOPIC,
+    IMAGE_TOPIC,
+    csv_text,
+    frame_rows,
+    read_answers,
+    with_answers,
+    write_mcap,
+    write_sequence,
+)
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.labels import label_frames
+from scleraforce.recording.volumes import read_nrrd
+from scleraforce.segmentation.needle import SeenNeedle, needle_entry
+from scleraforce.study import ClassesStudy
+from scleraforce.study.toml import format_record
+
+CLASSES = ClassesStudy()
+
+
+def test_rows_have_the_labels_of_the_recording(tmp_path: Path) -> None:
+    recording = read_recording(with_log(write_small_recording(tmp_path / "r", frames=30)))
+    labels = label_frames(recording, CLASSES)
+    rows = frame_rows(recording, CLASSES)
+    assert [row["measured_force_mn"] for row in rows] == pytest.approx([each.measured_force_n * 1e3 for each in labels])
+    assert [row["target"] for row in rows] == [each.target for each in labels]
+    assert rows[3] | {"measured_force_mn": 0, "target": 0} == {
+        "file": "0003.png", "time_s": 1.03, "pierced": False, "measured_force_mn": 0, "target": 0,
+    }  # fmt: skip
+    silent = read_recording(write_small_recording(tmp_path / "s", log=False))
+    assert frame_rows(silent, CLASSES)[0]["measured_force_mn"] is None
+
+
+def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(tmp_path: Path) -> None:
+    rows = [{"file": f"{n}.png", "time_s": float(n), "target": 1} for n in range(3)]
+    answers = [
+        {"file": "/else/where/1.png", "predicted": 2, "target": 0, "time_s": 9.0},
+        {"file": "2.png", "recording": str(tmp_path / "other"), "predicted": 7},
+        {"file": "0.png", "recording": "old/place/r", "predicted": 0},
+    ]
+    joined = with_answers(rows, answers, tmp_path / "r")
+    assert [row.get("predicted") for row in joined] == [0, 2, None]
+    assert [row["target"] for row in joined] == [1, 0, 1]
+    assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
+    with pytest.raises(InputError, match="none of its frames is among the answers"):
+        with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
+
+
+def test_frames_of_one_name_in_two_folders_keep_their_own_answers(tmp_path: Path) -> None:
+    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]
+    answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
+    assert [row.get("predicted") for row in with_answers(rows, answers, tmp_path)] == [None, 1, 2]
+
+
+def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
+    rows = [
+        {"file": "a, b.png", "usable": True, "interval_mn": [1.5, None], "needle": {"tip": {"x": 1}}},
+        {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark"},
+    ]
+    found = list(csv.DictReader(StringIO(csv_text(rows))))
+    assert found[0] | {"file": "a, b.png"} == {
+        "file": "a, b.png", "usable": "1", "interval_low_mn": "1.5", "interval_high_mn": "", "needle_tip_x": "1",
+        "reason": "",
+    }  # fmt: skip
+    assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]", "{}", '{"frames": 3}', '{"frames": [{"a": 1}]}', "{", '{"frames": [NaN]}', '{"frames": [{"file": 1}]}',
+        '{"frames": [{"file": "x", "recording": 1}]}',
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_answers_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(InputError, match=r"a\.json: "):
+        read_answers(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
+    assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
+
+
+FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']
+UNITS = ("s", "ms", "mn", "mm", "um", "deg", "pa", "mpa", "mmhg", "mmhg13_per_ul")
+# Columns that are counts, names, shares, classes, flags or sentences.
+BARE = {
+    "recording", "eye", "file", "pierced", "target", "predicted", "usable", "reason", "can_calibrate", "calibration",
+    "excluded", "modulus_source", "needle", "needle_leans",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_text_begins_as_a_formula_does(text: str) -> None:
+    found = list(csv.reader(StringIO(csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline="")))
+    assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
+
+
+def test_numbers_stay_numbers_and_other_texts_stay_as_they_are() -> None:
+    row = {"force_mn": -1.5, "count": -2, "flag": True, "file": "a=b -c.png", "note": "'quoted"}
+    assert csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
+
+
+def test_what_is_null_in_one_row_and_an_object_in_another_has_the_columns_of_the_object() -> None:
+    seen = SeenNeedle(angle_rad=0.0, tip_m=(1e-3, 2e-3), tip=(1.0, 1.0), top=(1.0, 0.0), hidden=(0, 2))
+    rows = [{"needle": None, "interval_mn": None}, {"needle": needle_entry(seen), "interval_mn": [1.0, 2.0]}]
+    assert csv_text(rows).splitlines() == [
+        "interval_low_mn,interval_high_mn,needle_angle_deg,needle_leans,needle_tip_lateral_mm,needle_tip_depth_mm",
+        ",,,,,",
+        "1.0,2.0,0.0,right,1.0,2.0",
+    ]
+
+
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording `r` and what `evaluate` says of it."""
+    folder = tmp_path_factory.mktemp("answered")
+    recording = with_log(write_small_recording(folder / "r", frames=3))
+    for command in ("evaluate", "classify", "segment"):
+        things = [recording] if command == "evaluate" else sorted((recording / "frames").glob("*.png"))
+        model = [] if command == "segment" else ["default"]
+        out = ["--out", folder / "masks"] if command == "segment" else []
+        with pytest.MonkeyPatch.context() as patch:
+            text = StringIO()
+            patch.setattr("sys.stdout", text)
+            assert run([command, *map(str, [*model, *things, *out]), "--json"]) == 0
+        (folder / f"{command}.json").write_text(text.getvalue())
+    return folder
+
+
+@pytest.mark.parametrize("command", ["evaluate", "classify", "segment"])
+def test_every_column_of_numbers_has_its_unit_in_its_name(answered: Path, command: str) -> None:
+    out = answered / f"{command}.csv"
+    answers = ["--answers", answered / f"{command}.json", "--out", out]
+    assert run(["export", *map(str, [answered / "r", *answers])]) == 0
+    columns = next(csv.reader(StringIO(out.read_text())))
+    assert {"time_s", "measured_force_mn"} <= set(columns)
+    bare = [name for name in columns if not re.search(rf"_({'|'.join(UNITS)})(_value|_source)?$", name)]
+    listed = r"(probabilities|warnings)(_\d+)?|(scale|known)_(refractive_index|globe|stiffening)_(value|source)"
+    others = {"mask", "inner_found", *BARE}
+    assert [name for name in bare if name not in others and not re.fullmatch(listed, name)] == []
+
+
+def test_the_settings_of_a_recording_have_the_keys_of_its_file(tmp_path: Path) -> None:
+    folder = write_small_recording(tmp_path / "r", frames=2, log=False)
+    text = (folder / "recording.toml").read_text()
+    line = 'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03'
+    (folder / "recording.toml").write_text(re.sub(r"(?m)^(id = .*)$", rf"\1\n{line}", text))
+    assert run(["export", str(folder), "--out", str(tmp_path / "a.json")]) == 0
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found["eye"]["rigidity_mmhg13_per_ul"] == pytest.approx(0.03)
+    assert all(name in format_record(read_recording(folder).info) for name in found["eye"])
+
+
+def test_the_header_is_what_slicer_reads_as_a_sequence(tmp_path: Path) -> None:
+    nrrd = pytest.importorskip("nrrd")
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=4))
+    write_sequence(recording, tmp_path / "a.seq.nrrd")
+    array, header = nrrd.read(str(tmp_path / "a.seq.nrrd"), index_order="F")
+    assert array.shape == (COLUMNS, ROWS, 1, 4)
+    assert list(header["kinds"]) == ["domain", "domain", "domain", "list"]
+    assert header["axis 3 index type"] == "numeric"
+    assert header["axis 3 index values"] == "1.000000 1.010000 1.020000 1.030000"
+    np.testing.assert_allclose(header["space directions"][:3], np.diag([8.0 / COLUMNS, 3.0 / ROWS, 0.1]))
+    assert np.isnan(header["space directions"][3]).all()
+    text = (tmp_path / "a.seq.nrrd").read_bytes().partition(b"\n\n")[0].decode()
+    assert "axis 3 index values:=1.0" in text
+    assert "none" in text
+    np.testing.assert_array_equal(array[:, :, 0, 2].T, recording.frame(recording.frames[2]))
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+def test_it_can_be_imported_again_with_scale_and_times(tmp_path: Path, frames: int) -> None:
+    pytest.importorskip("nrrd")
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=frames, log=False))
+    write_sequence(recording, tmp_path / "a.nrrd")
+    scan = read_nrrd(tmp_path / "a.nrrd", None)
+    for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
+        np.testing.assert_array_equal(picture, recording.frame(entry))
+    assert scan.lateral_pixel_m.value == pytest.approx(0.008 / COLUMNS)
+    assert scan.depth_pixel_m.value == pytest.approx(0.003 / ROWS)
+    np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
+
+
+ORIGIN_S = 1_700_000_000.0
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    """A recording, and the messages of its MCAP: topic and log time."""
+    pytest.importorskip("rosbags")
+    reader = pytest.importorskip("mcap.reader")
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=6))
+    answer = {"predicted_force_mn": 3.0, "interval_mn": [2.0, 5.0], "predicted": 1, "usable": True}
+    rows = [{"file": entry.file, "target": None, **answer} for entry in recording.frames]
+    write_mcap(recording, rows, ORIGIN_S, tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = [
+            (channel.topic, message.log_time)
+            for _, channel, message in reader.make_reader(file).iter_messages(log_time_order=False)
+        ]
+    return recording, tmp_path / "a.mcap", found
+
+
+def test_messages_stand_in_the_order_of_their_times(written) -> None:
+    recording, _, found = written
+    times = [time_ns for _, time_ns in found]
+    assert times == sorted(times)
+    count = {topic: sum(each == topic for each, _ in found) for topic in (IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC)}
+    assert count == {IMAGE_TOPIC: 6, FORCE_TOPIC: len(recording.forces.time_s), ANSWER_TOPIC: 6}
+
+
+def test_answers_have_a_definition_that_others_read(written) -> None:
+    from rosbags.highlevel import AnyReader
+
+    recording, path, _ = written
+    with AnyReader([path]) as bag:
+        connections = [each for each in bag.connections if each.topic == ANSWER_TOPIC]
+        answers = [bag.deserialize(data, each.msgtype) for each, _, data in bag.messages(connections)]
+    for entry, answer in zip(recording.frames, answers, strict=True):
+        assert (answer.file, answer.predicted_force_mn, answer.predicted, answer.usable) == (entry.file, 3.0, 1, True)
+        assert (answer.interval_low_mn, answer.interval_high_mn, answer.target) == (2.0, 5.0, -1)
+        assert np.isnan(answer.measured_force_mn)
+
+
+def test_it_can_be_imported_again(written) -> None:
+    recording, path, _ = written
+    scan, log = read_bag(path)
+    assert (scan.rows, scan.columns) == (ROWS, COLUMNS)
+    for entry, picture, time_s in zip(recording.frames, scan.pictures(), scan.times.time_s, strict=True):
+        np.testing.assert_array_equal(picture, recording.frame(entry))
+        assert time_s - ORIGIN_S == pytest.approx(entry.time_s, abs=1e-6)
+    np.testing.assert_allclose(log.wrench_sc, recording.forces.wrench_sc)
+    np.testing.assert_allclose(log.time_s - ORIGIN_S, recording.forces.time_s, atol=1e-6)
+
+
+def test_an_axis_that_was_not_logged_is_no_zero(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    folder = write_small_recording(tmp_path / "r", frames=3)
+    (folder / "forces.csv").write_text("time_s,fz_n\n1.0,0.5\n1.005,0.5\n1.01,0.5\n")
+    recording = read_recording(folder)
+    rows = [{"file": entry.file} for entry in recording.frames]
+    write_mcap(recording, rows, 0.0, tmp_path / "a.mcap")
+    log = read_bag(tmp_path / "a.mcap")[1]
+    assert log.columns == ("fz_n",)
+    np.testing.assert_array_equal(log.wrench_sc, np.full((3, 1), 0.5))
