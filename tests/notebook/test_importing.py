@@ -81,7 +81,7 @@ REFUSED: dict[str, tuple[dict[str, object], str]] = {
     "bits": ({"bits": -1}, "bits: -1 is below"),
     "too few bits": ({"bits": 8}, "bits says 8"),
     "a rate": ({"rate_hz": 0.0}, "^rate_hz: 0; give the frames taken in a second"),
-    "a sign": ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is no sign"),
+    "a sign": ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is not a sign"),
     "greys": ({"grey_range": (9.0, 1.0)}, "^grey_range: 9 1; give the darkest"),
     "nothing to act on": ({"array": "a"}, "^array: acts on an .npz file"),
     "a column": ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"),

@@ -105,7 +105,7 @@ def test_excel_writes_a_byte_order_mark_and_carriage_returns_which_do_no_harm(fo
         ("recording.toml", "4e-3", "4", r"recording.toml:9: oct.depth_m: 4 is above the largest allowed value 0.1"),
         ("recording.toml", "7e-4", "nan", r"recording.toml:3: eye.thickness_m: nan is not a finite number"),
         ("recording.toml", '"fz"', '"tz"', r"recording.toml:14: force.axis: 'tz' is not one of fx, fy, fz"),
-        ("recording.toml", "-1", "0", r"recording.toml:15: force.contact_sign: 0 is no sign"),
+        ("recording.toml", "-1", "0", r"recording.toml:15: force.contact_sign: 0 is not a sign"),
         ("recording.toml", '"eye"', '" "', r"recording.toml:2: eye.id: empty"),
         ("recording.toml", '"eye"', r'"eye\nE = 1"', r"recording.toml:2: eye.id: 'eye\\nE = 1' has a line break"),
         ("recording.toml", '"eye"', r'"eye\u001b[2J"', r"recording.toml:2: eye.id: .* unprintable character"),

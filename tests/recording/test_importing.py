@@ -10,7 +10,7 @@ from small_recording import write_small_recording
 
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
-from scleraforce.recording.importing import answers_like, told_times
+from scleraforce.recording.importing import answers_like, given_times
 from scleraforce.recording.scan import Scan
 from scleraforce.recording.tables import ForceLog
 from scleraforce.recording.writing import folder_when_whole, write_frames, write_log, written
@@ -45,7 +45,7 @@ SCAN = Scan(names=("x/b.png", "x/a.png"), rows=2, columns=2, pictures=lambda: it
 
 def times(folder: Path, text: str) -> list[float]:
     (folder / "times.csv").write_text(text)
-    return told_times(SCAN, folder / "times.csv", None).time_s.tolist()
+    return given_times(SCAN, folder / "times.csv", None).time_s.tolist()
 
 
 def test_a_table_with_names_goes_by_them(tmp_path: Path) -> None:
@@ -58,8 +58,8 @@ def test_a_table_without_them_goes_by_order(tmp_path: Path) -> None:
 
 
 def test_a_rate_counts_from_zero() -> None:
-    np.testing.assert_array_equal(told_times(SCAN, None, 4.0).time_s, [0.0, 0.25])
-    assert told_times(SCAN, None, None) is None
+    np.testing.assert_array_equal(given_times(SCAN, None, 4.0).time_s, [0.0, 0.25])
+    assert given_times(SCAN, None, None) is None
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_table_that_does_not_go_with_the_frames_is_refused(tmp_path: Path, tex
 
 def test_a_table_and_a_rate_are_one_too_many() -> None:
     with pytest.raises(InputError, match="--rate-hz"):
-        told_times(SCAN, Path("a.csv"), 4.0)
+        given_times(SCAN, Path("a.csv"), 4.0)
 
 
 INFO = RecordingInfo(

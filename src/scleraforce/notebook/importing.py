@@ -22,7 +22,7 @@ from scleraforce.recording.folder import OctInfo, Recording, read_recording
 from scleraforce.recording.importing import IMPORT_RECORD, NOBODY, Asker, Import, answers_like, complete, record_text
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
 from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.units import from_si
@@ -69,7 +69,7 @@ def import_recording(
 ) -> Recording:
     """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
 
-    Nothing is assumed: what the sources do not state has to be told, and the error names all that is missing. Look at
+    Nothing is assumed: give what the sources do not state; the error names all that is missing. Look at
     `preview.png` in the folder; its `import.json` says where each value comes from.
 
     Args:
@@ -94,7 +94,7 @@ def import_recording(
         grey_range: pixel values that become black and white.
         average_s: time over which a label averages.
         image_topic: of a ROS bag, where there are several.
-        force_topic: likewise.
+        force_topic: of a ROS bag, where there are several.
         by_arrival: take the times at which a bag's messages arrived, where they have no capture stamp.
         thickness_m: of the wall, where it was measured.
         iop_pa: pressure at rest, where it was measured.
@@ -111,7 +111,7 @@ def import_recording(
     >>> [(frame.file, frame.time_s) for frame in recording.frames]
     [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
     """
-    told: dict[str, Any] = {
+    given: dict[str, Any] = {
         "axes": axes, "array": array, "width_mm": from_si(width_m, "mm"), "depth_mm": from_si(depth_m, "mm"),
         "refractive_index": refractive_index, "bits": bits, "grey_range": grey_range, "rate_hz": rate_hz,
         "times": None if times is None else Path(times), "clock_offset_s": clock_offset_s,
@@ -121,14 +121,14 @@ def import_recording(
         "gauge": gauge, "gap_mm": from_si(gap_m, "mm"),
         "polar_angle_deg": None if polar_angle_rad is None else degrees(polar_angle_rad),
     }  # fmt: skip
-    told = {name: value for name, value in told.items() if value is not None}
+    given = {name: value for name, value in given.items() if value is not None}
     paths = [Path(path) for path in ([sources] if isinstance(sources, str | PathLike) else sources)]
     try:
         if not paths:
             raise InputError("sources: none; give at least one")
         others = {} if like is None else answers_like(Path(like))
-        answers = ImportOptions(**(others | told))
-        origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(told, OPTION)
+        answers = ImportOptions(**(others | given))
+        origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
         write_imported(paths, Path(out), answers, origins, counting_for("frames", progress), NOBODY)
     except InputError as fault:
         raise InputError(_by_arguments(fault)) from fault
@@ -140,9 +140,8 @@ def _by_arguments(fault: InputError) -> str:
     text = str(fault)
     if isinstance(fault, UnansweredError) and fault.forms:
         text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
-    arguments = {f"--{field.name.replace('_', '-')}": SI_NAMES.get(field.name, field.name)
-                 for field in fields(ImportOptions)}  # fmt: skip
-    arguments |= {"--column": "columns", "--out": "out"}
+    arguments = {option_name(field.name): SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
+    arguments["--out"] = "out"
     return re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
 
 
@@ -160,8 +159,8 @@ def write_imported(
     Args:
         sources: files and folders.
         out: the folder to make.
-        answers: what was told.
-        origins: who told it, by the names of the answers.
+        answers: the given options.
+        origins: who gave each option.
         counting: how the work is counted.
         asker: who is asked for what is open.
         model: the folder or name of the one whose limits are noted.

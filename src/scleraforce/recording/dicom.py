@@ -95,7 +95,7 @@ def _dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[s
 
 
 def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
-    """Return notes on bits and values that are not those of the picture."""
+    """Return notes on bits and values outside the picture."""
     _, stored, high = _cell(dataset)
     padding = dataset.get("PixelPaddingValue", None)
     notes = [f"{path}: HighBit is {high}, BitsStored {stored}: pixels were shifted"] if high != stored - 1 else []

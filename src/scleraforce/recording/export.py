@@ -27,15 +27,7 @@ PAIRS = {
     "interval_mn": ("interval_low_mn", "interval_high_mn"),
     "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
 }
-FORMULA_BEGINS = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "\t",
-    "\r",
-    "\n",
-)  # of cells that spreadsheets evaluate ("CSV injection")
+FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreadsheets evaluate ("CSV injection")
 
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
@@ -61,7 +53,7 @@ def read_answers(path: Path) -> list[Row]:
     """Return the frames of what `evaluate --json`, `classify --json` or `segment --json` printed.
 
     Raises:
-        InputError: it is no such file.
+        InputError: it is not such a file.
     """
     try:
         found = parse_json(read_text(path, KINDS["result"]))

@@ -138,7 +138,7 @@ def _ends_early(path: Path) -> bool:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
-    # What is wrong with a film is told once, by us: neither OpenCV nor its FFmpeg says it too.
+    # We report faults of a film ourselves, once; OpenCV and its FFmpeg stay quiet.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     film = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)

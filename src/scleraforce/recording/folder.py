@@ -23,24 +23,9 @@ from scleraforce.whole_files import KINDS, read_bytes, read_text
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
 GAUGE_DIAMETER_M = {
-    18: 1.2e-3,
-    19: 1.1e-3,
-    20: 0.9e-3,
-    21: 0.8e-3,
-    22: 0.7e-3,
-    23: 0.6e-3,
-    24: 0.55e-3,
-    25: 0.5e-3,
-    26: 0.45e-3,
-    27: 0.4e-3,
-    28: 0.36e-3,
-    29: 0.33e-3,
-    30: 0.3e-3,
-    31: 0.25e-3,
-    32: 0.23e-3,
-    33: 0.2e-3,
-    34: 0.18e-3,
-}
+    18: 1.2e-3, 19: 1.1e-3, 20: 0.9e-3, 21: 0.8e-3, 22: 0.7e-3, 23: 0.6e-3, 24: 0.55e-3, 25: 0.5e-3, 26: 0.45e-3,
+    27: 0.4e-3, 28: 0.36e-3, 29: 0.33e-3, 30: 0.3e-3, 31: 0.25e-3, 32: 0.23e-3, 33: 0.2e-3, 34: 0.18e-3,
+}  # fmt: skip
 LONGEST_ID = 200
 
 
@@ -72,8 +57,8 @@ class EyeInfo:
         fault = eye_id_fault(self.id)
         if fault:
             raise StudyError(f"id: {fault}")
-        told = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
-        for key, value in told.items():
+        of_sealed = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
+        for key, value in of_sealed.items():
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'
                 raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
@@ -119,12 +104,12 @@ class ForceInfo:
     def __post_init__(self) -> None:
         check_fields(self)
         if self.contact_sign == 0:
-            raise StudyError("contact_sign: 0 is no sign; give 1 or -1")
+            raise StudyError("contact_sign: 0 is not a sign; give 1 or -1")
 
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What `recording.toml` says. `force` may be left out where there is no force log."""
+    """The contents of `recording.toml`; `force` may be omitted without a force log."""
 
     eye: EyeInfo
     oct: OctInfo
@@ -313,12 +298,12 @@ def recording_of(path: Path) -> Path | None:
     return folder.parent if inside else None
 
 
-def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
+def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
     """Read one frame and find its scale.
 
     Args:
         path: of the image.
-        told: what the user says; it comes first.
+        given: by the user; it takes precedence.
         assumed: what counts where nothing states it, and who assumes it.
         transpose: the image's depth runs along its rows.
 
@@ -337,12 +322,12 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
     if info is not None:
         check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
     file = Scanner(width_m=lateral_m and lateral_m * columns, depth_m=depth_m and depth_m * rows)
-    stated = ((told, "option"), (_scanner(info), "recording.toml"), (file, "file"), assumed)
+    stated = ((given, "option"), (_scanner(info), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
         for name in ("width_m", "depth_m", "refractive_index")
     )
-    if image.scale_fault and info is None and None in (told.width_m, told.depth_m):
+    if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
         raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
         raise FrameError(

@@ -181,7 +181,7 @@ def parse_column(text: str) -> LogColumn:
     if ours == STATUS and unit not in words:
         raise InputError(f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)")
     if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
-        raise InputError(f"--column: {text!r}: {unit!r} is no unit of {quantity_of(ours)} (docs/formats.md)")
+        raise InputError(f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)} (docs/formats.md)")
     return LogColumn(ours, name.strip(), unit)
 
 
@@ -203,12 +203,12 @@ def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units:
     return [column for name, unit in each if (column := _by_name(name, unit, stated_units)) is not None]
 
 
-def _of_each_kind(path: Path, by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> list[LogColumn]:
+def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> list[LogColumn]:
     """Return one column of each kind: the one that was stated, else that of the header; of two times the first."""
-    answered = {column.ours: column for column in told if column.ours != STATUS}
+    answered = {column.ours: column for column in given if column.ours != STATUS}
     for column in by_header:
         other = answered.setdefault(column.ours, column)
-        if other != column and other not in told and column.ours != "time_s":
+        if other != column and other not in given and column.ours != "time_s":
             short = column.ours.partition("_")[0]
             raise UnansweredError(
                 "--column", f"{path}: {short}: is it {other.name!r} or {column.name!r}?", f"{short}=NAME:UNIT"
@@ -259,7 +259,7 @@ def _has_force(found: dict[str, LogColumn]) -> bool:
 
 
 def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
-    """Return the column of ours that a name with a unit stands for, None where it is none or has no unit."""
+    """Return the column of ours that a name with a unit stands for, None without a known name and unit."""
     bare = name.strip().removeprefix(ROS_PREFIX).removeprefix("wrench.")
     bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
@@ -308,37 +308,37 @@ RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)
 FORCE_IN_TEXT = re.compile(r"(?i)([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
-def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
+def read_force_text(text: LogText, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
     """Return a log in SI and the columns that it was read from.
 
     Args:
         text: of the log.
-        told: columns that somebody stated; they take precedence over what the header says.
+        given: columns that an option states; they take precedence over what the header says.
 
     Raises:
         UnansweredError: neither says which the time is, or any force, or the header contradicts the numbers.
-        RecordingError: a value is no number, or none that a sensor can give.
+        RecordingError: a value is not a number, or no sensor can measure it.
     """
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
     if (rate := _first(SAMPLE_RATE, text.above)) and COUNTER in text.names:  # ATI's own clock has whole seconds
         by_header = [LogColumn("time_s", COUNTER, f"{rate}Hz"), *(c for c in by_header if c.ours != "time_s")]
-    elif not any(column.ours == "time_s" for column in (*by_header, *told)):
+    elif not any(column.ours == "time_s" for column in (*by_header, *given)):
         by_header += _clock_column(text)
-    answered = _of_each_kind(text.path, by_header, told)
-    _check_units(text, [column for column in answered if column not in told], stated)
+    answered = _of_each_kind(text.path, by_header, given)
+    _check_units(text, [column for column in answered if column not in given], stated)
     columns = required_columns(text.path, answered, text.names)
     places = [text.names.index(column.name) for column in columns]
     dated = columns[0].unit in CLOCKS
     read = places[1:] if dated else places
     mark = mark_of(text, read)
     values_sc = numbers_of(text, read, gaps=places[1:], mark=mark)
-    _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], told)
+    _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], given)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
     time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
     notes = ["numbers have decimal commas"] if mark == "," else []
-    notes += [*_overruled(by_header, told), *gap_notes(text.path, wrench_sc)]
-    flags = _flagged(text, told)
+    notes += [*_overruled(by_header, given), *gap_notes(text.path, wrench_sc)]
+    flags = _flagged(text, given)
     faulty = np.zeros(len(text.lines), dtype=bool)
     for column in flags:
         found, said = _faulty_samples(column.name, column.unit, texts_of(text, column.name), text.place)
@@ -382,10 +382,10 @@ def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, 
 
 
 def _check_whole(
-    text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], told: Sequence[LogColumn]
+    text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
 ) -> None:
     """Ask where the header states counts and a number is not whole."""
-    counted = [column for column in columns if "/" in column.unit and column not in told]
+    counted = [column for column in columns if "/" in column.unit and column not in given]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
         if column in counted and broken.any():
@@ -407,9 +407,9 @@ def _range_n(text: LogText) -> float | None:
     return max((float(size) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated), default=0.0) or None
 
 
-def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
+def _flagged(text: LogText, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     """Return the columns of the sensor's status."""
-    stated = {column.name: column for column in told if column.ours == STATUS}
+    stated = {column.name: column for column in given if column.ours == STATUS}
     missing = next((name for name in stated if name not in text.names), None)
     if missing is not None:
         raise InputError(f"{text.path}: --column: no column {missing!r}; there are {', '.join(map(repr, text.names))}")
@@ -418,11 +418,11 @@ def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     return tuple((named | stated).values())
 
 
-def _overruled(by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> tuple[str, ...]:
+def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
     """Return sentences on columns that were stated in another unit than the header's."""
     return tuple(
         f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}"
-        for said in told
+        for said in given
         for own in by_header
         if (own.ours, own.name) == (said.ours, said.name) and not np.isclose(own.factor, said.factor, rtol=1e-9)
     )

@@ -40,7 +40,7 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 def read_frame_image(path: str | PathLike[str]) -> FrameImage:
     """Read one frame with the size of its pixels where its tags know it (DICOM, TIFF).
 
-    The kind of file is told by its content, not by its name. Signed values are shifted so that the smallest is 0.
+    The content decides the kind of file, not the name. Signed values are shifted so that the smallest is 0.
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.

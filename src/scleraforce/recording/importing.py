@@ -18,7 +18,7 @@ from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import numbers_of, read_log_text
 from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
 from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, check_overlap, on_one_clock
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, check_overlap, on_one_clock, option_name
 from scleraforce.recording.tables import ForceLog, fields_of
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
@@ -26,14 +26,14 @@ from scleraforce.whole_files import FileKind, read_text
 FILE_NAMES = ("file", "filename", "frame", "image")
 
 
-def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
+def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
     """Return the frames' times that a table or a rate states; None: neither was given.
 
     A table has a column of times with its unit in its name (time_s, "Time (ms)"). Where it names files too, each time
     goes to the frame of that name; else they go to the frames in their order.
 
     Raises:
-        InputError: both were given, the rate is none, or the table does not go with the frames.
+        InputError: both were given, the rate is not positive, or the table does not match the frames.
     """
     if table is not None and rate_hz is not None:
         raise InputError("--rate-hz: --times states when frames were taken; give one of them")
@@ -126,7 +126,7 @@ def _name_all(questions: Mapping[str, Question]) -> dict[str, Any]:
     needed = [question for question in questions.values() if not question.optional]
     if needed:
         listed = "; ".join(f"{question.words} ({question.options})" for question in needed)
-        raise InputError(f"not in the sources, and not told: {listed}")
+        raise InputError(f"neither in the sources nor among the options: {listed}")
     return {}
 
 
@@ -137,17 +137,14 @@ def _raise(fault: InputError) -> None:
 NOBODY = Asker(_leave_open, _name_all, _raise)
 
 
-# What options act on: their names by those of their values.
+# The options that act on one kind of source.
 ACT_ON = {
-    "a force log": {
-        "axis": "--axis", "contact_sign": "--contact-sign", "average_s": "--average-s",
-        "clock_offset_s": "--clock-offset-s",
-    },
-    "a force log of text": {"columns": "--column"},
-    "a ROS bag": {"image_topic": "--image-topic", "force_topic": "--force-topic", "by_arrival": "--by-arrival"},
-    "an .npz file": {"array": "--array"},
-    "frames whose axes are not fixed": {"axes": "--axes"},
-}  # fmt: skip
+    "a force log": ("axis", "contact_sign", "average_s", "clock_offset_s"),
+    "a force log of text": ("columns",),
+    "a ROS bag": ("image_topic", "force_topic", "by_arrival"),
+    "an .npz file": ("array",),
+    "frames whose axes are not fixed": ("axes",),
+}
 SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
@@ -187,21 +184,21 @@ def complete(
     asker: Asker,
     measured: Callable[[OctInfo], float | None],
 ) -> Import:
-    """Bring together what was told, what sources state and what another recording has, and ask for the rest.
+    """Combine the given options, the sources' own values and another recording's, and ask for the rest.
 
     Args:
         gathered: the sources.
         greys: how their pixels become counts.
-        answers: what was told.
-        origins: who told it, by the names of the answers; another recording gives way to what the sources state.
+        answers: the given options.
+        origins: who gave each option; the sources take precedence over another recording.
         asker: who is asked.
         measured: returns the wall's thickness as the frames show it, um, at the scale of the recording.
 
     Raises:
-        InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
+        InputError: something stays open, an option has nothing to act on, or a value is out of range.
     """
     _check_used(gathered, origins)
-    times = told_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
     needed = _needed(gathered, answers, times)
     stated = _stated(gathered, greys)
     known = {
@@ -234,7 +231,7 @@ def _with_thickness(
     asker: Asker,
     measured: Callable[[OctInfo], float | None],
 ) -> Import:
-    """Ask for the wall's thickness where nobody has told it; say what it costs where it stays open."""
+    """Ask for the wall's thickness if it was not given; note the consequence if it stays open."""
     name, value = "thickness_um", answers.thickness_um
     if value is not None:
         return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
@@ -268,7 +265,7 @@ def _completed(
         raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
     if times is None:
         rate_hz = values.get("rate_hz")
-        times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
+        times = given_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
     assert times is not None
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
@@ -283,7 +280,7 @@ def _completed(
 
 
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
-    """Check that each option that was given has something to act on; those of another recording need not."""
+    """Check that each given option has something to act on; an option of another recording need not."""
     kinds = {kind for _, kind in gathered.files}
     there = {
         "a force log": gathered.log is not None,
@@ -292,18 +289,17 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
         "an .npz file": any(path.suffix.lower() == ".npz" for path, _ in gathered.files),
         "frames whose axes are not fixed": bool(kinds - {"thorlabs", "log"}),
     }
-    for what, options in ACT_ON.items():
-        unused = [option for name, option in options.items() if origins.get(name) == OPTION and not there[what]]
+    for what, names in ACT_ON.items():
+        unused = [name for name in names if origins.get(name) == OPTION and not there[what]]
         if unused:
-            raise InputError(f"{unused[0]}: acts on {what}, which is not among the sources; leave it out")
+            raise InputError(f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out")
 
 
 def _check_contradictions(scan: Scan, missing: set[str]) -> None:
     """Check that options give what the source contradicts itself in."""
-    for fault, options in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
-        if fault and missing.intersection(options):
-            named = " and ".join(f"--{name.replace('_', '-')}" for name in options)
-            raise InputError(f"{fault}; give {named}")
+    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and missing.intersection(names):
+            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
 
 
 def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
@@ -338,7 +334,7 @@ def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
 
 
 def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any, str]]) -> list[str]:
-    """Say where a scale was told that is not what the source states."""
+    """Note each given scale that differs from the source's."""
     return [
         f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
         for name, (value, source) in stated.items()
@@ -377,7 +373,7 @@ def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) ->
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
         return RecordingInfo(eye, oct_info, needle, None if gathered.log is None else _force_info(answers, values))
     except StudyError as fault:
-        raise InputError(f"{scan.names[0]}: {fault}; tell the right one") from fault
+        raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
 
 
 def _force_info(answers: ImportOptions, values: dict[str, Any]) -> ForceInfo:
@@ -432,7 +428,7 @@ def _kept(path: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Return what an import.json says; nothing where there is none."""
+    """Return the contents of an import.json; empty if it does not exist."""
     if not path.exists():
         return {}
     try:

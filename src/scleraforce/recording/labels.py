@@ -201,7 +201,7 @@ def first_contact(force_n: Samples, rate_hz: float) -> int | None:
     taken from the differences of neighbours), and that stays for a second: the mean of a second against the mean of all
     that came before. Means see a rise below the 5 mN of a sensor step, because the noise dithers it. The beginning is
     then where a level followed by a straight line fits the samples best. A first touch of less than about 1.5 mN is not
-    told from the noise: it goes into the tare.
+    distinguished from the noise: it goes into the tare.
     """
     block = max(round(BLOCK_S * rate_hz), 1)
     after = round(AFTER_S * rate_hz)

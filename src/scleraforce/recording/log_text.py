@@ -163,10 +163,10 @@ def quantity_of(column: str) -> str:
 
 
 def unit_factor(unit: str, quantity: str) -> float | None:
-    """Return how many of SI a unit is, None where it is none of the quantity.
+    """Return how many of SI a unit is, None if it is not a unit of the quantity.
 
     Counters of samples have a unit of time as well: their rate. Counts and volts have how many of them are one unit.
-    "MN" is none: nobody can say whether it means mN.
+    "MN" is refused: it may mean mN.
 
     >>> unit_factor("mN", FORCE), unit_factor("mN", TORQUE), unit_factor("500 Hz", TIME), unit_factor("1000/mN", FORCE)
     (0.001, None, 0.002, 1e-06)
@@ -224,7 +224,7 @@ def _read_labview_header(path: Path, lines: Sequence[str]) -> _LabviewHeader:
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
         raise RecordingError(f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma")
-    told = _entries(head, separator)
+    stated_fields = _entries(head, separator)
     segments = ends[1:]
     if len(segments) > 1:
         raise RecordingError(
@@ -232,16 +232,16 @@ def _read_labview_header(path: Path, lines: Sequence[str]) -> _LabviewHeader:
             "as a file of its own"
         )
     segment = _entries(lines[ends[0] + 1 : segments[0]], separator) if segments else {}
-    columns = told.get("X_Columns", ("One",))[0].lower()
+    columns = stated_fields.get("X_Columns", ("One",))[0].lower()
     channels = segment.get("Channels", ("1",))[0]
     if columns == "no" or (columns == "multi" and channels != "1"):
         raise RecordingError(
-            f"{path}: X_Columns: {told['X_Columns'][0]} is not read; export the file with one column of times"
+            f"{path}: X_Columns: {stated_fields['X_Columns'][0]} is not read; export the file with one column of times"
         )
     dimension = next((each for each in segment.get("X_Dimension", ()) if each), "Time")
     if dimension.lower() != "time":
         raise RecordingError(f"{path}: X_Dimension: {dimension!r}; the first column of a force log is the time")
-    mark = told.get("Decimal_Separator", (".",))[0]
+    mark = stated_fields.get("Decimal_Separator", (".",))[0]
     if mark not in (".", ","):
         raise RecordingError(f"{path}: Decimal_Separator: {mark!r} is neither a point nor a comma")
     return _LabviewHeader(separator, mark, segment.get("Y_Unit_Label", ()), (segments or ends)[-1] + 1)
@@ -253,7 +253,7 @@ def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]
     return {name: tuple(values) or ("",) for name, *values in fields}
 
 
-SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; so many spaces are one separator
+SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; any number of spaces is one separator
 SEARCHED_LINES = 100  # for the header
 
 
@@ -298,7 +298,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
 
     Args:
         path: of the file.
-        least: so many fields of a line are numbers or dates.
+        least: number of fields of a line that are numbers or dates.
 
     Raises:
         RecordingError: there is no header, or a line has more fields than names, or fewer than other lines.
@@ -327,7 +327,7 @@ def numbers_of(
         mark: the decimal mark; None: by the numbers.
 
     Raises:
-        RecordingError: naming the line and the column that is no number.
+        RecordingError: naming the line and the column that is not a number.
     """
     mark = mark or mark_of(text, places)
     lines = [line.replace(",", ".") for line in text.lines] if mark == "," else text.lines

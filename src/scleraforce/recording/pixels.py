@@ -3,13 +3,17 @@
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
+
+if TYPE_CHECKING:
+    from scleraforce.recording.folder import OctInfo
+    from scleraforce.study import OctStudy
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -21,21 +25,6 @@ STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
 JPEG_2000 = b"\xff\x4f\xff\x51"
 MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
-
-
-class _FieldOfView(Protocol):
-    """What is needed of a scanner to know the size of its pixels."""
-
-    @property
-    def columns(self) -> int: ...
-    @property
-    def rows(self) -> int: ...
-    @property
-    def width_m(self) -> float: ...
-    @property
-    def depth_m(self) -> float: ...
-    @property
-    def refractive_index(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -64,7 +53,7 @@ class PixelScale:
             raise ValueError(f"a refractive index of {self.refractive_index}: tissue lies between 1 (corrected) and 2")
 
     @classmethod
-    def of(cls, scanner: _FieldOfView) -> "PixelScale":
+    def of(cls, scanner: "OctStudy | OctInfo") -> "PixelScale":
         """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
         return cls(
             lateral_m=scanner.width_m / scanner.columns,
@@ -92,7 +81,7 @@ def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
     """Check the size that a file states, before memory is taken for its pixels.
 
     Raises:
-        FrameError: it is no frame's, or larger than what is read.
+        FrameError: too small for a frame, or too large.
     """
     if min(rows, columns) < 2:
         raise FrameError(f"{path}: an image of {rows} x {columns} pixels; give one frame, rows x columns")
@@ -232,7 +221,7 @@ class Greys:
     lost: int = 0
 
     def fit(self, bits: int) -> bool:
-        """Return whether so many bits hold the counts."""
+        """Return whether this number of bits holds the counts."""
         return (TOP if self.scaled else self.high - self.low) < 1 << bits
 
     def counts(self, picture: NDArray[Any]) -> NDArray[np.uint16]:
@@ -244,18 +233,18 @@ class Greys:
         return np.asarray(np.nan_to_num(np.rint(scaled), nan=0.0), dtype=np.uint16)
 
 
-def find_greys(pictures: Iterable[NDArray[Any]], told: tuple[float, float] | None, name: str) -> Greys:
+def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str) -> Greys:
     """Look at all pictures and return how they become counts.
 
     Whole numbers stay as they are, or are shifted so that the smallest is 0, where 16 bits hold them. Others, and all
-    where a range is `told`, are scaled from that range, or from their smallest and largest value, to 16 bits.
+    where a range is `given`, are scaled from that range, or from their smallest and largest value, to 16 bits.
 
     Raises:
         FrameError: pixels of another type, or all of one value.
-        InputError: the range that was told is none.
+        InputError: the given range is empty.
     """
-    if told is not None and not told[0] < told[1]:
-        raise InputError(f"--grey-range: {told[0]:g} {told[1]:g}; give the darkest value before a larger one")
+    if given is not None and not given[0] < given[1]:
+        raise InputError(f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one")
     low, high, lost, whole = np.inf, -np.inf, 0, True
     for picture in pictures:
         if picture.dtype.kind not in "uif":
@@ -267,8 +256,8 @@ def find_greys(pictures: Iterable[NDArray[Any]], told: tuple[float, float] | Non
             known = picture
         if known.size:
             low, high = min(low, float(known.min())), max(high, float(known.max()))
-    if told is not None:
-        return Greys(low=told[0], high=told[1], scaled=True, lost=lost)
+    if given is not None:
+        return Greys(low=given[0], high=given[1], scaled=True, lost=lost)
     if whole and high - min(low, 0.0) <= TOP:
         return Greys(low=min(low, 0.0), high=high, scaled=False)
     if not low < high:

@@ -159,7 +159,7 @@ def frame_names(path: Path, count: int) -> tuple[str, ...]:
 
 
 def even_times(count: int, step_s: float, source: str) -> Times | None:
-    """Return times in even steps from 0 on; None where the step is none."""
+    """Return times in even steps from 0 on; None if the step is not positive."""
     return Times(np.arange(count, dtype=np.float64) * step_s, source) if step_s > 0.0 else None
 
 
@@ -266,7 +266,7 @@ def parse_axes(text: str) -> tuple[str, ...]:
     ('lateral', 'depth', 'frame')
 
     Raises:
-        InputError: they are not those of frames.
+        InputError: they are not axes of frames.
     """
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):

@@ -95,7 +95,7 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
     return "; ".join(ENDINGS[ending]) if ending in ENDINGS else None
 
 
-OPTION = "option"  # the source of a value that was told for this recording, by an option or an argument
+OPTION = "option"  # the source of a value given by an option or an argument
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
@@ -140,13 +140,22 @@ class ImportOptions:
     polar_angle_deg: float | None = None
 
 
+def option_name(field: str) -> str:
+    """Return the option that gives a field of `ImportOptions`.
+
+    >>> option_name("width_mm"), option_name("columns")
+    ('--width-mm', '--column')
+    """
+    return "--column" if field == "columns" else f"--{field.replace('_', '-')}"
+
+
 def files_of(given: Sequence[Path]) -> list[Path]:
     """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
 
     A folder with a metadata.yaml is a ROS bag and stays one. Pixels that lie beside their header are read with it.
 
     Raises:
-        InputError: there is no such file, or a folder is empty.
+        InputError: a folder is empty.
     """
     found: list[Path] = []
     for path in given:
@@ -184,7 +193,7 @@ def source_kind(path: Path) -> str:
     """Return what a source is: what `read_scan` reads, "bag" or "log".
 
     Raises:
-        InputError: it is no regular file, or of no kind that is read.
+        InputError: it is not a regular file, or its kind is not read.
     """
     if path.is_dir():
         return "bag"

@@ -2,7 +2,7 @@
 
 The layout is that of Thorlabs' own MATLAB functions (OCTFileGetRealData): depth runs fastest, then the A-scan, then the
 B-scan; sizes and ranges (mm) are attributes of the file's entry in the header. Depth is optical unless the program was
-told a refractive index.
+given a refractive index.
 """
 
 from pathlib import Path

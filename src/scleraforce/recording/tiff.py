@@ -147,7 +147,7 @@ def _shown(scan: Scan, orientation: int) -> Scan:
 def _opened(path: Path, data: bytes | None) -> "Iterator[tifffile.TiffFile]":
     import tifffile  # here, so that reading PNG needs OpenCV only
 
-    tifffile.logger().setLevel("CRITICAL")  # what is wrong with a file is told once, by us
+    tifffile.logger().setLevel("CRITICAL")  # we report faults ourselves, once
     file = path if data is None else BytesIO(data)
     with named_faults(path, "TIFF"), tifffile.TiffFile(file, _multifile=False) as opened:
         yield opened
@@ -164,7 +164,7 @@ def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
 
 
 def _check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> None:
-    """Check what a page says of its size, and that what is packed in it is no larger."""
+    """Check the stated size of a page, and that its packed data are not larger."""
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         kind = getattr(page.photometric, "name", page.photometric)
         raise FrameError(f"{path}: a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
@@ -211,12 +211,12 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
 
 
 def _full_size(several: "Sequence[tifffile.TiffPageSeries]") -> "list[tifffile.TiffPageSeries]":
-    """Return the series of images without those of smaller copies."""
+    """Return the series of images without smaller copies."""
     return [series for series in several if not _is_copy(series.keyframe, several[0].keyframe)]
 
 
 def _frame_pages(file: "tifffile.TiffFile") -> "list[tifffile.TiffPage]":
-    """Return the pages without those of smaller copies."""
+    """Return the pages without smaller copies."""
     pages = [entry.aspage() for entry in file.pages]
     return [page for page in pages if not _is_copy(page, pages[0])]
 

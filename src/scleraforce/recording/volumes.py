@@ -182,7 +182,7 @@ def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple
     """Return the spacing of each axis as pixdim and sform state it, and notes."""
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
-        raise FrameError(f"{path}: xyzt_units: {code} is no unit of length in NIfTI; correct it (1 m, 2 mm, 3 micron)")
+        raise FrameError(f"{path}: xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)")
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
@@ -453,7 +453,7 @@ def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
     pixels = pixels.astype(dtype)
     if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
-        raise FrameError(f"{path}: pixel {wrong[0]} is {values[wrong[0]]:g}, which is no number of type {dtype}")
+        raise FrameError(f"{path}: pixel {wrong[0]} is {values[wrong[0]]:g}, which is not a number of type {dtype}")
     return pixels
 
 

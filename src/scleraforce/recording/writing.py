@@ -205,7 +205,7 @@ def folder_when_whole(out: Path) -> Iterator[Path]:
 
 
 def frame_files(names: Sequence[str]) -> list[str]:
-    """Return names of frames' files: those of their sources where each has one of its own, else numbers.
+    """Return names of frames' files: the sources' names if they differ, else numbers.
 
     >>> frame_files(["scans/a.png", "scans/b.jpg"]), frame_files(["volume.nii[0]", "volume.nii[1]"])
     (['a.png', 'b.png'], ['0001.png', '0002.png'])
@@ -246,7 +246,7 @@ def written(folder: Path, out: Path) -> Recording:
     """Read what was written, as every other command will.
 
     Raises:
-        RecordingError: it is no recording that can be used; the message names `out`, where it was to be.
+        RecordingError: the recording cannot be used; the message names `out`.
     """
     try:
         return read_recording(folder)
