@@ -376,6 +376,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
     np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
     assert recording.info.force.average_s == 0.1
     assert any("arrived 80.0 ms" in note for note in entry["notes"])
+    assert sum("messages arrived" in note for note in entry["notes"]) == 2  # images and forces
     assert entry["values"]["times"] == "header.stamp of /oct/image"
 
 

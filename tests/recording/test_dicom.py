@@ -443,8 +443,7 @@ def test_frame_increment_pointer_decides_between_two_steps_of_time(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("stated", "zone", "shift_s"),
-    [("", "", 0), ("", "+0100", -3600), ("", "-0530", 19800), ("+0100", "-0500", -3600)],
+    ("stated", "zone", "shift_s"), [("", "", 0), ("", "+0100", -3600), ("", "-0530", 19800), ("+0100", "-0500", -3600)]
 )
 def test_times_without_a_zone_are_those_of_the_files_zone(
     tmp_path: Path, stated: str, zone: str, shift_s: float

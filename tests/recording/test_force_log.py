@@ -235,6 +235,16 @@ def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path, ending
     assert [column.answer() for column in columns] == ["time=X_Value:s", "fz=Fz:Newtons"]
 
 
+def test_the_decimal_mark_that_a_labview_file_states_decides_between_two_readings(tmp_path: Path) -> None:
+    ambiguous = LVM.replace("0,00", "1,00").replace("2,5", "2")
+    (tmp_path / "log.lvm").write_text(ambiguous)
+    log, _ = read_force_text(read_log_text(tmp_path / "log.lvm"), [])
+    np.testing.assert_allclose(log.time_s, [1.0, 1.002, 1.004])
+    (tmp_path / "log.lvm").write_text(ambiguous.replace("Decimal_Separator\t,", "Decimal_Separator\t."))
+    with pytest.raises(RecordingError, match=r"'1,000' is 1\.000 with a decimal comma, or 1000"):
+        read_force_text(read_log_text(tmp_path / "log.lvm"), [])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -439,7 +439,8 @@ def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | 
     zone = _zone(path, dataset)
     for name in FRAME_TIMES:
         groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
-        stated = [_frame_time(group, name, zone) for group in groups]
+        contents: list[Any] = [group.get("FrameContentSequence", None) for group in groups]
+        stated = [_seconds(content[0].get(name, None), zone) if content else None for content in contents]
         time_s = np.array([np.nan if moment is None else moment for moment in stated], dtype=np.float64)
         if len(stated) == count and rising(time_s):
             return Times(time_s, f"DICOM's {name}"), None
@@ -473,11 +474,6 @@ def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
     if found is None or offset > timedelta(hours=14):
         raise FrameError(f"{path}: TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
     return timezone(-offset if found[1] == "-" else offset)
-
-
-def _frame_time(group: "pydicom.Dataset", name: str, zone: tzinfo) -> float | None:
-    content: Any = group.get("FrameContentSequence", None)
-    return _seconds(content[0].get(name, None), zone) if content else None
 
 
 def _seconds(stated: Any, zone: tzinfo) -> float | None:

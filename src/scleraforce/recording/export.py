@@ -23,10 +23,7 @@ from scleraforce.whole_files import KINDS, read_text, renamed_when_whole
 Row = dict[str, Any]
 
 # Lists of two numbers, and the columns that they become.
-PAIRS = {
-    "interval_mn": ("interval_low_mn", "interval_high_mn"),
-    "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
-}
+PAIRS = {"interval_mn": ("interval_low_mn", "interval_high_mn"), "tip_mm": ("tip_lateral_mm", "tip_depth_mm")}
 FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreadsheets evaluate ("CSV injection")
 
 
@@ -84,11 +81,8 @@ def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -
     by_file = {key(answer): answer for answer in answers if _is_of(answer, recording)}
     if not by_file.keys() & set(map(key, rows)):
         raise InputError(f"{recording}: none of its frames is among the answers")
-    return [_with_answer(row, by_file.get(key(row), {})) for row in rows]
-
-
-def _with_answer(row: Row, answer: Row) -> Row:
-    return {**answer, **row, "target": answer.get("target", row["target"])}
+    pairs = ((row, by_file.get(key(row), {})) for row in rows)
+    return [{**answer, **row, "target": answer.get("target", row["target"])} for row, answer in pairs]
 
 
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:

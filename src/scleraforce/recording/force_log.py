@@ -16,9 +16,7 @@ from scleraforce.recording.log_text import (
     FORCE,
     TIME,
     TORQUE,
-    LogText,
     clock_of,
-    mark_of,
     numbers_of,
     quantity_of,
     seconds_of,
@@ -26,7 +24,7 @@ from scleraforce.recording.log_text import (
     unit_factor,
 )
 from scleraforce.recording.scan import UnansweredError
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, checked_samples, gap_notes
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, Table, checked_samples, decimal_mark, gap_notes
 
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
@@ -243,7 +241,11 @@ def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[s
             raise InputError(f"{path}: --column: no column {column.name!r}; there are {listed}")
         if list(names).count(column.name) > 1:
             raise InputError(f"{path}: two columns are named {column.name!r}; rename one of them")
-    missing = [word for word, there in (("time", "time_s" in found), ("fz", _has_force(found))) if not there]
+    missing = [
+        word
+        for word, there in (("time", "time_s" in found), ("fz", any(quantity_of(ours) == FORCE for ours in found)))
+        if not there
+    ]
     if missing:
         what = "the time" if missing == ["time"] else "a force" if missing == ["fz"] else "the time, and which a force"
         raise UnansweredError(
@@ -252,10 +254,6 @@ def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[s
             *(f"{short}=NAME:UNIT" for short in missing),
         )
     return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
-
-
-def _has_force(found: dict[str, LogColumn]) -> bool:
-    return any(quantity_of(ours) == FORCE for ours in found)
 
 
 def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
@@ -308,7 +306,7 @@ RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)
 FORCE_IN_TEXT = re.compile(r"(?i)([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
-def read_force_text(text: LogText, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
+def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
     """Return a log in SI and the columns that it was read from.
 
     Args:
@@ -331,7 +329,7 @@ def read_force_text(text: LogText, given: Sequence[LogColumn]) -> tuple[ForceLog
     places = [text.names.index(column.name) for column in columns]
     dated = columns[0].unit in CLOCKS
     read = places[1:] if dated else places
-    mark = mark_of(text, read)
+    mark = decimal_mark(text, read)
     values_sc = numbers_of(text, read, gaps=places[1:], mark=mark)
     _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], given)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
@@ -349,7 +347,7 @@ def read_force_text(text: LogText, given: Sequence[LogColumn]) -> tuple[ForceLog
     return checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
 
 
-def _stated_units(text: LogText) -> dict[str, str]:
+def _stated_units(text: Table) -> dict[str, str]:
     """Return the units of force and torque by the lines above the header; of counts, how many are one unit."""
     units = {quantity: unit for quantity, pattern in STATED.items() if (unit := _first(pattern, text.above))}
     counts = {quantity: _first(pattern, text.above) for quantity, pattern in COUNTS.items()}
@@ -357,7 +355,7 @@ def _stated_units(text: LogText) -> dict[str, str]:
             for quantity, unit in units.items()}  # fmt: skip
 
 
-def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
+def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
     """Ask where the file states two units of a column, or a factor that is not applied.
 
     Args:
@@ -382,7 +380,7 @@ def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, 
 
 
 def _check_whole(
-    text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
+    text: Table, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
 ) -> None:
     """Ask where the header states counts and a number is not whole."""
     counted = [column for column in columns if "/" in column.unit and column not in given]
@@ -401,13 +399,13 @@ def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogCol
     return UnansweredError("--column", f"{said}: {short}:{column.unit} or {short}:{other}?", *forms)
 
 
-def _range_n(text: LogText) -> float | None:
+def _range_n(text: Table) -> float | None:
     """Return the largest force of the sensor by the lines above the header, None where they do not state it."""
     stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
     return max((float(size) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated), default=0.0) or None
 
 
-def _flagged(text: LogText, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
+def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     """Return the columns of the sensor's status."""
     stated = {column.name: column for column in given if column.ours == STATUS}
     missing = next((name for name in stated if name not in text.names), None)
@@ -432,7 +430,7 @@ def _first(pattern: str, lines: Sequence[str]) -> str | None:
     return next((found[1] for line in lines if (found := re.search(pattern, line))), None)
 
 
-def _clock_column(text: LogText) -> list[LogColumn]:
+def _clock_column(text: Table) -> list[LogColumn]:
     """Return the column of dates or times of day, where one has such a name."""
     for name in _clock_columns(text.names):
         found = dict.fromkeys(clock_of(moment) for moment in texts_of(text, name).tolist())
@@ -452,7 +450,7 @@ def _clock_column(text: LogText) -> list[LogColumn]:
     return []
 
 
-def _moments(text: LogText, column: LogColumn) -> NDArray[np.float64]:
+def _moments(text: Table, column: LogColumn) -> NDArray[np.float64]:
     """Return dates and times in s since 1970; without a zone they are of UTC."""
     texts = texts_of(text, column.name).tolist()
     found = seconds_of(texts, column.unit)

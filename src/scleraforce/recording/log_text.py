@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
 from scleraforce.recording.scan import SECONDS
-from scleraforce.recording.tables import decimal_mark, fields_of, is_number, number
+from scleraforce.recording.tables import Table, decimal_mark, fields_of, is_number, number
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -257,41 +257,7 @@ SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; an
 SEARCHED_LINES = 100  # for the header
 
 
-@dataclass(frozen=True)
-class LogText:
-    """A log as text.
-
-    Attributes:
-        path: of the file.
-        above: the lines above the header.
-        names: of the columns.
-        units: of the columns where a line of its own states them; else empty.
-        separator: of the columns.
-        lines: below the header, those that are not blank.
-        numbers: of these lines, in the file.
-        mark: the decimal mark that the file states, None where it does not.
-    """
-
-    path: Path
-    above: tuple[str, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    separator: str
-    lines: tuple[str, ...]
-    numbers: tuple[int, ...]
-    mark: str | None = None
-
-    @property
-    def delimiter(self) -> str | None:
-        """What separates the columns, as NumPy has it: None for any number of spaces."""
-        return None if self.separator == SPACES else self.separator
-
-    def place(self, line: int) -> str:
-        """Return where the line of an index stands, for messages."""
-        return f"{self.path}:{self.numbers[line]}"
-
-
-def read_log_text(path: Path, least: int = 2) -> LogText:
+def read_log_text(path: Path, least: int = 2) -> Table:
     """Read a log and find its header: the first line with a name for each field of the line below.
 
     Names at the end may have no fields (a column of comments).
@@ -316,7 +282,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
 
 
 def numbers_of(
-    text: LogText, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None
+    text: Table, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None
 ) -> NDArray[np.float64]:
     """Return the columns at some places (sample, column); a fault is looked for only where NumPy finds one.
 
@@ -329,7 +295,7 @@ def numbers_of(
     Raises:
         RecordingError: naming the line and the column that is not a number.
     """
-    mark = mark or mark_of(text, places)
+    mark = mark or decimal_mark(text, places)
     lines = [line.replace(",", ".") for line in text.lines] if mark == "," else text.lines
     try:
         found = np.loadtxt(
@@ -340,12 +306,7 @@ def numbers_of(
     return np.asarray(found, dtype=np.float64)
 
 
-def mark_of(text: LogText, places: Sequence[int]) -> str:
-    """Return the decimal mark of the numbers at some places; see `decimal_mark`."""
-    return decimal_mark(text.lines, text.separator, text.names, places, text.place, text.mark)
-
-
-def texts_of(text: LogText, name: str) -> NDArray[np.str_]:
+def texts_of(text: Table, name: str) -> NDArray[np.str_]:
     """Return a column as text; empty where a line ends before it."""
     place = text.names.index(name)
     rows = (_fields(line, text.separator) for line in text.lines)
@@ -386,7 +347,7 @@ def _units_line(lines: Sequence[str], nth: int, separator: str, names: tuple[str
     return units, nth - 1
 
 
-def _of_labview(path: Path, lines: list[str]) -> LogText:
+def _of_labview(path: Path, lines: list[str]) -> Table:
     header = _read_labview_header(path, lines)
     if header.after >= len(lines):
         raise RecordingError(f"{path}: no columns below the header")
@@ -398,13 +359,15 @@ def _of_labview(path: Path, lines: list[str]) -> LogText:
 
 def _below(
     path: Path, lines: list[str], top: int, first: int, separator: str, names: tuple[str, ...], units: tuple[str, ...]
-) -> LogText:
+) -> Table:
     rest = [(line, nth) for nth, line in enumerate(lines[first:], start=first + 1) if line.strip()]
     texts, numbers = zip(*rest, strict=True) if rest else ((), ())
-    return LogText(path, tuple(lines[:top]), names, units, separator, texts, numbers)
+    return Table(
+        path=path, names=names, separator=separator, lines=texts, numbers=numbers, above=tuple(lines[:top]), units=units
+    )
 
 
-def _check_counts(text: LogText) -> None:
+def _check_counts(text: Table) -> None:
     """Check that each line has as many fields as the others, and no more than there are names."""
     counts = [_count(line, text.separator, len(text.names)) for line in text.lines]
     if not counts:
@@ -439,7 +402,7 @@ def _fields(line: str, separator: str) -> tuple[str, ...]:
     return fields_of(line.rstrip(f" {separator}"), separator, "") if line.count('"') % 2 == 0 else ()
 
 
-def _row(text: LogText, line: int, places: Sequence[int], gaps: Sequence[int], mark: str) -> list[float]:
+def _row(text: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str) -> list[float]:
     """Return the numbers of one line; an empty field or nan at one of `gaps` is NaN."""
     fields = _fields(text.lines[line], text.separator)
     values = []

@@ -162,7 +162,8 @@ def files_of(given: Sequence[Path]) -> list[Path]:
         if not path.is_dir() or (path / "metadata.yaml").exists():
             found.append(path)
             continue
-        inside = sorted((each for each in path.iterdir() if _shown(each)), key=_natural_order)
+        shown = [each for each in path.iterdir() if each.is_file() and not each.name.startswith(".")]
+        inside = sorted(shown, key=_natural_order)
         if not inside:
             raise InputError(f"{path}: no files in this folder")
         found += inside
@@ -239,10 +240,6 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
     if axes[0] != "frame" and len(axes) == 3:
         raise InputError(f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame")
     return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
-
-
-def _shown(path: Path) -> bool:
-    return path.is_file() and not path.name.startswith(".")
 
 
 def _by_content(head: bytes) -> str | None:

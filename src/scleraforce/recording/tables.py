@@ -6,7 +6,7 @@ may end in separators that nothing follows. Where commas do not separate columns
 
 import csv
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -23,18 +23,38 @@ PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thou
 GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", re.ASCII)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table: its columns in order, the lines below the header (the first is the file's line 2), what separates."""
+    """A table as text.
+
+    Attributes:
+        path: of the file.
+        names: of the columns.
+        separator: of the columns; " " stands for any number of spaces.
+        lines: below the header, without blank ones.
+        numbers: of these lines in the file, from 1.
+        above: the lines above the header.
+        units: of the columns, from a line of their own; else empty.
+        mark: the decimal mark that the file states, or None.
+    """
 
     path: Path
-    columns: tuple[str, ...]
-    lines: tuple[str, ...]
+    names: tuple[str, ...]
     separator: str
+    lines: tuple[str, ...]
+    numbers: tuple[int, ...]
+    above: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    mark: str | None = None
+
+    @property
+    def delimiter(self) -> str | None:
+        """The separator for NumPy: None for any number of spaces."""
+        return None if self.separator == " " else self.separator
 
     def place(self, line: int) -> str:
-        """Return where the line of an index stands, for messages."""
-        return f"{self.path}:{line + 2}"
+        """Return the file and line number of the line with an index, for messages."""
+        return f"{self.path}:{self.numbers[line]}"
 
 
 def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
@@ -48,7 +68,7 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
     """
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
-    names = fields_of(_bare(header, separator), separator, f"{path}:1")
+    names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
         raise RecordingError(f"{path}: empty; the first line names the columns: {','.join(known)}")
     for name in names:
@@ -59,7 +79,8 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
     for name in required:
         if name not in names:
             raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
-    return Table(path, names, tuple(_bare(line, separator) for line in lines), separator)
+    bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
+    return Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
@@ -91,38 +112,28 @@ def is_number(text: str) -> bool:
     return number(text, ",") is not None or GROUPED.fullmatch(text.strip()) is not None
 
 
-def decimal_mark(
-    lines: Sequence[str],
-    separator: str,
-    names: Sequence[str],
-    read: Collection[int],
-    place: Callable[[int], str],
-    stated: str | None = None,
-) -> str:
+def decimal_mark(table: Table, read: Collection[int]) -> str:
     """Return the decimal mark of a table's numbers, "." or ","; a comma is one only where the table proves it.
 
     It does by a comma that cannot part thousands (0,25 or 1,5), without a number that has a point.
 
     Args:
-        lines: below the header.
-        separator: of the columns; " " stands for any number of blanks.
-        names: of the columns.
+        table: the table.
         read: places of the columns whose numbers are used; the others only bear witness.
-        place: where the line of an index stands, for messages.
-        stated: the mark that the file itself states.
 
     Raises:
         RecordingError: a number may be read in two ways.
     """
-    if separator == "," or not any("," in line for line in lines):
+    lines, place = table.lines, table.place
+    if table.separator == "," or not any("," in line for line in lines):
         return "."
     comma: tuple[int, int, str] | None = None
-    pointed, proven = stated == ".", stated == ","
+    pointed, proven = table.mark == ".", table.mark == ","
     no_point = not any("." in line for line in lines)
     for index, line in enumerate(lines):
         if no_point and proven and comma is not None:
             break
-        fields = fields_of(line, separator, place(index)) if '"' in line else line.split(separator.strip(" ") or None)
+        fields = fields_of(line, table.separator, place(index)) if '"' in line else line.split(table.delimiter)
         for column, text in enumerate(fields):
             field = text.strip()
             if not is_number(field):
@@ -138,17 +149,12 @@ def decimal_mark(
     if proven and not pointed:
         return ","
     index, column, field = comma
-    name = names[column] if column < len(names) else f"column {column + 1}"
+    name = table.names[column] if column < len(table.names) else f"column {column + 1}"
     why = "other numbers have decimal points" if pointed else "every comma has three digits behind it"
     readings = (
         f"{field.replace(',', '.', 1)} with a decimal comma, or {field.replace(',', '')} with one between thousands"
     )
     raise RecordingError(f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}")
-
-
-def _bare(line: str, separator: str) -> str:
-    """Return a line without what spreadsheets append: separators of columns that are empty all the way down."""
-    return line.rstrip(f" \t{separator}")
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
@@ -209,12 +215,10 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         RecordingError: naming the file, the line and the field.
     """
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
-    mark = _decimal_mark(table, (table.columns.index("time_s"),))
+    mark = decimal_mark(table, (table.names.index("time_s"),))
     entries: list[FrameEntry] = []
     seen: dict[str, str] = {}
-    for index, line in enumerate(table.lines):
-        if not line:
-            continue
+    for index in range(len(table.lines)):
         place = table.place(index)
         entry = _frame_entry(place, _row(table, index), mark)
         if entry.file in seen:
@@ -239,12 +243,12 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     """
     table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     values_sc = _numbers(table)
-    time = table.columns.index("time_s")
-    columns = tuple(name for name in table.columns if name != "time_s")
+    time = table.names.index("time_s")
+    columns = tuple(name for name in table.names if name != "time_s")
     wrench_sc = np.delete(values_sc, time, axis=1)
     notes = gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
     log = ForceLog(values_sc[:, time].copy(), wrench_sc, columns, notes)
-    log = checked_samples(log, path, lambda sample: _place_of_sample(table, sample))
+    log = checked_samples(log, path, table.place)
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
     return log
@@ -327,9 +331,9 @@ def _step_n(force_n: NDArray[np.float64]) -> float:
 def _numbers(table: Table) -> NDArray[np.float64]:
     """Return the numbers of a table (sample, column); NumPy reads them, ten times as fast as Python would."""
     lines = table.lines
-    if not any(lines):
+    if not lines:
         raise RecordingError(f"{table.path}: no samples below the header")
-    mark = _decimal_mark(table, range(len(table.columns)))
+    mark = decimal_mark(table, range(len(table.names)))
     if mark == ",":
         lines = tuple(line.replace(",", ".") for line in lines)
     open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
@@ -340,14 +344,10 @@ def _numbers(table: Table) -> NDArray[np.float64]:
     except ValueError as fault:
         _raise_bad_number(table, mark)
         raise RecordingError(f"{table.path}: {fault}") from fault
-    if found.shape[0] < 2 or found.shape[1] != len(table.columns):
+    if found.shape[0] < 2 or found.shape[1] != len(table.names):
         shape = f"{found.shape[0]} samples of {found.shape[1]} fields"
-        raise RecordingError(f"{table.path}: {shape}; the header has {len(table.columns)}{_of_commas(table)}")
+        raise RecordingError(f"{table.path}: {shape}; the header has {len(table.names)}{_of_commas(table)}")
     return np.asarray(found, dtype=np.float64)
-
-
-def _decimal_mark(table: Table, read: Sequence[int]) -> str:
-    return decimal_mark(table.lines, table.separator, table.columns, read, table.place)
 
 
 def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
@@ -383,11 +383,11 @@ def _row(table: Table, index: int) -> dict[str, str]:
     """Return the fields of a line by their columns."""
     fields = fields_of(table.lines[index], table.separator, table.place(index))
     # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
-    missing = len(table.columns) - len(fields)
-    if missing < 0 or any(name != "pierced" for name in table.columns[len(fields) :]):
-        found = f"{len(fields)} fields; the header has {len(table.columns)}"
+    missing = len(table.names) - len(fields)
+    if missing < 0 or any(name != "pierced" for name in table.names[len(fields) :]):
+        found = f"{len(fields)} fields; the header has {len(table.names)}"
         raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
-    return dict(zip(table.columns, (*fields, *[""] * missing), strict=True))
+    return dict(zip(table.names, (*fields, *[""] * missing), strict=True))
 
 
 def _of_commas(table: Table) -> str:
@@ -411,18 +411,12 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
 def _raise_bad_number(table: Table, mark: str) -> None:
     """Find what NumPy could not read, and name its line and column."""
     for index, line in enumerate(table.lines):
-        if not line:
-            continue
         fields = fields_of(line, table.separator, table.place(index))
-        if len(fields) != len(table.columns):
-            found = f"{len(fields)} fields; the header has {len(table.columns)}"
+        if len(fields) != len(table.names):
+            found = f"{len(fields)} fields; the header has {len(table.names)}"
             raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
-        for name, field in zip(table.columns, fields, strict=True):
+        for name, field in zip(table.names, fields, strict=True):
             missing = name != "time_s" and field.lower() == "nan"
             if number(field, mark) is None and not missing:
                 hint = "" if name == "time_s" or field else "; write nan where the sensor gave no force"
                 raise RecordingError(f"{table.place(index)}: {name}: {field!r} is not a number{hint}")
-
-
-def _place_of_sample(table: Table, sample: int) -> str:
-    return table.place([index for index, line in enumerate(table.lines) if line][sample])
