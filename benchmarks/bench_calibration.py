@@ -23,7 +23,7 @@ from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
 from scleraforce.library.cache import cached_library
 from scleraforce.mechanics.linear import LinearWall

@@ -15,7 +15,7 @@ import numpy as np
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.optics import Pose, sample_conjunctiva, sample_optics
+from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.conjunctiva import below_conjunctiva

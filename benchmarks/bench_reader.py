@@ -22,7 +22,7 @@ from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import sample_optics
+from scleraforce.laboratory.light import sample_optics
 from scleraforce.library import Library
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import SHIFTS

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import can_compile
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import sample_optics, sample_pose
+from scleraforce.laboratory.light import sample_optics, sample_pose
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.numpy_steps import NumpySteps

@@ -15,8 +15,7 @@ from matplotlib.lines import Line2D
 from real_tissue.rigidity import NEEDLE_M, NU, RADIUS_M
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.tables import LARGEST_STRETCHING, pressed
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import AMBER, BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 
 IMAGE = Path(__file__).parent.parent / "docs" / "images" / "real_tissue.png"
 LINES_MM = {0.15: (BLUE, "o"), 0.5: (AMBER, "s"), 0.8: (RED, "^")}

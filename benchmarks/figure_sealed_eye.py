@@ -21,14 +21,13 @@ from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import Pose, sample_optics
+from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import AMBER, BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 from scleraforce.study import GlobeStudy, Study, draw
 from scleraforce.units import from_si, to_si
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
 from scleraforce.mechanics.study_path import bend_eye
-from scleraforce.report.style import BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import BLUE, GREY, RED, inches, styled
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane, Section
 from scleraforce.study import Study, SupportsStudy, read_study

@@ -32,7 +32,7 @@ LINUX = {"os": OF_OS, "signal": OF_SIGNAL, "socket": OF_SOCKET}
 GUARDED = {
     ("processes", "sched_getaffinity"): "asked for with hasattr",
     ("processes", "pthread_sigmask"): "asked for with hasattr",
-    ("installation.machine", "sysconf"): "its absence is caught",
+    ("installation", "sysconf"): "its absence is caught",
     ("cli.monitor", "SIGHUP"): "the monitor has refused other systems by then",
     ("cli.monitor", "SIGQUIT"): "likewise",
     ("cli.monitor", "SIGTTOU"): "likewise",

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from figures.scores import AnsweredFrame
-from scleraforce.report.style import BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import BLACK, BLUE, GREY, RED, inches, styled
 
 __all__ = ["draw_forces"]
 

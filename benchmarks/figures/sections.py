@@ -4,9 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from figures.eyes import FigureEye
-from scleraforce.laboratory.eye_movement import farthest_turn_rad
-from scleraforce.laboratory.turned_sections import TurnedSections
-from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt, turned_eyes
+from scleraforce.laboratory.virtual_eye import (
+    BentSections,
+    PhantomEye,
+    SectionsAt,
+    TurnedSections,
+    farthest_turn_rad,
+    turned_eyes,
+)
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
 

@@ -12,7 +12,7 @@ from figures.sections import compute_eye
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
+from scleraforce.laboratory.light import BscanOptics, Pose, sample_optics
 from scleraforce.section.plane import Section
 from scleraforce.study import draw
 

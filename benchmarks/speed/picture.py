@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from scleraforce.report.style import AMBER, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled
 from speed.record import QUOTED, Row
 
 __all__ = ["draw_solves"]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import scleraforce as sf
 from scleraforce.report.files import write_figure
-from scleraforce.report.mesh_figure import draw_simulation
+from scleraforce.report.model_figures import draw_simulation
 from scleraforce.study.eye import MeshStudy
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import SCAN_COLOURS, inches, styled
+from scleraforce.report.files import SCAN_COLOURS, inches, styled, write_figure
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.study import fixed
 from scleraforce.study.eye import MeshStudy

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 import scleraforce as sf
 from scleraforce.eye.globe import sealed_globe
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import AMBER, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled, write_figure
 from scleraforce.units import from_si, to_si
 
 QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"  # a small library: made in 15 s, then kept in the cache

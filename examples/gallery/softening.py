@@ -16,8 +16,7 @@ from scleraforce.eye.graded import graded_mesh
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.needle import needle_at
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import BLUE, GREY, RED, inches, styled, write_figure
 
 CONTACT = Contact(polar_rad=radians(35.0))
 THICKNESS_M, MODULUS_PA, NEEDLE_RADIUS_M = 0.8e-3, 0.25e6, 0.35e-3

@@ -16,8 +16,7 @@ from scleraforce.monitor.events import FrameRead, Verdict
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.state import MonitorState
 from scleraforce.monitor.transitions import State
-from scleraforce.report.files import write_figure
-from scleraforce.report.style import AMBER, BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 
 RATE_HZ, SECONDS = 100.0, 3.5
 NOISE_N, HALF_INTERVAL = 0.1e-3, 0.12  # of the reading; its interval is so large a share of the force, and 0.5 mN

@@ -11,7 +11,7 @@ from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import MeshStudy, Study

@@ -11,7 +11,7 @@ from calibration_eyes import stated
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.library.cache import cached_library
 from scleraforce.study import LibraryStudy, Study

@@ -14,7 +14,7 @@ from scleraforce.calibration.eye_model import EyeConstants, parameter_sections, 
 from scleraforce.calibration.library_eye import library_eye, section_depths
 from scleraforce.errors import CalibrationError
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.library import Library
 from scleraforce.section.plane import Section
 from scleraforce.study import Study

@@ -18,7 +18,7 @@ from scleraforce.calibration.registration import (
     updated_belief,
 )
 from scleraforce.fitting.placement import Places
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.section.plane import Section
 

@@ -14,7 +14,7 @@ from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library

@@ -18,7 +18,7 @@ from scleraforce.calibration.result import Calibration, calibration_as_json, par
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library

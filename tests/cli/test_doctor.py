@@ -6,7 +6,7 @@ import pytest
 
 from scleraforce.cli import doctor as command
 from scleraforce.cli.main import run
-from scleraforce.installation.finding import Finding
+from scleraforce.installation import Finding
 
 FOUND = [
     Finding("packages", "ok", "numpy 2.4.6"),

@@ -4,8 +4,8 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from scleraforce.installation import software
-from scleraforce.installation.finding import Finding
+from scleraforce import installation
+from scleraforce.installation import Finding
 
 STATED = [
     "numpy>=2.0",
@@ -27,26 +27,26 @@ def there(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
             raise PackageNotFoundError(name)
         return found[name]
 
-    monkeypatch.setattr(software, "requires", lambda _: STATED)
-    monkeypatch.setattr(software, "version", version)
+    monkeypatch.setattr(installation, "requires", lambda _: STATED)
+    monkeypatch.setattr(installation, "version", version)
     return found
 
 
 def test_packages_of_this_system_and_each_extra_of_users_are_named_with_their_versions(there) -> None:
-    assert list(software.packages()) == [
+    assert list(installation.packages()) == [
         Finding("packages", "ok", "numpy 2.4.6"),
         Finding("extra [train]", "ok", "torch 2.13.0+cpu, onnx 1.23.2"),
         Finding("extra [web]", "ok", "fastapi 0.165.0"),
     ]
     del there["torch"]
     there["onnx"] = "1.2"
-    assert list(software.packages())[1] == Finding(
+    assert list(installation.packages())[1] == Finding(
         "extra [train]", "missing", "no torch, onnx 1.2 is too old", "pip install 'scleraforce[train]'"
     )
 
 
 def test_a_required_package_that_is_too_old_has_failed(there) -> None:
     there["numpy"] = "1.26.4"
-    assert next(software.packages()) == Finding(
+    assert next(installation.packages()) == Finding(
         "packages", "failed", "numpy 1.26.4 is too old", "pip install --upgrade scleraforce"
     )

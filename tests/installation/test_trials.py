@@ -5,14 +5,13 @@ import sys
 
 import pytest
 
-from scleraforce.installation import trials
-from scleraforce.installation.finding import Finding
-from scleraforce.installation.trials import TRIALS, tried
+from scleraforce import installation
+from scleraforce.installation import TRIALS, Finding, tried
 
 
 @pytest.fixture(autouse=True)
 def _anew() -> None:
-    trials._path.cache_clear()
+    installation._path.cache_clear()
 
 
 @pytest.mark.parametrize("name", ["a solve", "a reading"])
@@ -23,17 +22,17 @@ def test_a_solve_and_a_reading_are_right_here(name: str) -> None:
 
 
 def test_a_wall_that_bends_otherwise_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trials, "THICKNESS_M", 0.61e-3)
-    right = trials._path()
-    monkeypatch.setattr(trials, "THICKNESS_M", 0.6e-3)
-    assert trials._path() is right  # kept from before: the solve of this trial is another wall's
+    monkeypatch.setattr(installation, "THICKNESS_M", 0.61e-3)
+    right = installation._path()
+    monkeypatch.setattr(installation, "THICKNESS_M", 0.6e-3)
+    assert installation._path() is right  # kept from before: the solve of this trial is another wall's
     found = tried("a solve")
     assert found.state == "failed"
     assert "are right" in found.found
 
 
 def test_a_force_that_is_read_wrong_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trials, "READ_WITHIN_N", 1e-9)
+    monkeypatch.setattr(installation, "READ_WITHIN_N", 1e-9)
     assert tried("a reading").state == "failed"
 
 
@@ -41,14 +40,14 @@ def test_what_a_trial_raises_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> No
     def broken() -> Finding:
         raise ImportError("libgomp.so.1: cannot open shared object file")
 
-    monkeypatch.setattr(trials, "TRIALS", {"a solve": broken})
+    monkeypatch.setattr(installation, "TRIALS", {"a solve": broken})
     assert tried("a solve").found == "ImportError: libgomp.so.1: cannot open shared object file"
     assert tried("a solve").state == "failed"
 
 
 @pytest.mark.slow
 def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() -> None:
-    script = "import sys; {block}; from scleraforce.installation.trials import tried; print(tried('a training'))"
+    script = "import sys; {block}; from scleraforce.installation import tried; print(tried('a training'))"
     states = {}
     for block in ("sys.modules['torch'] = None", "pass"):
         done = subprocess.run(

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from scleraforce.laboratory.bscan import column_crossings, render_bscan
-from scleraforce.laboratory.optics import (
+from scleraforce.laboratory.light import (
     BscanOptics,
     Conjunctiva,
     Cover,

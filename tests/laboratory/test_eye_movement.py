@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.eye.contact import Contact
-from scleraforce.laboratory.eye_movement import STILL, EyeTurn, draw_turns, farthest_turn_rad, turned_plane
+from scleraforce.laboratory.virtual_eye import STILL, EyeTurn, draw_turns, farthest_turn_rad, turned_plane
 from scleraforce.section.plane import ScanPlane
 from scleraforce.study import PhantomStudy, Range, fixed
 

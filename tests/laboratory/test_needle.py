@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from shafts import STEEL
 
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.needle import draw_shaft
-from scleraforce.laboratory.optics import NeedleShaft, Pose, sample_optics
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import NeedleShaft, Pose, sample_optics
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.section.plane import Section

@@ -6,10 +6,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.displayed import NO_LIGHT_DB, Displayed
-from scleraforce.laboratory.needle import draw_shaft
-from scleraforce.laboratory.optics import BscanOptics, Cover, Line, NeedleShaft, sample_conjunctiva, sample_optics
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import (
+    NO_LIGHT_DB,
+    BscanOptics,
+    Cover,
+    Displayed,
+    Line,
+    NeedleShaft,
+    sample_conjunctiva,
+    sample_optics,
+)
 from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section

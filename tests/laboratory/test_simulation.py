@@ -10,10 +10,9 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
-from scleraforce.laboratory.simulation_files import write_vtu, write_xdmf
+from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye, write_vtu, write_xdmf
 from scleraforce.report.files import write_figure
-from scleraforce.report.mesh_figure import draw_deformed_mesh, draw_simulation
+from scleraforce.report.model_figures import draw_deformed_mesh, draw_simulation
 from scleraforce.study import MeshStudy, Study
 
 THICKNESS = 0.8e-3

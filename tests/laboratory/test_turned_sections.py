@@ -12,16 +12,19 @@ from scleraforce.cli.main import run
 from scleraforce.errors import RecordingError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
-from scleraforce.laboratory.eye_movement import STILL, EyeTurn, turned_plane
 from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, plan_sections, write_phantom
-from scleraforce.laboratory.turned_sections import TurnedSections, knot_turns
 from scleraforce.laboratory.virtual_eye import (
+    STILL,
+    EyeTurn,
     PhantomEye,
+    TurnedSections,
     finite_strain_sections,
+    knot_turns,
     linear_sections,
     pressures_pa,
     study_sections,
     turned_eyes,
+    turned_plane,
 )
 from scleraforce.recording.folder import read_recording
 from scleraforce.section.plane import Section

@@ -14,7 +14,7 @@ from small_finder import write_blind_finder
 import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import sample_conjunctiva, sample_optics
+from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
 from scleraforce.study.fields import fixed
 
 pytest.importorskip("torch")

@@ -10,9 +10,8 @@ from fixed_network import FIVE_MN, force_reader
 from shafts import STEEL
 
 from scleraforce.fitting.unknowns import GAP
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.needle import draw_shaft
-from scleraforce.laboratory.optics import sample_optics
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import sample_optics
 from scleraforce.reader import intervals, load_model
 from scleraforce.segmentation.sclera import find_sclera
 

@@ -15,9 +15,8 @@ from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.verdicts import look
-from scleraforce.report.answered_frame import look_at, look_at_all
-from scleraforce.report.browser.page import write_browser_html
-from scleraforce.report.frame_pictures import wall_picture
+from scleraforce.report.browser import write_browser_html
+from scleraforce.report.frames import look_at, look_at_all, wall_picture
 from scleraforce.segmentation.wall import Segmentation
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)

@@ -13,8 +13,8 @@ from looked_at import looked_at_frames
 from playwright.sync_api import Page
 
 from scleraforce.reader.evaluate import Evaluation
-from scleraforce.report.browser import page as browser_page
-from scleraforce.report.browser.page import write_browser_html
+from scleraforce.report import browser as browser_page
+from scleraforce.report.browser import write_browser_html
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
 

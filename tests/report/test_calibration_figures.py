@@ -11,7 +11,7 @@ from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.known.eye import SEALED
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.section.plane import Section
 

@@ -17,8 +17,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
-from scleraforce.report.eye_view.scene import eye_scene, skin_of
-from scleraforce.report.eye_view.view import write_simulation_html
+from scleraforce.report.eye_view import eye_scene, skin_of, write_simulation_html
 from scleraforce.study import Study
 from scleraforce.study.eye import MeshStudy
 

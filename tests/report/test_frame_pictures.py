@@ -11,7 +11,7 @@ from frame_answers import frame_answer
 from looked_at import looked_at_frames
 
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.report.frame_pictures import MOST_PICTURES, frame_pictures, shown_frames
+from scleraforce.report.frames import MOST_PICTURES, frame_pictures, shown_frames
 
 
 def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:

@@ -8,7 +8,7 @@ from format_frames import with_log
 from small_recording import write_small_recording
 
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.report.recording_preview import FirstFrame, draw_preview
+from scleraforce.report.frames import FirstFrame, draw_preview
 
 
 def drawn(recording: Recording, count: int):

@@ -5,11 +5,9 @@ import pytest
 from frame_answers import frame_answer, refused_frame
 from matplotlib.figure import Figure
 
-from scleraforce.report.force_figures import draw_force_log, draw_trial_forces
-from scleraforce.report.reading_figure import draw_read_forces
+from scleraforce.report.files import CLASS_COLOURS, data_uri
+from scleraforce.report.force_figures import draw_force_log, draw_read_forces, draw_training_curves, draw_trial_forces
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
-from scleraforce.report.style import CLASS_COLOURS, data_uri
-from scleraforce.report.training_figure import draw_training_curves
 
 
 def lines(figure: Figure) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
+from scleraforce.report.slice_figures import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
 from scleraforce.section.plane import Section
 
 WIDTH_M, COLUMNS = 15e-3, 512

@@ -8,7 +8,7 @@ from frame_answers import frame_answer
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
-from scleraforce.reproduction.bent_section import _comparison, _coverage_words, _held
+from scleraforce.reproduction.sections import _comparison, _coverage_words, _held
 
 
 def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from calibrated_eye import calibration_of_a_sealed_eye
 
-from scleraforce.report.tables import NOTHING
-from scleraforce.reproduction.calibration_section import _table_2
+from scleraforce.report.html import NOTHING
+from scleraforce.reproduction.sections import _table_2
 
 
 def rows_of(html: str) -> dict[str, list[str]]:

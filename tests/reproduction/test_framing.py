@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scleraforce.laboratory.optics import sample_pose
-from scleraforce.reproduction.framing import framed_for_laboratory
+from scleraforce.laboratory.light import sample_pose
+from scleraforce.reproduction.run import framed_for_laboratory
 from scleraforce.study import Study, format_study, parse_study
 
 

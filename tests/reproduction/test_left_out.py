@@ -10,7 +10,7 @@ from scleraforce.eye.mesh import build_mesh
 from scleraforce.learning.classifier.samples import classes_at_modulus
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.reader.metrics import Proportion
-from scleraforce.reproduction.left_out import LeftOut, read_left_out_file, write_left_out
+from scleraforce.reproduction.readings import LeftOut, read_left_out_file, write_left_out
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane
 from scleraforce.study import ClassesStudy

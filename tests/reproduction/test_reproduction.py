@@ -14,9 +14,8 @@ from scleraforce.errors import InputError, StudyError
 from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction
-from scleraforce.reproduction.bent import run_library
-from scleraforce.reproduction.framing import framed_for_laboratory
-from scleraforce.reproduction.run import Progress, Run, Stage, open_run, run_stages
+from scleraforce.reproduction.readings import run_library
+from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_stages
 from scleraforce.study import NetworkStudy, Study, parse_study
 
 DONE: list[str] = []

@@ -7,11 +7,9 @@ import pytest
 from drawn_eyes import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
-from scleraforce.scanner.display import fit_display
-from scleraforce.scanner.display_kind import DISPLAY_KINDS, LOGARITHMIC, display_kind, spread_slope
-from scleraforce.scanner.drawn import drawn_alike, histogram_overlap
-from scleraforce.scanner.estimate import Estimate, Unmeasured
-from scleraforce.scanner.measure import measure_scanner
+from scleraforce.scanner.display import DISPLAY_KINDS, LOGARITHMIC, display_kind, fit_display, spread_slope
+from scleraforce.scanner.imaged_eye import Estimate, Unmeasured
+from scleraforce.scanner.measure import drawn_alike, histogram_overlap, measure_scanner
 
 FEW = range(7110, 7113)
 WITHIN_1_DB = ("display_floor_db", "display_range_db", "snr_db", "choroid_level_db")

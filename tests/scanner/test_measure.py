@@ -8,10 +8,9 @@ from drawn_eyes import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan
-from scleraforce.laboratory.optics import Line, Shadow
-from scleraforce.scanner.drawn import drawn_alike, histogram_overlap
-from scleraforce.scanner.estimate import Unmeasured
-from scleraforce.scanner.measure import MeasuredScanner, measure_scanner
+from scleraforce.laboratory.light import Line, Shadow
+from scleraforce.scanner.imaged_eye import Unmeasured
+from scleraforce.scanner.measure import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner
 from scleraforce.study import PhantomStudy
 
 SEEDS = range(7000, 7006)

@@ -3,8 +3,7 @@ import tomllib
 import pytest
 from drawn_eyes import drawn_eyes
 
-from scleraforce.scanner.measure import MeasuredScanner, measure_scanner
-from scleraforce.scanner.study_text import study_text
+from scleraforce.scanner.measure import MeasuredScanner, measure_scanner, study_text
 from scleraforce.study import PhantomStudy, parse_study
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scleraforce.scanner import surface
-from scleraforce.scanner.estimate import Estimate, Unmeasured
+from scleraforce.scanner.imaged_eye import Estimate, Unmeasured
 from scleraforce.scanner.surface import SurfaceLight, reflections
 
 

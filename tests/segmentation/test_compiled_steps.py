@@ -15,9 +15,8 @@ from shafts import STEEL
 from bench_segmentation import draw_frames
 from dented_walls import dented_wall
 from scleraforce.compiled import SWITCH, can_compile
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.needle import draw_shaft
-from scleraforce.laboratory.optics import Pose, sample_conjunctiva, sample_optics
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation import surface
 from scleraforce.segmentation.numpy_steps import NumpySteps

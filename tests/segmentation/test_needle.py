@@ -11,9 +11,8 @@ import pytest
 from shafts import STEEL
 
 from dented_walls import dented_wall
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.needle import draw_shaft
-from scleraforce.laboratory.optics import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section

@@ -12,7 +12,7 @@ import tifffile
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.optics import Cover, Line, Pose, sample_optics, sample_pose
+from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics, sample_pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section

@@ -8,7 +8,7 @@ from told_finder import STUDY, ToldSession, distributions, told_finder
 
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.optics import Pose, sample_optics
+from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation import checked_wall

@@ -10,7 +10,7 @@ from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import sample_optics
+from scleraforce.laboratory.light import sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, Study, fixed

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.optics import BscanOptics
+from scleraforce.laboratory.light import BscanOptics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.scanner.imaged_eye import ImagedEye
 from scleraforce.section.plane import Section

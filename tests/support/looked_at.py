@@ -8,7 +8,7 @@ from frame_answers import frame_answer
 
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.answered_frame import AnsweredFrame, look_at_all
+from scleraforce.report.frames import AnsweredFrame, look_at_all
 from scleraforce.segmentation.sclera import find_sclera
 
 __all__ = ["looked_at_frames"]

@@ -2,7 +2,7 @@
 
 from math import pi
 
-from scleraforce.laboratory.optics import NeedleShaft
+from scleraforce.laboratory.light import NeedleShaft
 
 __all__ = ["STEEL"]
 

@@ -13,7 +13,7 @@ from scleraforce.cli.output import print_json, progress_bar, say
 from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
-    from scleraforce.installation.finding import Finding
+    from scleraforce.installation import Finding
 
 INDENT = " " * 25
 
@@ -49,9 +49,7 @@ def doctor(as_json: bool) -> None:
 def _findings() -> "Iterator[Finding]":
     """Yield what was found, behind a bar."""
     # Imported here: mechanics takes longer to import than the help to print.
-    from scleraforce.installation.machine import machine
-    from scleraforce.installation.software import packages
-    from scleraforce.installation.trials import TRIALS, tried
+    from scleraforce.installation import TRIALS, machine, packages, tried
 
     yield from packages()
     yield from machine()

@@ -61,9 +61,8 @@ def evaluate(
     with progress_bar(range(count), "frames") as bar:
         evaluation = evaluate_recordings(reader, recordings, summary, bar.update)
     if html is not None:
-        from scleraforce.report.answered_frame import look_at_all
         from scleraforce.report.evaluation_page import write_evaluation_html
-        from scleraforce.report.frame_pictures import shown_frames
+        from scleraforce.report.frames import look_at_all, shown_frames
 
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))

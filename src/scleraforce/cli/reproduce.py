@@ -63,8 +63,7 @@ def reproduce(out: Path, study_path: Path | None, train: bool, workers: int | No
     Example: scleraforce reproduce --out out/reproduce
     """
     # Imported here: mechanics and training take longer to import than the help to print.
-    from scleraforce.reproduction.framing import framed_for_laboratory
-    from scleraforce.reproduction.run import open_run
+    from scleraforce.reproduction.run import framed_for_laboratory, open_run
     from scleraforce.reproduction.stages import reproduce as reproduce_all
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)

@@ -138,9 +138,8 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
     import numpy as np
 
     from scleraforce.report.files import write_figure
-    from scleraforce.report.scanner_figure import FramePair, draw_scanner
-    from scleraforce.scanner.drawn import drawn_alike, histogram_overlap, oct_of
-    from scleraforce.scanner.study_text import study_text
+    from scleraforce.report.model_figures import FramePair, draw_scanner
+    from scleraforce.scanner.measure import drawn_alike, histogram_overlap, oct_of, study_text
 
     frame = measured.frames[0]
     drawn = drawn_alike(frame, measured.phantom(), np.random.default_rng(SEED))

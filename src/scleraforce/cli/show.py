@@ -12,7 +12,7 @@ from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
-    from scleraforce.report.shown.thing import Thing
+    from scleraforce.report.shown.kinds import Thing
 
 
 @click.command()
@@ -91,7 +91,7 @@ def _write_page(recording: Path, html: Path, model: Path, calibration: Path | No
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
     from scleraforce.recording.folder import read_recording
-    from scleraforce.report.browser.page import write_browser_html
+    from scleraforce.report.browser import write_browser_html
 
     reader = load_model(model, finder=finder_folder(finder))
     summary = None if calibration is None else read_calibration(calibration)

@@ -69,8 +69,7 @@ def simulate(
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
-    from scleraforce.laboratory.simulation import simulate_eye
-    from scleraforce.laboratory.simulation_files import write_vtu, write_xdmf
+    from scleraforce.laboratory.simulation import simulate_eye, write_vtu, write_xdmf
     from scleraforce.notebook.virtual import middle_contact, with_mechanics, with_one_eye
 
     study = with_one_eye(
@@ -102,11 +101,11 @@ def simulate(
         write_xdmf(eye, xdmf)
     if plot is not None:
         from scleraforce.report.files import write_figure
-        from scleraforce.report.mesh_figure import draw_simulation
+        from scleraforce.report.model_figures import draw_simulation
 
         write_figure(draw_simulation(eye), plot)
     if html is not None:
-        from scleraforce.report.eye_view.view import write_simulation_html
+        from scleraforce.report.eye_view import write_simulation_html
 
         write_simulation_html(eye, html, datetime.now(UTC))
     result = {

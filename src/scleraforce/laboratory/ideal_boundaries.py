@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.cut import cut_sections

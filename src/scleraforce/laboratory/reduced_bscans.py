@@ -15,10 +15,8 @@ from math import log, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.displayed import NO_LIGHT_DB, Displayed
-from scleraforce.laboratory.needle import DrawnShaft
-from scleraforce.laboratory.optics import BscanOptics, Conjunctiva
-from scleraforce.laboratory.speckle import amplitude_sigma, transmission
+from scleraforce.laboratory.bscan import DrawnShaft
+from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Conjunctiva, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float

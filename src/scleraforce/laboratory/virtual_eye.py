@@ -3,24 +3,144 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import pi, radians, remainder
+from math import acos, atan2, pi, radians, remainder
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from scleraforce.errors import InputError, StudyError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import supported_mesh
-from scleraforce.laboratory.eye_movement import EyeTurn, farthest_turn_rad, turned_plane
-from scleraforce.laboratory.turned_sections import TurnedSections, knot_turns, knot_weights
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane, Section
-from scleraforce.study import Study
+from scleraforce.study import PhantomStudy, Study, draw
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
+
+Floats = NDArray[np.float64]
+
+SACCADE_S = 1.0  # from one saccade to the next
+
+
+@dataclass(frozen=True, kw_only=True)
+class EyeTurn:
+    """A rotation of the globe, from where it stood at the start, by its vector: about the eye's x and y axes, rad.
+
+    It has no part about the eye's axis: gaze moves so (Listing's law).
+    """
+
+    about_x_rad: float
+    about_y_rad: float
+
+
+STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
+
+
+def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
+    """Return the plane of the B-scan, and with it the contact, as the turned eye sees them.
+
+    >>> plane = ScanPlane(Contact(polar_rad=0.6), gap_m=0.5e-3)
+    >>> to_the_needle = EyeTurn(about_x_rad=0.0, about_y_rad=0.05)
+    >>> round(turned_plane(plane, to_the_needle).contact.polar_rad, 6)
+    0.55
+    """
+    back = Rotation.from_rotvec([-turn.about_x_rad, -turn.about_y_rad, 0.0])
+    normal, lateral = back.apply(plane.contact.normal), back.apply(plane.lateral)
+    contact = Contact(polar_rad=acos(min(normal[2], 1.0)), azimuth_rad=atan2(normal[1], normal[0]))
+    direction_rad = atan2(lateral @ contact.parallel, lateral @ contact.meridian)
+    return ScanPlane(contact, gap_m=plane.gap_m, direction_rad=direction_rad, tilt_rad=plane.tilt_rad)
+
+
+def farthest_turn_rad(phantom: PhantomStudy) -> float:
+    """Return how far an eye turns at most; 0 where it stands still."""
+    return phantom.eye_drift_rad.bounds[1] + phantom.eye_saccade_rad.bounds[1]
+
+
+def draw_turns(phantom: PhantomStudy, times_s: Floats, rng: np.random.Generator) -> tuple[EyeTurn, ...]:
+    """Draw where the eye is turned to at ascending times (frame,).
+
+    A drift to one side, which grows evenly up to its whole at the last time; off it, to a side that is drawn every
+    `SACCADE_S`, a saccade.
+    """
+    drift_rad, heading = draw(phantom.eye_drift_rad, rng), _unit_vectors(rng, 1)
+    count = int(times_s[-1] / SACCADE_S) + 1
+    saccades = phantom.eye_saccade_rad.sample(rng, count)[:, None] * _unit_vectors(rng, count)
+    turns = drift_rad * (times_s / times_s[-1])[:, None] * heading + saccades[(times_s / SACCADE_S).astype(np.intp)]
+    return tuple(EyeTurn(about_x_rad=x, about_y_rad=y) for x, y in turns.tolist())
+
+
+def _unit_vectors(rng: np.random.Generator, count: int) -> Floats:
+    """Draw directions in the plane, (count, 2)."""
+    angles = rng.uniform(-pi, pi, count)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+class TurnedSections:
+    """An eye's sections for needle forces in N where it is turned to, from those at a few turns, the knots."""
+
+    def __init__(self, knots: Sequence[Callable[[Sequence[float]], Sequence[Section]]], reach_rad: float) -> None:
+        """Take the functions that give the sections at each of `knot_turns(reach_rad)`."""
+        self.knots, self.reach_rad = tuple(knots), reach_rad
+
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+        """Return the sections of the eye as it stands at the start; the load paths of all knots are then known."""
+        return self.turned(forces_n, [STILL] * len(forces_n))
+
+    def turned(self, forces_n: Sequence[float], turns: Sequence[EyeTurn]) -> Sequence[Section]:
+        """Return the sections where the eye is turned to at each force."""
+        at_knots = [knot(forces_n) for knot in self.knots]
+        return [
+            _blend(sections, knot_weights(turn, self.reach_rad))
+            for turn, *sections in zip(turns, *at_knots, strict=True)
+        ]
+
+
+def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
+    """Return the turns of the knots, for eyes that turn by up to `reach_rad`."""
+    return STILL, replace(STILL, about_x_rad=reach_rad), replace(STILL, about_y_rad=reach_rad)
+
+
+def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
+    """Return the weights of the knots at a turn, (knot,); they add up to 1.
+
+    >>> knot_weights(EyeTurn(about_x_rad=0.01, about_y_rad=-0.02), 0.04)
+    array([ 1.25,  0.25, -0.5 ])
+    """
+    x, y = turn.about_x_rad / reach_rad, turn.about_y_rad / reach_rad
+    return np.array([1.0 - x - y, x, y])
+
+
+def _blend(sections: Sequence[Section], weights: Floats) -> Section:
+    """Return the weighted sum of sections, point by point along their curves, as far as all of them go."""
+    return Section(
+        _blend_curves([section.outer for section in sections], weights),
+        _blend_curves([section.inner for section in sections], weights),
+    )
+
+
+def _blend_curves(curves: Sequence[Floats], weights: Floats) -> Floats:
+    along = [_from_needle_m(curve) for curve in curves]
+    first_m, last_m = max(distance[0] for distance in along), min(distance[-1] for distance in along)
+    shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
+    blended = np.zeros((len(shared_m), 2))
+    for weight, distance, curve in zip(weights, along, curves, strict=True):
+        blended += weight * np.stack([np.interp(shared_m, distance, axis) for axis in curve.T], axis=1)
+    return blended
+
+
+def _from_needle_m(curve: Floats) -> Floats:
+    """Return how far along a curve its points lie from where it passes the needle, at lateral 0; (point,), m."""
+    along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    nearest = int(np.abs(curve[:, 0]).argmin())
+    beside = slice(max(nearest - 1, 0), nearest + 2)
+    distance: Floats = along_m - np.interp(0.0, curve[beside, 0], along_m[beside])
+    return distance
+
 
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
 

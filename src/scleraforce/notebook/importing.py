@@ -221,7 +221,7 @@ def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -
 
 def _write_preview(recording: Recording) -> None:
     from scleraforce.report.files import write_figure
-    from scleraforce.report.recording_preview import SHOWN_FRAMES, FirstFrame, draw_preview
+    from scleraforce.report.frames import SHOWN_FRAMES, FirstFrame, draw_preview
 
     shown = recording.frames[:SHOWN_FRAMES]
     frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in shown]

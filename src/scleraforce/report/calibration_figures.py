@@ -12,9 +12,8 @@ from scleraforce.calibration.assimilation import FrameStep, predicted_points, ri
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.registration import BY_POLAR, place_section
 from scleraforce.calibration.result import Calibration, EyeCalibration, found_words
-from scleraforce.report.html import Html, table
-from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
-from scleraforce.report.tables import NOTHING
+from scleraforce.report.files import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
+from scleraforce.report.html import NOTHING, Html, table
 from scleraforce.units import from_si
 
 PAPER_TABLE_2 = ((0.27, 4.7e-3), (0.22, 6.7e-3), (0.24, 3.9e-3), (0.29, 4.9e-3))  # mean, sd in MPa

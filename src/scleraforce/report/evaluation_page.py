@@ -7,15 +7,22 @@ from pathlib import Path
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
-from scleraforce.report.answered_frame import AnsweredFrame
-from scleraforce.report.files import write_page
-from scleraforce.report.force_figures import draw_trial_forces
-from scleraforce.report.frame_pictures import frame_pictures
-from scleraforce.report.html import Html, bullets, cards, figure, page, paragraph, section
-from scleraforce.report.provenance import made_line
-from scleraforce.report.reading_figure import draw_read_forces
-from scleraforce.report.style import data_uri
-from scleraforce.report.tables import NOTHING, confusion_table, frame_table
+from scleraforce.report.files import data_uri, write_page
+from scleraforce.report.force_figures import draw_read_forces, draw_trial_forces
+from scleraforce.report.frames import AnsweredFrame, frame_pictures
+from scleraforce.report.html import (
+    NOTHING,
+    Html,
+    bullets,
+    cards,
+    confusion_table,
+    figure,
+    frame_table,
+    made_line,
+    page,
+    paragraph,
+    section,
+)
 from scleraforce.units import from_si
 
 NAMES_REMARK = (

@@ -1,4 +1,4 @@
-"""Forces: a log with its imaging times (the paper's Fig. 3), and the trials against the class bounds (Fig. 10)."""
+"""Figures of readings: forces, one reading, the result in one picture, the curves of a training."""
 
 from collections.abc import Sequence
 
@@ -6,10 +6,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from scleraforce.reader.evaluate import FrameAnswer
-from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
+from scleraforce.report.files import (
+    BLACK,
+    BLUE,
+    CLASS_COLOURS,
+    CLASS_INKS,
+    CLASS_MARKERS,
+    GREY,
+    RED,
+    SCAN_COLOURS,
+    inches,
+    styled,
+)
+from scleraforce.report.frames import AnsweredFrame
 from scleraforce.units import from_si
 
 POINTS_DRAWN = 6000
@@ -141,3 +154,136 @@ def _trial_legend() -> list[Line2D]:
         [], [], linestyle="", marker="^", color="white", markeredgecolor=RED, markersize=4.5, label="not usable"
     )
     return [*read, wrong, unusable]
+
+
+@styled
+def draw_read_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float) -> Figure:
+    """Draw the read force of every usable frame with its interval over the measured one.
+
+    Misread frames are ringed and named.
+
+    Args:
+        frames: trials; those without a measured or a read force are left out, unusable ones stand at the upper edge.
+        bounds_n: the class bounds.
+        max_force_n: the study's largest force.
+    """
+    figure = Figure(figsize=inches(170, 105))
+    axes = figure.subplots()
+    draw_force_against_force(axes, frames, bounds_n, max_force_n)
+    figure.legend(handles=_legend(len(bounds_n) + 1), loc="outside right upper")
+    return figure
+
+
+def draw_force_against_force(
+    axes: Axes, frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
+) -> None:
+    """Draw the same on axes that are there."""
+    top = from_si(max_force_n, "mn")
+    axes.plot([0.0, top], [0.0, top], color=GREY, linewidth=0.8, zorder=1, label="equal")
+    for bound in bounds_n:
+        for draw in (axes.axhline, axes.axvline):
+            draw(from_si(bound, "mn"), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
+    for frame in frames:
+        if frame.measured_force_n is not None:
+            _draw_frame(axes, frame, from_si(frame.measured_force_n, "mn"), 1.08 * top)
+    axes.set_xlim(-0.05 * top, 1.08 * top)
+    axes.set_ylim(-0.05 * top, 1.08 * top)
+    axes.set_aspect("equal")
+    axes.set_xlabel("measured force [mN]")
+    axes.set_ylabel("read force [mN]")
+
+
+def _draw_frame(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: float) -> None:
+    if frame.predicted_force_n is None or frame.interval_n is None:
+        axes.plot(measured_mn, 0.98 * top_mn, "x", color=RED, markersize=4, zorder=4, label="not usable")
+        return
+    read_mn = from_si(frame.predicted_force_n, "mn")
+    low_mn, high_mn = (from_si(end, "mn") for end in frame.interval_n)
+    colour, marker = CLASS_COLOURS[frame.predicted], CLASS_MARKERS[frame.predicted]
+    axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
+    axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")
+    if frame.target is not None and frame.predicted != frame.target:
+        axes.plot(
+            measured_mn, read_mn, "o", color="none", markeredgecolor=BLACK, markersize=9, zorder=5, label="misread"
+        )
+        axes.annotate(frame.file, (measured_mn, read_mn), (6, -6), textcoords="offset points", fontsize=6, va="top")
+
+
+def _legend(classes: int) -> list[Line2D]:
+    shown = zip(range(classes), CLASS_MARKERS, CLASS_COLOURS, strict=True)
+    read = [
+        Line2D([], [], linestyle="", color=colour, marker=marker, markersize=4, label=f"read as class {number}")
+        for number, marker, colour in shown
+    ]
+    wrong = Line2D([], [], linestyle="", marker="o", color="none", markeredgecolor=BLACK, markersize=8, label="misread")
+    unusable = Line2D([], [], linestyle="", marker="x", color=RED, markersize=4, label="not usable (at the top)")
+    interval = Line2D([], [], linestyle="", color=BLACK, marker="|", markersize=8, label="90 % interval")
+    return [*read, interval, wrong, unusable]
+
+
+@styled
+def draw_overview(
+    read: Sequence[AnsweredFrame], trials: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
+) -> Figure:
+    """Draw frames with the wall that was found and the class that was read, above the forces of all trials.
+
+    Args:
+        read: a frame of each class.
+        trials: all trials that count.
+        bounds_n: the class bounds.
+        max_force_n: the study's largest force.
+    """
+    figure = Figure(figsize=inches(170, 92))
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
+    for axes, one in zip(top.subplots(1, len(read), squeeze=False)[0], read, strict=True):
+        _draw_read_frame(axes, one)
+    draw_trials(bottom, trials, bounds_n, max_force_n)
+    return figure
+
+
+def _draw_read_frame(axes: Axes, one: AnsweredFrame) -> None:
+    width_mm, depth_mm = from_si(one.extent_m[0], "mm"), from_si(one.extent_m[1], "mm")
+    rows, columns = one.frame.shape
+    axes.imshow(one.frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
+    lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
+    for boundary in (one.found.outer_row, one.found.inner_row):
+        axes.plot(lateral_mm, (boundary + 0.5) * depth_mm / rows, color="#56B4E9", linewidth=0.9)
+    axes.set_xlim(0.0, width_mm)
+    axes.set_ylim(depth_mm, 0.0)
+    axes.set_axis_off()
+    answer = one.answer
+    sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
+    axes.set_title(f"read: class {answer.predicted}{sure}", color=CLASS_INKS[answer.predicted], fontweight="bold")
+    measured = "" if answer.measured_force_n is None else f"measured: {from_si(answer.measured_force_n, 'mn'):.1f} mN"
+    axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")
+
+
+@styled
+def draw_training_curves(
+    training_loss: Sequence[float],
+    validation_loss: Sequence[float],
+    training_accuracy: Sequence[float],
+    validation_accuracy: Sequence[float],
+) -> Figure:
+    """Draw loss (logarithmic) and accuracy over the epochs; each sequence has one value an epoch.
+
+    The training figures are those under dropout, which is why validation lies above training.
+    """
+    figure = Figure(figsize=inches(170, 60))
+    left, right = figure.subplots(1, 2)
+    epochs = range(1, len(training_loss) + 1)
+    for axes, training, validation, name in (
+        (left, training_loss, validation_loss, "cross-entropy"),
+        (right, training_accuracy, validation_accuracy, "accuracy"),
+    ):
+        axes.plot(epochs, training, color=RED, linestyle=(0, (4, 2)), marker="s", markersize=2.5, label="training")
+        axes.plot(epochs, validation, color=BLUE, marker="o", markersize=2.5, label="validation")
+        axes.set_xlabel("epoch")
+        axes.set_ylabel(name)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    left.set_yscale("log")
+    left.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    left.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    left.yaxis.set_minor_formatter(NullFormatter())
+    right.legend(loc="lower right")
+    return figure

@@ -10,7 +10,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError, StudyError
 from scleraforce.models.folder import SHIPPED_READER, read_folder, sha256
 from scleraforce.models.session import folder_study
-from scleraforce.study import Study, format_study, study_hash
+from scleraforce.study import Range, Study, format_study, study_hash
 from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
@@ -32,7 +32,7 @@ STATE_FILE = "reproduce.json"
 SOURCES = (
     "calibration", "dataset", "eye", "fitting", "known", "laboratory", "learning", "library", "mechanics", "reader",
     "recording", "section", "segmentation", "study",
-    *(f"reproduction/{name}.py" for name in ("bent", "framing", "left_out", "stages")),
+    *(f"reproduction/{name}.py" for name in ("readings", "run", "stages")),
 )  # fmt: skip
 # What a reader is trained for. The bundled reader serves a study that has its values here.
 TRAINED_FOR = {
@@ -287,3 +287,27 @@ def _check_bundled(study: Study, file: Path | None) -> None:
                 where = f"{file or 'study'}: {section}.{field_key(item)}"
                 remedy = "give --train, which trains a reader for this study"
                 raise StudyError(f"{where}: the bundled reader was trained for another value; {remedy}")
+
+
+def framed_for_laboratory(study: Study) -> Study:
+    """Open the data set's framing ranges to where the study's virtual laboratory may put the eye.
+
+    The paper proposes it as its next step (sec. 4, "randomly cropping each simulated image"). A pixel of the slice is
+    left on every side: the unloaded wall of the data set is pressurised, which lifts it by up to that much.
+
+    >>> framed_for_laboratory(Study()).dataset.framing_lateral_m
+    Range(min=-0.0003, max=0.0003)
+    """
+    shift, surface, room = study.phantom.eye_shift_m.bounds, study.phantom.surface_depth_m.bounds, study.slice.pixel_m
+    depth = [surface[side] + shift[side] - study.slice.margin_m for side in (0, 1)]
+    dataset = replace(
+        study.dataset,
+        framing_lateral_m=_rounded(shift[0] - room, shift[1] + room),
+        framing_depth_m=_rounded(depth[0] - room, depth[1] + room),
+    )
+    return replace(study, dataset=dataset)
+
+
+def _rounded(low_m: float, high_m: float) -> Range:
+    """Return a range free of the last bits' rounding, so that its TOML reads back to the same."""
+    return Range(min=round(low_m, 9), max=round(high_m, 9))

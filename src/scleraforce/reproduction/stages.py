@@ -22,20 +22,22 @@ from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
-from scleraforce.reproduction.bent import (
+from scleraforce.reproduction.page import FIGURES, write_reproduction_html
+from scleraforce.reproduction.readings import (
     CALIBRATED_EYES,
     CALIBRATION_FORCES_N,
+    EPOCHS,
     bend_eyes,
     bent_trials,
     calibrate_bent,
     interval_eyes,
     read_bent,
+    read_left_out,
     run_library,
     train_bent_model,
     train_force_reader,
+    write_left_out,
 )
-from scleraforce.reproduction.left_out import EPOCHS, read_left_out, write_left_out
-from scleraforce.reproduction.page import FIGURES, write_reproduction_html
 from scleraforce.reproduction.run import Announce, Progress, Run, Stage, run_stages, seconds_so_far
 from scleraforce.study import Study, study_hash
 

@@ -1,24 +1,33 @@
 """All that is measured on a scanner's frames: frame by frame, then as ranges over the frames."""
 
+import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.scanner.below import layer_below
-from scleraforce.scanner.display import QUARTILES_DB, Display, display_of_speckle, fit_display
-from scleraforce.scanner.display_kind import LOGARITHMIC, DisplayKind, display_kind, spread_slope
-from scleraforce.scanner.estimate import Estimate, Unmeasured
-from scleraforce.scanner.imaged_eye import ImagedEye
-from scleraforce.scanner.lines import SeenLine, find_lines
-from scleraforce.scanner.shadows import SeenShadow, find_shadows
-from scleraforce.scanner.speckle import resolutions
-from scleraforce.scanner.surface import SurfaceLight, reflections, surface_light
-from scleraforce.scanner.tissue import WallLight, light_in_wall, roll_off
-from scleraforce.study import Choice, PhantomStudy, Range
-from scleraforce.study.fields import field_unit
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.light import BscanOptics, Line, Shadow, sample_optics
+from scleraforce.recording.pixels import Pixels
+from scleraforce.scanner.display import (
+    LOGARITHMIC,
+    QUARTILES_DB,
+    Display,
+    DisplayKind,
+    display_kind,
+    display_of_speckle,
+    fit_display,
+    spread_slope,
+)
+from scleraforce.scanner.imaged_eye import Estimate, ImagedEye, Unmeasured
+from scleraforce.scanner.surface import SeenLine, SurfaceLight, find_lines, reflections, resolutions, surface_light
+from scleraforce.scanner.tissue import SeenShadow, WallLight, find_shadows, layer_below, light_in_wall, roll_off
+from scleraforce.section.plane import Section
+from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Study, format_study
+from scleraforce.study.fields import field_key, field_unit
 
 MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
 QUANTILES = (0.05, 0.95)
@@ -225,3 +234,145 @@ def _sampled(name: str, found: MeasuredRange) -> Choice | Range:
     unit = field_unit({item.name: item for item in fields(PhantomStudy)}[name])
     low, high = (unit.to_si(float(f"{unit.from_si(end):.4g}")) for end in (found.low, found.high))
     return Choice((low,)) if low == high else Range(min=low, max=high)
+
+
+BINS = 64
+BEYOND_M = 5e-3  # a wall that is seen up to the picture's edge goes on
+
+
+def oct_of(eye: ImagedEye) -> OctStudy:
+    """Return a frame's size, pixels, bits and refractive index as the section of a study."""
+    rows, columns = eye.pixels.shape
+    return OctStudy(
+        width_m=eye.scale.lateral_m * columns,
+        depth_m=eye.scale.depth_m * rows,
+        columns=columns,
+        rows=rows,
+        bits=eye.bits,
+        refractive_index=eye.scale.refractive_index,
+    )
+
+
+def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator) -> Pixels:
+    """Draw a frame with the values that were measured on one, and its wall.
+
+    Args:
+        frame: the measured one.
+        phantom: what its scanner's other values are drawn from.
+        rng: source of the speckle and the noise.
+
+    Returns:
+        Counts of the frame's shape and type.
+    """
+    eye = frame.eye
+    scanner = oct_of(eye)
+    optics = _optics(frame, sample_optics(phantom, scanner, rng), scanner)
+    drawn = render_bscan(_section(eye, scanner), scanner, optics, rng).frame
+    return drawn.astype(np.uint8) if eye.pixels.dtype == np.uint8 else drawn
+
+
+def histogram_overlap(one: NDArray[np.generic], other: NDArray[np.generic], top: int) -> float:
+    """Return the share that two frames' histograms have in common: 1 where they are alike.
+
+    >>> histogram_overlap(np.zeros(4), np.array([0, 0, 255, 255]), 255)
+    0.5
+    """
+    first, second = (np.histogram(counts, BINS, (0, top + 1))[0] / counts.size for counts in (one, other))
+    return float(np.minimum(first, second).sum())
+
+
+def _optics(frame: MeasuredFrame, drawn: BscanOptics, scanner: OctStudy) -> BscanOptics:
+    known = {item.name for item in fields(BscanOptics)}
+    measured = {
+        name: found.value for name, found in frame.values.items() if isinstance(found, Estimate) and name in known
+    }
+    lateral_m = scanner.width_m / scanner.columns
+    shadows = tuple(
+        Shadow(
+            centre_m=(shadow.column + 0.5) * lateral_m - scanner.width_m / 2,
+            width_m=shadow.width_m,
+            loss_fraction=shadow.loss_fraction,
+        )
+        for shadow in frame.shadows
+    )
+    lines = tuple(
+        Line(depth_m=line.depth_m, level_db=line.level_db, thickness_m=line.thickness_m) for line in frame.lines
+    )
+    return replace(drawn, **measured, shadows=shadows, lines=lines, covers=())  # type: ignore[arg-type]  # floats
+
+
+def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
+    """Return a frame's wall as a section: lateral from the middle, geometric depth from the top edge, m."""
+    columns = np.flatnonzero(eye.walled)
+    lateral_m = (columns + 0.5) * eye.scale.lateral_m - scanner.width_m / 2
+    outer_m = (eye.surface_row[columns] + 0.5) * eye.scale.depth_m
+    inner_m = outer_m + (eye.wall.inner_row - eye.wall.outer_row)[columns] * eye.row_m
+    curves = []
+    for depth_m in (outer_m, inner_m):
+        curve = np.stack([lateral_m, depth_m], axis=1)
+        before, after = ([[end[0] + side * BEYOND_M, end[1]]] for side, end in ((-1, curve[0]), (1, curve[-1])))
+        left, right = eye.bands
+        parts = [before] * bool(columns[0] <= left + 1) + [curve]
+        parts += [after] * bool(columns[-1] >= len(eye.walled) - right - 2)
+        curves.append(np.concatenate(parts))
+    return Section(*curves)
+
+
+MOST_NAMES = 20  # of frames that are listed
+OCT_KEYS = ("width_mm", "depth_mm", "columns", "rows", "bits", "refractive_index")
+
+
+def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, version: str) -> str:
+    """Return the file's text.
+
+    Args:
+        scanner: what was measured.
+        names: of the frames.
+        date: of the measurement.
+        version: of scleraforce.
+    """
+    study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom())
+    sections = _sections(format_study(study))
+    keys = {item.name: field_key(item) for item in fields(PhantomStudy)}
+    listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
+    if len(names) > MOST_NAMES:
+        listed.append(f"#   and {len(names) - MOST_NAMES} more")
+    lines = [
+        f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on {len(names)} frame(s):",
+        *listed,
+        "# All that does not stand here, eye, needle and forces too, is as in the paper's study.",
+        "",
+        "[oct]",
+        *(sections["oct"][key] for key in OCT_KEYS),
+        "",
+        "[phantom]  # levels in dB are ratios of intensity",
+    ]
+    slope = scanner.ranges["spread_slope"]
+    taken = f"  # taken for granted: {slope.reason}" if isinstance(slope, Unmeasured) else ""
+    lines.append(f"{sections['phantom']['display']}{taken}")
+    lines += [_line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED[:OF_FRAMES]]
+    for count in COUNTS:
+        lines.append(f"{sections['phantom'][keys[count]]}  # of each frame")
+        kind = count.removesuffix("count")
+        lines += [
+            _line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED if name.startswith(kind)
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _line(key: str, section: dict[str, str], found: object) -> str:
+    if isinstance(found, Unmeasured):
+        return f"# {key}: not measured, as in the paper's study: {found.reason}"
+    at_most = "  # at most: finer than the pixels show" if getattr(found, "at_most", False) else ""
+    return section[key] + at_most
+
+
+def _sections(text: str) -> dict[str, dict[str, str]]:
+    """Return the lines of a study's text by section and key."""
+    found: dict[str, dict[str, str]] = {}
+    for line in text.splitlines():
+        if line.startswith("["):
+            found[line.strip("[]")] = section = {}
+        elif " = " in line:
+            section[line.partition(" = ")[0]] = line
+    return found

@@ -1,22 +1,18 @@
-"""Light in the wall: its level at the surface, its fall with depth, what each column gets of it.
-
-The mean intensity in the wall over the mean noise is S exp(-2 mu z) + 1, z the geometric depth below the surface along
-the column. Medians over pixels of one depth, in dB, stand in for means: the display cuts off neither.
-"""
+"""What a scanner shows of tissue: the wall's light and its fall, the layer below the wall, shadows."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import find_objects, gaussian_filter1d, label, median_filter
 from scipy.optimize import curve_fit
+from scipy.special import ndtr
 from scipy.stats import theilslopes
 
 from scleraforce.errors import FrameError
 from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.scanner.display import MEDIAN_DB, Display
-from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
-from scleraforce.scanner.imaged_eye import ImagedEye, Trace
+from scleraforce.scanner.imaged_eye import Estimate, ImagedEye, Trace, Unmeasured, fitted, level_db
 
 BIN_M = 15e-6  # of depth
 LEAST_BINS, LEAST_IN_BIN = 5, 50
@@ -161,3 +157,126 @@ def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
     step = max(1, len(depth_m) // 400)  # of neighbours that are alike
     slope, _, low, high = theilslopes(tissue.column_db[used][::step], depth_m[::step], 0.68)
     return fitted(-slope, (high - low) / 2 * 2.0, MOST_ROLL_OFF_ERROR, "the columns' light does not follow their depth")
+
+
+LayerBelow = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
+
+LAYER_BIN_M = 8e-6
+ABOVE_M, BELOW_M = 60e-6, 700e-6  # of the inner boundary: what is fitted
+LAYER_BINS, LAYER_IN_BIN, LAYER_COLUMNS = 15, 50, 50
+STEEPEST_RAD = 0.35  # of the surface: beyond, the light's way through the wall grows
+MOST_LEVEL_ERROR_DB, MOST_SHARE = 1.5, 0.3
+LEAST_SEEN_DB = 1.0  # over the noise: the layer's end must be brighter than that, to be one
+NO_INNER = "the wall's inner boundary is not seen"
+BLURRED = "what lies below the wall is no even layer, or too dark"
+NO_END = "the layer below the wall fades into the noise before it ends"
+
+
+def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBelow:
+    """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
+    columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
+    if (
+        not eye.inner_found
+        or np.count_nonzero(columns) < LAYER_COLUMNS
+        or isinstance(tissue.attenuation_per_m, Unmeasured)
+    ):
+        reason = Unmeasured(BLURRED if eye.inner_found else NO_INNER)
+        return reason, reason, reason
+    depth_m = eye.below_inner_rows * eye.row_m
+    chosen = (depth_m > -ABOVE_M) & (depth_m < BELOW_M) & columns & (eye.below_surface_rows > eye.edge_rows)
+    at_m, found_db, count = depth_profile(tissue.levels, depth_m, chosen, max(LAYER_BIN_M, eye.row_m))
+    seen = (count >= LAYER_IN_BIN) & (found_db < display.highest_db - LEAST_SEEN_DB)
+    if np.count_nonzero(seen) < LAYER_BINS:
+        reason = Unmeasured("too little is seen below the wall")
+        return reason, reason, reason
+    wall_m = np.nanmedian((eye.wall.inner_row - eye.surface_row)[columns]) * eye.row_m
+    mu = tissue.attenuation_per_m.value
+    at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
+
+    def model(below_m: Trace, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Trace:
+        y = below_m - off_m
+        wall = 10.0 ** (at_inner_db / 10.0) * np.exp(-2.0 * mu * y) * ndtr(-y / blur_m)
+        inside = ndtr(y / blur_m) * ndtr((thick_m - y) / blur_m)
+        layer = 10.0 ** ((at_inner_db + level) / 10.0) * np.exp(-2.0 * per_m * np.maximum(y, 0.0)) * inside
+        return level_db(wall + layer + 1.0)
+
+    try:
+        value, covariance = curve_fit(
+            model, at_m[seen], found_db[seen], (-8.0, 4000.0, 150e-6, 0.0, 15e-6), sigma=1.0 / np.sqrt(count[seen]),
+            method="trf", loss="soft_l1", x_scale=(3.0, 1000.0, 5e-5, 1e-5, 1e-5),
+            bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
+        )  # fmt: skip
+    except RuntimeError:
+        reason = Unmeasured(BLURRED)
+        return reason, reason, reason
+    error = np.sqrt(np.diag(covariance))
+    level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
+    if isinstance(level, Unmeasured):
+        return level, level, level
+    end_db = at_inner_db + value[0] - 20.0 / np.log(10.0) * value[1] * value[2]
+    thickness = fitted(value[2], error[2], MOST_SHARE * value[2], NO_END)
+    if level_db(np.array(10.0 ** (end_db / 10.0) + 1.0)) < LEAST_SEEN_DB or value[2] > 0.9 * (BELOW_M - 50e-6):
+        thickness = Unmeasured(NO_END)
+    return level, fitted(value[1], error[1], MOST_SHARE * value[1], BLURRED), thickness
+
+
+LEAST_DB, LEAST_SDS = 1.0, 4.0  # by which a shadow's columns are darker, in dB and in the others' deviations
+MARGIN = 1.5  # widths beside a shadow that are fitted with it
+MOST_LOSS_ERROR = 0.15
+LEAST_COLUMNS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenShadow:
+    """A shadow: the column of its middle, its full width at half loss, m, and the share of the light that it takes."""
+
+    column: float
+    width_m: float
+    loss_fraction: float
+
+
+def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
+    """Return the shadows on a frame's wall."""
+    light_db = typical(eye, tissue.column_db)
+    known = np.isfinite(light_db)
+    deviation = robust_spread(np.abs(light_db[known]))
+    dark, _ = label(np.nan_to_num(light_db) < -max(LEAST_DB, LEAST_SDS * deviation))
+    found = [_fitted(eye, light_db, place[0]) for place in find_objects(dark)]
+    return _distinct([shadow for shadow in found if shadow is not None], eye.scale.lateral_m)
+
+
+def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, ...]:
+    """Return shadows without those that lie in another one: parts of it that speckle has cut off."""
+    kept: list[SeenShadow] = []
+    for shadow in sorted(shadows, key=lambda each: -each.width_m):
+        if all(abs(shadow.column - other.column) * lateral_m > other.width_m / 2 for other in kept):
+            kept.append(shadow)
+    return tuple(sorted(kept, key=lambda each: each.column))
+
+
+def _fitted(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow | None:
+    """Return the shadow that lies about a run of dark columns; None: none fits."""
+    columns = place.stop - place.start
+    if columns < LEAST_COLUMNS:
+        return None
+    margin = max(4, round(MARGIN * columns))
+    near = np.arange(max(place.start - margin, 0), min(place.stop + margin, len(light_db)))
+    near = near[np.isfinite(light_db[near])]
+    light = 10.0 ** (light_db[near] / 10.0)
+    start = ((place.start + place.stop - 1) / 2, columns, 1.0 - light.min(), 1.0)
+    try:
+        value, covariance = curve_fit(
+            _light, near, light, start, bounds=((near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0))
+        )
+    except (RuntimeError, ValueError):
+        return None
+    if not np.sqrt(covariance[2, 2]) < MOST_LOSS_ERROR:
+        return None
+    return SeenShadow(
+        column=float(value[0]), width_m=float(value[1] * eye.scale.lateral_m), loss_fraction=float(value[2])
+    )
+
+
+def _light(column: Trace, middle: float, width: float, loss: float, base: float) -> Trace:
+    light: Trace = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
+    return light

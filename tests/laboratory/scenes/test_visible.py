@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scleraforce.laboratory.scenes.visible import judged_columns, seen_columns
+from scleraforce.laboratory.scenes.scene import judged_columns, seen_columns
 
 ROWS, COLUMNS = 200, 160
 SURFACE = np.full(COLUMNS, 60.0)

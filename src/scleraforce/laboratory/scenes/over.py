@@ -6,11 +6,10 @@ from math import cos, sin
 import numpy as np
 
 from scleraforce.laboratory.bscan import column_crossings
-from scleraforce.laboratory.optics import Shadow
+from scleraforce.laboratory.light import Shadow, transmission
 from scleraforce.laboratory.scenes.picture import Picture, Ridge, level
 from scleraforce.laboratory.scenes.tissue import Tissue
-from scleraforce.laboratory.scenes.window import Curve
-from scleraforce.laboratory.speckle import transmission
+from scleraforce.laboratory.scenes.wall import Curve
 from scleraforce.study import SceneOverStudy, draw
 
 OPAQUE_PER_M = 40e3  # attenuation of metal and of what is as thick

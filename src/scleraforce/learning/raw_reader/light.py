@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.needle import DrawnShaft, draw_shaft
-from scleraforce.laboratory.optics import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
+from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
+from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.library import OUTER
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, draw, fixed

@@ -11,9 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError, MessageError
-from scleraforce.report.shown.kinds import LOG_FILES
-from scleraforce.report.shown.thing import Thing
-from scleraforce.report.style import AMBER, BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.report.shown.kinds import LOG_FILES, Thing
 from scleraforce.service.black_box.decision_log import LogPart, read_log
 from scleraforce.service.console.sentences import sentence_of
 from scleraforce.service.entry import Entry

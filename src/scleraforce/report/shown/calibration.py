@@ -6,7 +6,7 @@ from scleraforce.calibration.result import Calibration, EyeCalibration, found_wo
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.plain_text import wrapped
 from scleraforce.report.calibration_figures import draw_calibration
-from scleraforce.report.shown.thing import Thing
+from scleraforce.report.shown.kinds import Thing
 from scleraforce.units import from_si
 
 BENDS_OTHERWISE = 0.1  # by how much moduli of low and high forces differ that are worth a remark

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scleraforce.dataset import Dataset, open_dataset
-from scleraforce.report.shown.thing import Thing, span
+from scleraforce.report.shown.kinds import Thing, span
 from scleraforce.report.slice_figures import draw_montage
 from scleraforce.units import from_si
 

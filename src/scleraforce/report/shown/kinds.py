@@ -1,14 +1,60 @@
 """Which kind of thing lies under a name, and what is to be said of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
 from scleraforce.models.folder import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
 from scleraforce.plain_json import parse_json
-from scleraforce.report.shown.thing import Thing
+from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thing:
+    """A thing that was looked at.
+
+    Attributes:
+        kind: what it is, "recording".
+        facts: what is said of it as JSON; the names carry human units.
+        rows: the same for people, a name and a sentence each.
+        lines: what stands below the rows as it is, a table for instance.
+        draw: makes its picture.
+    """
+
+    kind: str
+    facts: Mapping[str, Any]
+    rows: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...] = ()
+    draw: Callable[[], Figure]
+
+
+def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
+    """Return the range of some values in words.
+
+    >>> span([4e-4, 8e-4], "um", "µm")
+    '400 to 800 µm'
+    >>> span([4e-4], "um", "µm")
+    '400 µm'
+    """
+    ends = sorted({f"{from_si(value, unit):.4g}": value for value in values}.items(), key=lambda end: end[1])
+    words = ends[0][0] if len(ends) == 1 else f"{ends[0][0]} to {ends[-1][0]}"
+    return f"{words} {printed}"
+
+
+def value_words(value: float | None, unit: HumanUnit, printed: str) -> str:
+    """Return a value in words, or that it is not stated.
+
+    >>> value_words(None, "mmhg", "mmHg")
+    'not stated'
+    """
+    return "not stated" if value is None else f"{from_si(value, unit):.4g} {printed}"
+
 
 # Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
 SHOWS = {

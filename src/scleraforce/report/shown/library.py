@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
-from scleraforce.report.shown.thing import Thing, span
-from scleraforce.report.style import GREY, inches, styled
+from scleraforce.report.files import GREY, inches, styled
+from scleraforce.report.shown.kinds import Thing, span
 from scleraforce.units import from_si
 
 COLOURS = "viridis"

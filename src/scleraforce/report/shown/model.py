@@ -9,8 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from scleraforce.models.folder import FILES, read_folder
 from scleraforce.reader.limits import reading_ranges
-from scleraforce.report.shown.thing import Thing
-from scleraforce.report.style import BLUE, RED, inches, styled
+from scleraforce.report.files import BLUE, RED, inches, styled
+from scleraforce.report.shown.kinds import Thing
 from scleraforce.units import from_si
 
 TITLES = {

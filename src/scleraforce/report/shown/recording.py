@@ -13,8 +13,8 @@ from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes
-from scleraforce.report.shown.thing import Thing, span, value_words
-from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, SCAN_COLOURS, inches, styled
+from scleraforce.report.files import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, SCAN_COLOURS, inches, styled
+from scleraforce.report.shown.kinds import Thing, span, value_words
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 

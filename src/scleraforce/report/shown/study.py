@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from scleraforce.report.schematics import draw_model
-from scleraforce.report.shown.thing import Thing, span
+from scleraforce.report.model_figures import draw_model
+from scleraforce.report.shown.kinds import Thing, span
 from scleraforce.study import Study, format_study, read_study, study_hash
 from scleraforce.units import from_si
 

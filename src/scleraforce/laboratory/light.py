@@ -1,8 +1,14 @@
-"""What a raw B-scan looks like apart from the wall's shape: concrete values, and their draw from a study."""
+"""The light of drawn B-scans: their optics, speckle, thin bright curves, shadows, and counts on a display.
 
+`bscan`, `reduced_bscans` and `scenes` all draw with it.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin
+from functools import lru_cache
+from math import ceil, cos, log, sin, sqrt
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -249,3 +255,110 @@ def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
     """Draw where the eye lies in one frame: the recording's depth and tilt, and the frame's shift, all anew."""
     depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
     return Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=depth_m, tilt_rad=draw(phantom.eye_tilt_rad, rng))
+
+
+Complex = NDArray[np.complex64]
+
+
+def transmission(shadows: Sequence[Shadow], columns_m: NDArray[np.float64]) -> Float:
+    """Return the share of the light that shadows leave in each column, shape (columns,)."""
+    left = np.ones(len(columns_m))
+    for shadow in shadows:
+        across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
+        left *= 1.0 - shadow.loss_fraction * np.exp(-log(2.0) * across**4)  # flat bottom, soft edges
+    return left.astype(np.float32)
+
+
+def add_ridge(
+    field: Complex,
+    depth_rows: NDArray[np.floating],
+    amplitude: NDArray[np.floating],
+    sigma_rows: float,
+    rng: np.random.Generator,
+) -> None:
+    """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
+    sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
+    column = np.flatnonzero(np.isfinite(depth_rows) & np.isfinite(amplitude) & (np.abs(depth_rows) < 2 * len(field)))
+    depth, strength = depth_rows[column], amplitude[column] * np.exp(2j * np.pi * rng.random(len(column)))
+    reach = ceil(4 * sigma)
+    row = np.floor(depth).astype(int) + np.arange(-reach, reach + 1)[:, None]
+    profile = np.exp(-(((row + 0.5 - depth) / sigma) ** 2) / 2)
+    seen = (row >= 0) & (row < len(field))
+    field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[seen].astype(np.complex64)
+
+
+def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
+    """Return independent complex circular Gaussian values of mean intensity 1."""
+    pairs = rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32(sqrt(0.5))
+    values: Complex = pairs.view(np.complex64)[..., 0]
+    return values
+
+
+def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
+    """See a field of independent scatterers through a Gaussian point spread function that keeps the mean intensity."""
+    parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
+    seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
+    values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
+    return values
+
+
+def _kernel(sigma: float) -> NDArray[np.float64]:
+    """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
+    reach = ceil(3.5 * sigma)
+    values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
+    unit: NDArray[np.float64] = values / np.sqrt((values**2).sum())
+    return unit
+
+
+def amplitude_sigma(intensity_width_m: float) -> float:
+    """Return the standard deviation of a Gaussian amplitude from the full width at half maximum of its intensity."""
+    return intensity_width_m / (2.0 * sqrt(log(2.0)))
+
+
+def decibel(level_db: float) -> float:
+    """Return a ratio of intensities from dB."""
+    return float(10.0 ** (level_db / 10.0))
+
+
+NO_LIGHT_DB, TOP_DB, STEP_DB = -15.0, 60.0, 0.25  # levels over the mean noise; the lowest stands for none
+LEVELS = round((TOP_DB - NO_LIGHT_DB) / STEP_DB) + 1
+QUANTILES = 64
+
+
+class Displayed:
+    """Counts of many scanners' displays, over their largest one, by the mean level of what is displayed.
+
+    Built from the optics of some frames; `mean` and `variance` take levels over the mean noise, dB, (frame, row,
+    column), to which the noise is added.
+    """
+
+    def __init__(self, optics: Sequence[BscanOptics]) -> None:
+        """Tabulate the counts of frames of these optics."""
+        counts = np.stack([each.counts(_intensities(), 1.0) for each in optics])
+        self._mean, self._variance = counts.mean(axis=2), counts.var(axis=2)
+        self._first = (np.arange(len(optics), dtype=np.int32) * LEVELS)[:, None, None]
+
+    def mean(self, level_db: Float) -> Float:
+        """Return the mean count."""
+        means: Float = self._mean.take(self._place(level_db))
+        return means
+
+    def moments(self, level_db: Float) -> tuple[Float, Float]:
+        """Return the mean count and its variance over speckle."""
+        place = self._place(level_db)
+        return self._mean.take(place), self._variance.take(place)
+
+    def _place(self, level_db: Float) -> NDArray[np.int32]:
+        nearest = ((level_db - np.float32(NO_LIGHT_DB)) * np.float32(1.0 / STEP_DB) + np.float32(0.5)).astype(np.int32)
+        place: NDArray[np.int32] = np.clip(nearest, 0, LEVELS - 1) + self._first
+        return place
+
+
+@lru_cache(maxsize=1)
+def _intensities() -> Float:
+    """Return quantiles of intensities over the mean noise, (level, quantile); the first level is no light."""
+    light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
+    light[0] = 0.0
+    quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1
+    intensities: Float = ((1.0 + light)[:, None] * quantiles).astype(np.float32)
+    return intensities

@@ -1,4 +1,4 @@
-"""The part of the page with the paper's trials on walls of finite strain: the paper's method and the force reader."""
+"""Sections of the page of `reproduce`: Young's modulus (the paper's Table 2, Figs. 4 and 5), and walls that bend."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -8,33 +8,162 @@ from statistics import mean, median
 
 import numpy as np
 
-from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.result import Calibration, EyeCalibration, found_words, parse_calibration
+from scleraforce.known.calibration_file import CalibrationSummary, open_calibration, read_calibration
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.models.folder import model_name
+from scleraforce.models.folder import SHIPPED_WALL_FINDER, model_name
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import (
     SHARED_ERROR,
     ForceTrial,
+    Proportion,
     band_of,
     coverage,
     coverage_by_eye,
     held_by_eye,
     mean_absolute_error,
 )
-from scleraforce.report.answered_frame import AnsweredFrame, look_at
+from scleraforce.reader.model import load_wall_finder
+from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.evaluation_page import read_forces_figure
-from scleraforce.report.html import Html, figure, paragraph, section, table
-from scleraforce.report.style import data_uri
-from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
-from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
-from scleraforce.reproduction.bent import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
-from scleraforce.reproduction.figures import eye_of
+from scleraforce.report.files import data_uri
+from scleraforce.report.frames import AnsweredFrame, look_at
+from scleraforce.report.html import (
+    NOTHING,
+    Html,
+    confusion_table,
+    figure,
+    frame_table,
+    paragraph,
+    section,
+    share,
+    table,
+)
+from scleraforce.report.paper import EYES, MEAN_MODULUS_PA
+from scleraforce.report.slice_figures import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
+from scleraforce.reproduction.readings import CALIBRATED_EYES, CALIBRATION_FORCES_N, LeftOut, bent_trials, run_library
 from scleraforce.reproduction.run import Run
 from scleraforce.section.plane import Section
+from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
+
+
+def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+    """Return Table 2, the estimate over the frames of the first eye, and its points before and after.
+
+    Args:
+        run: its calibration is of the first eyes of the paper's design.
+        evaluation: the answers to all eyes.
+        drawn: called with each figure.
+    """
+    calibration = parse_calibration(open_calibration(run.calibration))
+    first = _with_points(run, next(iter(calibration.eyes)))
+    mean_pa, spread_pa = calibration.population
+    spread = "not known from one eye" if spread_pa is None else f"{_mpa(spread_pa)} MPa"
+    words = (
+        "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
+        f"Mean of the means: {_mpa(mean_pa)} MPa, spread {spread} (the paper: "
+        f"{from_si(MEAN_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads."
+    )
+    return section(
+        "Young's modulus",
+        paragraph(words),
+        _table_2(calibration),
+        drawn(_over_frames(first)),
+        drawn(_points(first, evaluation)),
+    )
+
+
+def left_out_section(results: Sequence[LeftOut], evaluation: Evaluation) -> Html:
+    """Return the accuracy of each eye with the mean of all moduli, and with the mean of the others'."""
+    rows: list[list[object]] = [
+        [one.eye, _mpa(one.youngs_modulus_pa), share(_of_eye(evaluation, one.eye)), share(one.accuracy)]
+        for one in results
+    ]
+    together = Proportion(sum(one.accuracy.hits for one in results), sum(one.accuracy.total for one in results))
+    among = Proportion(
+        *(sum(counts) for counts in zip(*(_counts(evaluation, one.eye) for one in results), strict=True))
+    )
+    rows.append(["together", NOTHING, share(among), share(together)])
+    words = (
+        "The mean modulus has seen the eyes that are read with it, here as in the paper. So each eye is read once more "
+        "with the mean of the others: the slices are labelled anew for that modulus, and a network is trained on them."
+    )
+    head = ["", "mean of the others in MPa", "read with the mean of all", "read with the mean of the others"]
+    caption = "Accuracy of each calibrated eye, with its 95 % Wilson interval."
+    return section("Each eye left out of the mean", paragraph(words), table(head, rows, caption))
+
+
+def _table_2(calibration: Calibration) -> Html:
+    paper = [eye for _, eye in zip(calibration.eyes, EYES, strict=False)]
+    rows: list[list[object]] = [
+        ["mean in MPa", *(_mpa(eye.mean_pa) for eye in calibration.eyes.values())],
+        ["standard deviation in kPa", *(f"{from_si(eye.sd_pa, 'kpa'):.1f}" for eye in calibration.eyes.values())],
+        *_found_rows(list(calibration.eyes.values())),
+        ["frames used", *(len(eye.used) for eye in calibration.eyes.values())],
+        ["true modulus = the paper's mean, in MPa", *(f"{from_si(eye.modulus_pa or 0.0, 'mpa'):.2f}" for eye in paper)],
+        [
+            "the paper's standard deviation in kPa",
+            *(f"{from_si(eye.modulus_sd_pa or 0.0, 'kpa'):.1f}" for eye in paper),
+        ],
+    ]
+    caption = (
+        "Posterior of Young's modulus (the paper's Table 2). The virtual eyes were made with the paper's means, so the "
+        "last rows are both the paper's figures and the truth to be found."
+    )
+    return table(["", *calibration.eyes], rows, caption)
+
+
+def _found_rows(eyes: Sequence[EyeCalibration]) -> list[list[object]]:
+    """Return a row with what was found beside the modulus, such as k of a sealed eye; none where nothing was."""
+    found = ["; ".join(found_words(eye)) or NOTHING for eye in eyes]
+    return [["found with it", *found]] if set(found) != {NOTHING} else []
+
+
+def _mpa(modulus_pa: float) -> str:
+    return f"{from_si(modulus_pa, 'mpa'):.3f}"
+
+
+def _over_frames(eye: EyeCalibration) -> Html:
+    truth_pa = EYES[0].modulus_pa
+    caption = f"Young's modulus of {eye.id} over its frames, from the prior on (the paper's Fig. 5)."
+    drawn = draw_modulus_over_frames(eye, truth_pa)
+    return figure(data_uri(drawn, "svg"), "mean and band of the modulus over the frames", caption)
+
+
+def _with_points(run: Run, eye: str) -> EyeCalibration:
+    """Calibrate an eye once more, for the file of a calibration keeps no points to draw."""
+    recording = read_recording(run.recordings / eye)
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    again = calibrate_recordings([recording], run.study, study_hash(run.study), library=None, finder=finder)
+    return again.eyes[eye]
+
+
+def _points(eye: EyeCalibration, evaluation: Evaluation) -> Html:
+    index = max(range(len(eye.used)), key=lambda number: eye.used[number].force_n)
+    file = eye.used[index].file
+    look = look_at(next(frame for frame in evaluation.frames if (frame.eye, frame.file) == (eye.id, file)))
+    drawn = draw_observed_points(eye, look.frame, index, *look.extent_m)
+    caption = (
+        f"Observed points (yellow) and predicted ones (red) in {eye.id}/{file}, at the prior's modulus and at the "
+        "final one (the paper's Fig. 4)."
+    )
+    return figure(data_uri(drawn), "observed and predicted points before and after", caption)
+
+
+def _counts(evaluation: Evaluation, eye: str) -> tuple[int, int]:
+    trials = [frame for frame in evaluation.scored if frame.eye == eye]
+    return sum(frame.predicted == frame.target for frame in trials), len(trials)
+
+
+def _of_eye(evaluation: Evaluation, eye: str) -> Proportion:
+    return Proportion(*_counts(evaluation, eye))
+
 
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
 
@@ -240,3 +369,19 @@ def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float
 
 def _number(value: float) -> str:
     return NOTHING if isnan(value) else f"{value:.2f}"
+
+
+def eye_of(recording: Recording, study: Study) -> PhantomEye:
+    """Return the eye as the recording states it, with the study's Young's modulus."""
+    info = recording.info
+    low, high = study.needle.polar_angle_rad.bounds
+    return PhantomEye(
+        id=info.eye.id,
+        thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad or 0.0,
+        tilt_rad=info.oct.plane_tilt_rad,
+    )

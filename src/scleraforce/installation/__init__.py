@@ -1,1 +1,0 @@
-"""What an installation has, lacks and can do: `scleraforce doctor`."""

@@ -1,0 +1,271 @@
+"""Figures of the models: the mesh, the paper's schematics, a scanner."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, degrees, radians, sin
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch, Polygon
+from matplotlib.ticker import FormatStrFormatter, NullFormatter
+from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matplotlib types all but its toolkits
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.simulation import SimulatedEye
+from scleraforce.recording.pixels import Pixels
+from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, styled
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DISPLACEMENT_COLOURS = "viridis"
+NEEDLE_LENGTH_M = 6e-3
+# The outline of each face of a hexahedron in VTK's order, mid-edge nodes included, counter-clockwise seen from outside.
+FACE_OUTLINES = (
+    *((0, 11, 3, 10, 2, 9, 1, 8), (4, 12, 5, 13, 6, 14, 7, 15)),
+    *((0, 8, 1, 17, 5, 12, 4, 16), (1, 9, 2, 18, 6, 13, 5, 17)),
+    *((2, 10, 3, 19, 7, 14, 6, 18), (3, 11, 0, 16, 4, 15, 7, 19)),
+)
+
+
+@styled
+def draw_deformed_mesh(eye: SimulatedEye) -> Figure:
+    """Draw the hexahedra of the half behind the needle's meridian, coloured by their displacement."""
+    figure = _figure(85, 65)
+    _draw_mesh(figure, eye, width=1.0)
+    return figure
+
+
+@styled
+def draw_simulation(eye: SimulatedEye) -> Figure:
+    """Draw the deformed mesh and, beside it, the slice."""
+    figure = _figure(170, 65)
+    _draw_mesh(figure, eye, width=0.5)
+    axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
+    rows, columns = eye.slice.shape
+    width, depth = (from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows))
+    axes.imshow(eye.slice, cmap=SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
+    axes.set_xlabel("lateral [mm]")
+    axes.set_ylabel("depth [mm]")
+    axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
+    figure.suptitle(_caption(eye), x=0.02, ha="left", fontsize=8)
+    return figure
+
+
+def _figure(width_mm: float, height_mm: float) -> Figure:
+    """Make a figure whose axes are placed by hand: the automatic layout leaves three-dimensional ones small."""
+    figure = Figure(figsize=inches(width_mm, height_mm))
+    figure.set_layout_engine("none")
+    return figure
+
+
+def _caption(eye: SimulatedEye) -> str:
+    wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
+    polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"
+    force, dent = f"{from_si(eye.force_n, 'mn'):g} mN", f"{from_si(eye.tip_m, 'mm'):.2f} mm"
+    return f"{wall}, {force} at {polar}: the contact sinks in by {dent}"
+
+
+def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
+    """Put the cut wall, the needle and a colour bar into the left part of a figure."""
+    axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
+    outlines = skin_outlines(eye.mesh.cells_en[behind_needle(eye)])
+    moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
+    amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
+    scale = Normalize(0.0, max(float(amount.max()), 1e-6))
+    colours = ScalarMappable(scale, DISPLACEMENT_COLOURS)
+    faces = Poly3DCollection(moved[outlines], facecolors=colours.to_rgba(amount), edgecolors="white", linewidths=0.15)
+    axes.add_collection3d(faces)
+    _draw_needle(axes, eye)
+    radius = from_si(eye.mesh.radius_m, "mm")
+    axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
+    axes.set_box_aspect((2, 2, 1), zoom=1.38)
+    axes.view_init(elev=22, azim=np.degrees(eye.contact.azimuth_rad) - 78)
+    axes.set_axis_off()
+    bar = figure.add_axes((0.25 * width, 0.17, 0.5 * width, 0.025))
+    figure.colorbar(colours, cax=bar, orientation="horizontal", label="displacement [mm]").outline.set_visible(False)
+
+
+def _draw_needle(axes: Axes3D, eye: SimulatedEye) -> None:
+    """Draw the needle's axis down to the sunken contact."""
+    normal = eye.contact.normal
+    tip = (eye.mesh.radius_m - eye.tip_m) * normal
+    ends = from_si(np.stack([tip, tip + NEEDLE_LENGTH_M * normal]), "mm")
+    axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
+
+
+def behind_needle(eye: SimulatedEye) -> NDArray[np.bool_]:
+    """Return which elements lie on the far side of the plane through the needle's meridian, seen by the viewer."""
+    middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
+    far: NDArray[np.bool_] = middles_ec @ eye.contact.parallel > 0.0
+    return far
+
+
+def skin_outlines(cells_en: Integers) -> Integers:
+    """Return the outlines of the faces that belong to one element only, shape (face, 4 or 8)."""
+    corners = np.array(FACE_OUTLINES)[:, ::2]
+    outline = corners if cells_en.shape[1] == 8 else np.array(FACE_OUTLINES)
+    names = np.sort(cells_en[:, corners].reshape(-1, 4), axis=1)
+    _, first, count = np.unique(names, axis=0, return_index=True, return_counts=True)
+    skin: Integers = cells_en[:, outline].reshape(-1, outline.shape[1])[first[count == 1]]
+    return skin
+
+
+Point = tuple[float, float]
+
+THICKNESS_DRAWN_MM = 1.3  # about twice a sclera: a true one is a line at this size
+ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
+BOX_MM, ROW_MM = 24.0, 14.0
+
+
+@styled
+def draw_model(study: Study) -> Figure:
+    """Draw the meridian of the needle: the wall, its clamped base, pressure, weight, needle and the B-scan plane."""
+    radius = from_si(study.eye.radius_m, "mm")
+    polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
+    figure = Figure(figsize=inches(120, 62))
+    axes = figure.add_subplot()
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 181)
+    wall = np.concatenate([_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])])
+    axes.add_patch(Polygon(wall, facecolor="#E9EDF2", edgecolor=BLACK, linewidth=0.8))
+    _draw_base(axes, radius)
+    _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
+    _sketch_needle(axes, radius, polar_deg)
+    _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), BLACK)
+    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=BLACK, parse_math=True)
+    of_eye = f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm"
+    axes.text(0.0, 0.08 * radius, of_eye, ha="center", parse_math=True)
+    axes.set(xlim=(-1.15 * radius, 2.0 * radius), ylim=(-0.2 * radius, 1.3 * radius), aspect="equal")
+    axes.set_axis_off()
+    return figure
+
+
+@styled
+def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequence[str], dropout: float) -> Figure:
+    """Draw the layers from the slice to the classes.
+
+    Args:
+        pixels: of a slice, (columns, rows).
+        hidden: neurons of each hidden layer.
+        classes: names of the outputs.
+        dropout: fraction of the hidden neurons that is left out while training.
+    """
+    columns, rows = pixels
+    layers = [
+        (f"slice\n{columns} x {rows}\npixels", BLACK),
+        (f"input\n{columns * rows}", GREY),
+        *((f"{size}\nReLU\ndropout {dropout:g}", BLUE) for size in hidden),
+        (f"{len(classes)}\nsoftmax", RED),
+    ]
+    step = 1.3 * BOX_MM
+    figure = Figure(figsize=inches(170, 28))
+    axes = figure.add_subplot()
+    for place, (text, colour) in enumerate(layers):
+        left = place * step
+        box = FancyBboxPatch((left, -ROW_MM / 2), BOX_MM, ROW_MM, boxstyle="round,pad=0,rounding_size=1.5")
+        box.set(facecolor="white", edgecolor=colour, linewidth=1.1)
+        axes.add_patch(box)
+        axes.text(left + BOX_MM / 2, 0.0, text, ha="center", va="center")
+        if place:
+            _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), GREY)
+    end = (len(layers) - 1) * step + BOX_MM
+    for place, name in enumerate(classes):
+        height = ROW_MM * (0.55 - 0.55 * place)
+        _arrow(axes, (end, 0.5 * height), (end + 7.0, height), GREY)
+        axes.text(end + 8.5, height, name, va="center")
+    axes.set(xlim=(-2.0, end + 38.0), ylim=(-0.7 * ROW_MM, 0.7 * ROW_MM), aspect="equal")
+    axes.set_axis_off()
+    return figure
+
+
+def _arc(distance: float, polar_rad: Floats) -> Floats:
+    """Points of a meridian at a distance from the centre, (point, 2); the pole is up, the needle to the right."""
+    return distance * np.stack([np.sin(polar_rad), np.cos(polar_rad)], axis=-1)
+
+
+def _point(distance: float, polar_deg: float, along: float = 0.0) -> Point:
+    """One point, moved `along` the tangent, away from the pole."""
+    polar_rad = radians(polar_deg)
+    across, up = sin(polar_rad), cos(polar_rad)
+    return distance * across + along * up, distance * up - along * across
+
+
+def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
+    axes.annotate("", xy=end, xytext=start, arrowprops={**ARROW, "color": colour, "lw": 1.0})
+
+
+def _draw_base(axes: Axes, radius: float) -> None:
+    """Hatch what holds the base."""
+    for side in (-1.0, 1.0):
+        ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
+        axes.plot(ends, [0.0, 0.0], color=BLACK, linewidth=1.4)
+        for start in np.linspace(ends[0], ends[1], 6):
+            axes.plot([start, start - 0.5], [0.0, -0.8], color=BLACK, linewidth=0.6)
+    axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
+
+
+def _draw_pressure(axes: Axes, inner: float) -> None:
+    """Draw the pressure on the inner surface."""
+    for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
+        _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), BLUE)
+    across, up = _point(0.74 * inner, -45)
+    axes.text(across, up, "IOP, $f_p$", color=BLUE, ha="center", va="center", parse_math=True)
+
+
+def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
+    """Draw the needle along the normal of its contact, and the outline of the B-scan in front of it."""
+    ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
+    axes.plot(*ends.T, color=RED, linewidth=2.6, solid_capstyle="butt")
+    _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), RED)
+    across, up = _point(0.64 * radius, polar_deg)
+    axes.text(across, up, "needle, $f_n$", color=RED, ha="center", va="center", parse_math=True)
+    half = 0.38 * radius
+    corners = [(1.22, -half), (1.22, half), (0.86, half), (0.86, -half)]
+    outline = np.array([_point(share * radius, polar_deg, along) for share, along in corners])
+    axes.add_patch(Polygon(outline, fill=False, edgecolor=AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
+    across, up = _point(1.2 * radius, polar_deg, 0.42 * radius)
+    axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=CLASS_INKS[1], va="bottom")
+
+
+BINS = 128
+WIDTH_MM, HISTOGRAM_MM, MOST_MM = 170.0, 42.0, 90.0  # of the page, of the histograms, of the frames' height
+
+
+@dataclass(frozen=True, eq=False)
+class FramePair:
+    """A real frame and one that was drawn like it, (row, column), of `extent_m` (width, depth), counts up to `top`."""
+
+    real: Pixels
+    drawn: Pixels
+    extent_m: tuple[float, float]
+    top: int
+
+
+@styled
+def draw_scanner(pair: FramePair) -> Figure:
+    """Draw both frames on one grey scale, side by side, and below them their histograms."""
+    width_mm, depth_mm = (float(from_si(length, "mm")) for length in pair.extent_m)
+    frame_mm = min(MOST_MM, (WIDTH_MM / 2 - 8.0) * depth_mm / width_mm)
+    figure = Figure(figsize=inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
+    grid = figure.add_gridspec(2, 2, height_ratios=[frame_mm + 10.0, HISTOGRAM_MM])
+    for column, (title, frame) in enumerate((("Real", pair.real), ("Drawn", pair.drawn))):
+        axes = figure.add_subplot(grid[0, column])
+        axes.imshow(frame, cmap=SCAN_COLOURS, vmin=0, vmax=pair.top, extent=(0.0, width_mm, depth_mm, 0.0))
+        axes.set(title=title, xlabel="lateral, mm", ylabel="depth, mm" if not column else "")
+    axes = figure.add_subplot(grid[1, :])
+    edges = np.linspace(0, pair.top + 1, min(BINS, pair.top + 1) + 1)
+    for name, frame, colour, line in (("real", pair.real, BLACK, "-"), ("drawn", pair.drawn, AMBER, "--")):
+        share = np.histogram(frame, edges)[0] / frame.size
+        axes.plot((edges[1:] + edges[:-1]) / 2, from_si(share, "percent"), color=colour, linestyle=line, label=name)
+    axes.set(xlabel="count", ylabel="share of the pixels, %", title="Histograms", xlim=(0, pair.top))
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.legend()
+    return figure
