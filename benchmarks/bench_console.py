@@ -37,7 +37,7 @@ from scleraforce.service.companions.messages import (
     console_settings,
 )
 from scleraforce.service.entry import Entry
-from scleraforce.service.listening import listen
+from scleraforce.service.startup import listen
 
 SIZE, FRAME_S = 512, 0.01
 VERDICT = Verdict(

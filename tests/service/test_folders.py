@@ -6,7 +6,7 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.service.black_box.decision_log import DecisionLog
-from scleraforce.service.folders import try_folders
+from scleraforce.service.startup import try_folders
 
 
 def refusal(black_box: Path, record: Path | None = None) -> str:

@@ -6,7 +6,7 @@ import socket
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.service.listening import listen
+from scleraforce.service.startup import listen
 
 
 @pytest.mark.parametrize("host", ["", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"])

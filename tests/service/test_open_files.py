@@ -5,7 +5,7 @@ import resource
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.service.open_files import allow_files
+from scleraforce.service.startup import allow_files
 
 
 @pytest.fixture

@@ -8,9 +8,8 @@ from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import OvertakenRead, QueueLoss, Tick
-from scleraforce.service.overtaken import MOST_FRAMES, FramePace, Overtaken
 from scleraforce.service.scanner_image import ScannerFrame
-from scleraforce.service.session import Session
+from scleraforce.service.session import MOST_FRAMES, DeferredFrames, FramePace, Session
 
 SCALE = {"lateral_m": SCALE_M[0], "depth_m": SCALE_M[1]}
 LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
@@ -161,7 +160,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
 
 
 def test_a_flood_is_a_loss_also_where_every_frame_is_read_at_once_and_a_steady_stream_is_none() -> None:
-    flood, steady = Overtaken[int](0.1), Overtaken[int](0.1)
+    flood, steady = DeferredFrames[int](0.1), DeferredFrames[int](0.1)
     lost = []
     for number in range(30):
         flood.add(number, 10.0 + 1e-4 * number, 0.01, number // 10)
@@ -175,7 +174,7 @@ def test_a_flood_is_a_loss_also_where_every_frame_is_read_at_once_and_a_steady_s
 
 
 def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
-    waiting = Overtaken[int](0.1)
+    waiting = DeferredFrames[int](0.1)
     for number in range(MOST_FRAMES + 7):
         waiting.add(number, 10.0, 1e-6, number // 5)
     assert waiting.lose(10.0) == [(0, 5, pytest.approx(5e-6)), (1, 2, pytest.approx(2e-6))]

@@ -21,7 +21,7 @@ from scleraforce.service.companions.messages import (
     Rates,
     console_settings,
 )
-from scleraforce.service.listening import listen
+from scleraforce.service.startup import listen
 
 __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
 

@@ -11,8 +11,7 @@ from select import select
 from time import sleep
 
 from scleraforce.service.companions.guard import Guard
-from scleraforce.service.connection import Connection
-from scleraforce.service.telling import Telling
+from scleraforce.service.connection import Connection, Outgoing
 
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
@@ -139,7 +138,7 @@ class Clients:
             client.version = version
             self._guard.version(client)
 
-    def send(self, client: Connection, telling: Telling, now_s: float) -> None:
+    def send(self, client: Connection, telling: Outgoing, now_s: float) -> None:
         """Send messages to one client, if it is still there."""
         if client not in self:
             return
@@ -148,7 +147,7 @@ class Clients:
         except OSError:
             self.leave(client, "has gone")
 
-    def broadcast(self, telling: Telling, now_s: float) -> None:
+    def broadcast(self, telling: Outgoing, now_s: float) -> None:
         """Send messages to all clients."""
         for client in self:
             self.send(client, telling, now_s)

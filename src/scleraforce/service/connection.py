@@ -1,23 +1,93 @@
-"""One client's connection: it decodes what comes in, and sends without ever waiting."""
+"""One client's connection, and the messages of the monitor to it."""
 
 import fcntl
 import socket
 import sys
 import termios
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
+from math import nan
 from struct import pack
 
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import Decoder, PeerEvent
-from scleraforce.service.allowance import Allowance
+from scleraforce.monitor import Decision
+from scleraforce.monitor.events import Verdict
+from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status, Text, encode
+from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import FrameAssembler
 
+STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
+NOT_READ = Verdict(predicted=0, probabilities=None, usable=False, reason=None, force_n=None, interval_n=None)
+MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobody can take back
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
 TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
+
+
+class RateLimiter:
+    """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a pause.
+
+    >>> allowance = RateLimiter(per_s=2.0, at_once=3)
+    >>> [allowance.take(now_s) for now_s in (10.0, 10.0, 10.0, 10.0, 10.5, 10.6)]
+    [True, True, True, False, True, False]
+    """
+
+    def __init__(self, per_s: float, at_once: int) -> None:
+        self._per_s, self._at_once = per_s, at_once
+        self._left, self._then_s = float(at_once), -float("inf")
+
+    def take(self, now_s: float) -> bool:
+        """Return whether the action is allowed now; if it is, it counts as done."""
+        self._left = min(self._at_once, self._left + self._per_s * max(0.0, now_s - self._then_s))
+        self._then_s = max(now_s, self._then_s)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+def status_message(decision: Decision) -> Status:
+    """Return the STATUS of a decision; the error name is that of the cause, or of the state where there is no cause."""
+    name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
+    return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
+
+
+def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
+    """Return the STRING and the SENSOR of a decision on a frame.
+
+    The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
+    (N), usable (1 or 0), code of the STATUS. Missing values are NaN.
+    """
+    verdict = entry.verdict or NOT_READ
+    shares = (verdict.probabilities or (nan, nan, nan))[:3]
+    numbers = (
+        nan if entry.frame is None else float(entry.frame),
+        float(verdict.predicted) if entry.verdict else nan,
+        *shares, *(nan,) * (3 - len(shares)),
+        nan if verdict.force_n is None else verdict.force_n,
+        *(verdict.interval_n or (nan, nan)),
+        float(verdict.usable),
+        float(entry.code),
+    )  # fmt: skip
+    return Text(entry.text), Sensor(numbers)
+
+
+class Outgoing:
+    """Messages for several clients, encoded once for each header version that is needed."""
+
+    def __init__(self, device: str, messages: tuple[Message, ...], wall_clock: Callable[[], float]) -> None:
+        self._device, self._messages, self._time_s = device, messages, wall_clock()
+        self._encoded: dict[int, bytes] = {}
+
+    def to(self, version: int) -> bytes:
+        """Return the bytes for a client of a header version."""
+        if version not in self._encoded:
+            parts = [encode(item, self._device, version=version, time_s=self._time_s) for item in self._messages]
+            self._encoded[version] = b"".join(parts)
+        return self._encoded[version]
 
 
 class Connection:
@@ -43,7 +113,7 @@ class Connection:
         self.frames = FrameAssembler()
         self.heard_s, self.wrong_tokens = 0.0, 0
         self.message_since_s: float | None = None
-        self.notes, self.forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
+        self.notes, self.forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
         self._given_bytes = 0
         self._untaken: deque[tuple[int, float]] = deque()  # (bytes given in all, when) of each message

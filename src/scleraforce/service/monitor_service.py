@@ -25,12 +25,10 @@ from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINIO
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
 from scleraforce.service.companions.messages import OpinionSettings, black_box_settings, console_settings
-from scleraforce.service.folders import try_folders
-from scleraforce.service.listening import listen
-from scleraforce.service.open_files import allow_files
 from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
+from scleraforce.service.startup import allow_files, listen, try_folders
 from scleraforce.study import Study
 
 KEPT_S = 10.0

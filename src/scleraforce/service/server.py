@@ -20,7 +20,6 @@ from scleraforce.monitor.events import (
     Tick,
 )  # fmt: skip
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
-from scleraforce.service.allowance import Allowance
 from scleraforce.service.clients import REST_S, Clients
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -39,17 +38,18 @@ from scleraforce.service.companions.messages import (
     WithdrawalKept,
     WrongTokens,
 )
-from scleraforce.service.connection import Connection
-from scleraforce.service.reset_token import ResetToken, token_digest
-from scleraforce.service.session import Frame, Session
-from scleraforce.service.telling import (
+from scleraforce.service.connection import (
     READING_DEVICE,
     RESET_DEVICE,
     STATUS_DEVICE,
-    Telling,
+    Connection,
+    Outgoing,
+    RateLimiter,
     reading_messages,
     status_message,
 )
+from scleraforce.service.reset_token import ResetToken, token_digest
+from scleraforce.service.session import Frame, Session
 from scleraforce.units import from_si
 
 TICK_S = 0.01
@@ -121,7 +121,7 @@ class Server:
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
-        self._notes, self._forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
+        self._notes, self._forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._left_out = 0
         self._token = ResetToken(token_digest(settings.token))
         self._stopping = False
@@ -282,7 +282,7 @@ class Server:
         self._clients.broadcast(self._status(), frame.at_s)
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.at_s)
-        self._clients.broadcast(Telling(READING_DEVICE, reading_messages(entry), session.wall_clock), now_s)
+        self._clients.broadcast(Outgoing(READING_DEVICE, reading_messages(entry), session.wall_clock), now_s)
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
@@ -291,8 +291,8 @@ class Server:
             self._companions.ask_opinion(frame.number, frame.order, now_s)
             self._companions.outline(frame.number, session.reading, now_s)
 
-    def _status(self) -> Telling:
-        return Telling(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
+    def _status(self) -> Outgoing:
+        return Outgoing(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
         """Decide on an event other than a frame; tell the clients if the decision changes."""
@@ -392,7 +392,7 @@ class Server:
             client.wrong_tokens += wrong
             granted, text = self._reset(token, now_s)
             answer = Text(json.dumps({"granted": granted, "message": text}))
-            self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
+            self._clients.send(client, Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:
             self._clients.leave(client, "was disconnected: wrong tokens")
 

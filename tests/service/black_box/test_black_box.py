@@ -10,7 +10,7 @@ from decisions import READ_ENTRY, decision
 from msgspec import structs
 from peer import FUSE_S
 
-import scleraforce.service.black_box.log_sync as log_sync
+import scleraforce.service.black_box.journal as log_sync
 import scleraforce.service.black_box.process as module
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames

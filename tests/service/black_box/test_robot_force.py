@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scleraforce.recording.folder import ForceInfo
-from scleraforce.service.black_box.robot_force import RobotForce
+from scleraforce.service.black_box.heard import RobotForce
 
 INFO = ForceInfo("fy", -1)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.service.companions.memory import available_bytes
+from scleraforce.service.companions.frame_ring import available_bytes
 
 MB = 2**20
 

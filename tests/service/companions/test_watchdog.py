@@ -7,8 +7,7 @@ import socket
 import pytest
 
 import scleraforce.service.companions.watchdog as module
-from scleraforce.service.companions.watchdog import LOOK_S, MISSES, Watchdog
-from scleraforce.service.companions.watchdog_messages import ALIVE
+from scleraforce.service.companions.watchdog import ALIVE, LOOK_S, MISSES, Watchdog
 
 
 def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bool, int]:

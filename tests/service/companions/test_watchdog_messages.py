@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 
 from scleraforce.errors import MessageError
 from scleraforce.openigtlink import Status, encode
-from scleraforce.service.companions.watchdog_messages import (
+from scleraforce.service.companions.watchdog import (
     MOST_BYTES,
     Beat,
     ClientCame,

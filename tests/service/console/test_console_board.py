@@ -11,12 +11,9 @@ from decisions import decision, verdict
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, Outline, Rates
-from scleraforce.service.console.board import Board
-from scleraforce.service.console.history import HISTORY_S, STEP_S, History
-from scleraforce.service.console.origin import refusal
-from scleraforce.service.console.pictures import Pictures
-from scleraforce.service.console.sentences import SENTENCES, detail_of
-from scleraforce.service.console.thrift import SHARES
+from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History, detail_of
+from scleraforce.service.console.hub import SHARES, Pictures
+from scleraforce.service.console.server import refusal
 from scleraforce.service.entry import Entry
 
 MOST_PIXELS = SHARES[0].pixels

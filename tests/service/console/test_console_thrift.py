@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from scleraforce.service.console.thrift import SHARES, Thrift
+from scleraforce.service.console.hub import SHARES, Thrift
 
 
 def late(thrift: Thrift, times: int, begin_s: float) -> None:

@@ -14,7 +14,7 @@ from scleraforce.errors import InputError, MessageError
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
 from scleraforce.report.shown.kinds import LOG_FILES, Thing
 from scleraforce.service.black_box.decision_log import LogPart, read_log
-from scleraforce.service.console.sentences import sentence_of
+from scleraforce.service.console.board import sentence_of
 from scleraforce.service.entry import Entry
 
 LISTED = 12  # withdrawals

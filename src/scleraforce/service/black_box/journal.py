@@ -1,7 +1,8 @@
-"""What the black box says: records and notes into its log, signs of life and what it cannot keep to the monitor."""
+"""The journal of the black box: its log on the disk, its signs of life, and faults reported to the monitor."""
 
 import shutil
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from scleraforce.service.companions.messages import Alive, CompanionMessage, Dec
 from scleraforce.units import from_si
 
 LEAST_FREE_BYTES = 10**9
+CHECK_S = 1.0
 
 
 class Journal:
@@ -85,3 +87,47 @@ def _as_json(message: Decided | Note) -> dict[str, Any]:
     if isinstance(message, Decided):
         return {"kind": "entry", "entry": message.entry.as_json()}
     return {"kind": "note", "time_s": message.time_s, "text": message.text}
+
+
+class LogSync:
+    """The syncs of a log, one at a time.
+
+    Args:
+        log: of the decisions.
+        journal: told when the disk fails.
+        folder: of the black box.
+
+    Attributes:
+        due_s: time of the next sync, on the monotonic clock.
+    """
+
+    def __init__(self, log: DecisionLog, journal: Journal, folder: Path) -> None:
+        self.due_s = 0.0
+        self._log, self._journal, self._folder = log, journal, folder
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="log")
+        self._running: Future[None] | None = None
+
+    def hurry(self) -> None:
+        """Make the next sync due now."""
+        self.due_s = 0.0
+
+    def turn(self, now_s: float) -> None:
+        """If it is time, look at the disk and at the last sync, and begin the next one."""
+        if now_s < self.due_s:
+            return
+        self.due_s = now_s + CHECK_S
+        if self._journal.has_room("disk", self._folder):
+            self._journal.mended("withdrawal")  # the next one can be kept
+        if self._running is not None:
+            if not self._running.done():
+                return
+            if (fault := self._running.exception()) is not None:
+                self._journal.fault("log on disk", fault)
+            else:
+                self._journal.mended("log on disk")
+        self._running = self._thread.submit(self._log.sync)
+
+    def close(self) -> None:
+        """Wait for the last sync, and close the log."""
+        self._thread.shutdown()
+        self._log.close()

@@ -14,11 +14,8 @@ from select import select
 from scleraforce.errors import MessageError
 from scleraforce.service.black_box.decision_log import DecisionLog
 from scleraforce.service.black_box.heard import Heard, SessionBeginning
-from scleraforce.service.black_box.journal import Journal
-from scleraforce.service.black_box.kept_frames import TakenFrame
-from scleraforce.service.black_box.log_sync import LogSync
-from scleraforce.service.black_box.whole_session import WholeSession
-from scleraforce.service.black_box.withdrawals import Withdrawals
+from scleraforce.service.black_box.journal import Journal, LogSync
+from scleraforce.service.black_box.recordings import TakenFrame, WholeSession, Withdrawals
 from scleraforce.service.companions.channel import Channel, ChannelClosedError, settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import (

@@ -7,9 +7,9 @@ import subprocess
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.service.companions.channel import start_companion
-from scleraforce.service.companions.watchdog import LOOK_S
-from scleraforce.service.companions.watchdog_messages import (
+from scleraforce.service.companions.watchdog import (
     ALIVE,
+    LOOK_S,
     Beat,
     ClientCame,
     ClientLeft,
@@ -19,8 +19,7 @@ from scleraforce.service.companions.watchdog_messages import (
     WatchdogMessage,
     pack_for_watchdog,
 )
-from scleraforce.service.connection import Connection
-from scleraforce.service.telling import STATUS_DEVICE
+from scleraforce.service.connection import STATUS_DEVICE, Connection
 
 BEAT_LOOKS = 0.5  # 10 ms
 SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed

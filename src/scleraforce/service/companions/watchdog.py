@@ -1,38 +1,136 @@
-"""The watchdog: a process that tells the clients to withdraw when the monitor hangs or has died.
+"""The watchdog: a process that makes the clients withdraw when the monitor hangs or has died.
 
 It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
-monitor (which might otherwise go on later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
+monitor (which might otherwise resume later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
 until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
-alone, so that it starts before the model is loaded. `watchdog_messages` says what the monitor tells it.
+alone, so that it starts before NumPy and the model are loaded and does not depend on them.
+
+Its messages are records, one datagram each; it answers `ALIVE` when it is ready and to each sign of life. A datagram is
+a letter and what follows it:
+
+    M  version, space, the STATUS to send    C  client, whose socket comes with it    V  client, space, version
+    D  client                                B  nothing                               Q  nothing
 """
 
 import os
+import re
 import select
 import signal
 import socket
 import sys
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 
 from scleraforce.errors import MessageError
-from scleraforce.service.companions.watchdog_messages import (
-    ALIVE,
-    MOST_BYTES,
-    Beat,
-    ClientCame,
-    ClientLeft,
-    ClientSpeaks,
-    Emergency,
-    PlannedEnd,
-    WatchdogMessage,
-    unpack_for_watchdog,
-)
 from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
 from scleraforce.service.stamp import stamp_time
 
+ALIVE = b"A"
+MOST_BYTES = 4096
+FORM = re.compile(
+    rb"M(?P<emergency>[123]) (?P<status>.{58,})|C(?P<came>\d{1,18})|V(?P<speaks>\d{1,18}) (?P<version>[123])"
+    rb"|D(?P<left>\d{1,18})|(?P<beat>B)|(?P<end>Q)",
+    re.DOTALL,
+)  # 58 bytes: the header of any OpenIGTLink message
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Emergency:
+    """The whole STATUS message for clients of a header version, 1 to 3."""
+
+    version: int
+    status: bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClientCame:
+    """A client, whose socket is sent along."""
+
+    client: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClientSpeaks:
+    """The header version that a client speaks, 1 to 3."""
+
+    client: int
+    version: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClientLeft:
+    """A client whose socket is to be closed."""
+
+    client: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beat:
+    """A sign of life of the monitor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedEnd:
+    """The monitor ends as planned."""
+
+
+WatchdogMessage = Emergency | ClientCame | ClientSpeaks | ClientLeft | Beat | PlannedEnd
+
+
+def pack_for_watchdog(message: WatchdogMessage) -> bytes:
+    """Return the datagram of a message.
+
+    Raises:
+        MessageError: it would not be understood.
+
+    >>> pack_for_watchdog(ClientSpeaks(client=7, version=2))
+    b'V7 2'
+    """
+    match message:
+        case Emergency(version=version, status=status):
+            data = b"M%d " % version + status
+        case ClientCame(client=client):
+            data = b"C%d" % client
+        case ClientSpeaks(client=client, version=version):
+            data = b"V%d %d" % (client, version)
+        case ClientLeft(client=client):
+            data = b"D%d" % client
+        case Beat():
+            data = b"B"
+        case PlannedEnd():
+            data = b"Q"
+    _parts(data)
+    return data
+
+
+def unpack_for_watchdog(data: bytes) -> WatchdogMessage:
+    """Return the message of a datagram.
+
+    Raises:
+        MessageError: it is none.
+    """
+    parts = _parts(data)
+    if parts["emergency"]:
+        return Emergency(version=int(parts["emergency"]), status=parts["status"])
+    if parts["came"]:
+        return ClientCame(client=int(parts["came"]))
+    if parts["speaks"]:
+        return ClientSpeaks(client=int(parts["speaks"]), version=int(parts["version"]))
+    if parts["left"]:
+        return ClientLeft(client=int(parts["left"]))
+    return Beat() if parts["beat"] else PlannedEnd()
+
+
+def _parts(data: bytes) -> dict[str, bytes]:
+    """Return the parts of a datagram by name; those of other messages are None."""
+    found = FORM.fullmatch(data) if len(data) <= MOST_BYTES else None
+    if found is None:
+        raise MessageError(f"{data[:20]!r}, {len(data)} bytes: no message to the watchdog")
+    return found.groupdict()
 
 
 class Watchdog:

@@ -1,22 +1,128 @@
-"""The state of the console: takes the monitor's messages, gives what a page shows; no clock and no I/O."""
+"""The board of the console: all that a page shows, its history, and a sentence for each cause."""
 
+import re
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import takewhile
+from math import isfinite
 from statistics import median
 from typing import Any
 
 from msgspec import to_builtins
 
 from scleraforce.service.companions.messages import CompanionMessage, Decided, Outline, Rates
-from scleraforce.service.console.history import STEP_S, History
-from scleraforce.service.console.sentences import detail_of, sentence_of
 from scleraforce.service.entry import Entry
 
+SENTENCES = {
+    "SILENCE": "No frame came from the scanner for too long.",
+    "CHECKSUM": "A message arrived damaged: its checksum is wrong.",
+    "DANGEROUS_CLASS": "The force is in the dangerous class.",
+    "BOUND": "The force may have reached the bound.",
+    "RISING": "The force rises so fast that the bound would be reached before the robot reacts.",
+    "UNUSABLE": "The frame cannot be judged while the needle touches the eye.",
+    "FROZEN": "The scanner sends old pictures again.",
+    "OUT_OF_ORDER": "Frames or times came out of order.",
+    "SIZE": "A frame has another size than the model was made for.",
+    "SCALE": "A frame has pixels of another size than the model was made for.",
+    "NO_NUMBER": "A reading is not a number, or contradicts itself.",
+    "QUEUE_BEHIND": "Frames come faster than they can be read: too many were lost.",
+    "BAD_IMAGE": "The scanner sent something that is not an image.",
+    "EXCEPTION": "A part of the monitor failed.",
+    "NO_OPINION": "The second reader has not answered for too long.",
+    "STALE": "Frames arrive too long after they were taken.",
+    "PIXEL_TYPE": "The scanner has changed the type of its pixels.",
+    "WATCHDOG": "The monitor hung or died, and the watchdog ended it.",
+}
+
+READ_WORDS = re.compile(r"; class \d+(; -?[\d.]+ mN)?(; .*)?$", re.DOTALL)
+STEP_S = 0.04
+HISTORY_S = 30.0
+SEVERITY = ("WATCHING", "NOT_READY", "WITHDRAW")
 SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
 WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
 READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
 READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
+
+
+def sentence_of(cause: str) -> str:
+    """Return the sentence of a cause, by its name."""
+    return SENTENCES.get(cause, f"Cause: {cause}.")
+
+
+def detail_of(message: str, state: str) -> str:
+    """Return the reason within a decision's message: without the state before it and the last reading after it.
+
+    >>> detail_of("WITHDRAW: up to 31.2 mN, the bound is 30.0 mN; class 1; 28.9 mN", "WITHDRAW")
+    'up to 31.2 mN, the bound is 30.0 mN'
+    >>> detail_of("WATCHING: class 0; 2.1 mN", "WATCHING")
+    ''
+    """
+    reason = message.removeprefix(state).removeprefix(": ")
+    if state == "WATCHING":  # there need not be a reason
+        reason = f"; {reason}"
+    return READ_WORDS.sub("", reason).removeprefix("; ")
+
+
+@dataclass
+class Step:
+    """What came within one time step; the worst of it counts, so that no peak is lost.
+
+    `force_mn` is the largest force, the interval the one that holds all intervals; None where no frame could be read.
+    """
+
+    number: int
+    state: str
+    force_mn: float | None = None
+    low_mn: float | None = None
+    high_mn: float | None = None
+    predicted: int | None = None
+
+    def take(self, entry: Entry) -> None:
+        """Add a decision."""
+        self.state = max(self.state, entry.state, key=SEVERITY.index)
+        if entry.verdict is None or not entry.verdict.usable:
+            return
+        self.predicted = max(entry.verdict.predicted, self.predicted or 0)
+        low_mn, high_mn = entry.interval_mn or (None, None)
+        self.force_mn = _farther(max, self.force_mn, entry.force_mn)
+        self.low_mn = _farther(min, self.low_mn, low_mn)
+        self.high_mn = _farther(max, self.high_mn, high_mn)
+
+    def as_json(self) -> list[Any]:
+        """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
+        forces = [None if value is None else round(value, 4) for value in (self.force_mn, self.low_mn, self.high_mn)]
+        return [self.number, *forces, self.state, self.predicted]
+
+
+class History:
+    """Steps of `STEP_S`, the last `HISTORY_S` of them; a step in which nothing was decided is absent."""
+
+    def __init__(self) -> None:
+        self._steps: deque[Step] = deque()
+
+    def take(self, entry: Entry) -> None:
+        """Add a decision."""
+        number = int(entry.at_s / STEP_S)
+        if not self._steps or number > self._steps[-1].number:
+            self._steps.append(Step(number, entry.state))
+        self._steps[-1].take(entry)
+        while self._steps[0].number < self._steps[-1].number - HISTORY_S / STEP_S:
+            self._steps.popleft()
+
+    def since(self, number: int) -> list[Step]:
+        """Return the steps from a number on, oldest first; the last one may still change."""
+        late = list(takewhile(lambda step: step.number >= number, reversed(self._steps)))
+        return late[::-1]
+
+
+def _farther(which: Callable[[float, float], float], one_mn: float | None, other_mn: float | None) -> float | None:
+    """Return `which`, the larger or the smaller, of two forces; what is missing or NaN does not count."""
+    if other_mn is None or not isfinite(other_mn):
+        return one_mn
+    return other_mn if one_mn is None else which(one_mn, other_mn)
 
 
 class Board:

@@ -1,31 +1,135 @@
-"""The console's end of the channel to the monitor: it puts messages on the board and sends resets."""
+"""The console's end of the channel to the monitor, its pictures, and the share of each page."""
 
 import asyncio
+import json
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from time import monotonic
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from scleraforce.errors import MessageError
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
+from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import (
     CompanionMessage,
     Decided,
+    Outline,
     ResetAnswered,
     ResetAsked,
     SelfReport,
     WrongTokens,
 )
 from scleraforce.service.console.board import Board
-from scleraforce.service.console.pictures import Pictures
-from scleraforce.service.console.thrift import Thrift
 from scleraforce.service.reset_token import ResetToken
 
+LATE_S = 0.015  # a wake-up of the console this late is a sign
+SLOW_MS = 10.0  # an answer that takes longer, too
+SIGNS, WITHIN_S = 3, 1.0  # so many within this time: the machine is short
+HELD_S = 1.0  # at least, before less is shown again
+CALM_S = 5.0  # without a sign, before more is shown again
+WHITE_PERCENTILE = 99.5
+FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
 ANSWER_S = 3.0
 WRONG_S = 0.5  # delay of the answer to a wrong token
 MOST_PAGES = 32
 
 ResetAnswer = tuple[bool, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """What a page gets: at most one update every `update_s`, one picture every `picture_s`, of `pixels` a side."""
+
+    level: int
+    update_s: float
+    picture_s: float
+    pixels: int
+
+
+SHARES = (
+    Share(level=0, update_s=1 / 30, picture_s=1 / 30, pixels=640),
+    Share(level=1, update_s=0.1, picture_s=0.2, pixels=320),
+    Share(level=2, update_s=0.2, picture_s=0.5, pixels=320),  # slower, and a page would call it not live
+)
+
+
+class Thrift:
+    """Chooses the share of the pages by signs that the machine is short.
+
+    >>> thrift = Thrift()
+    >>> for n in range(3):
+    ...     thrift.woke(0.02, 0.1 * n)
+    >>> thrift.share(0.2).level, thrift.share(5.3).level
+    (1, 0)
+    """
+
+    def __init__(self) -> None:
+        self._signs: deque[float] = deque(maxlen=SIGNS)
+        self._level = 0
+        self._since_s = float("-inf")
+        self._behind = 0
+
+    def woke(self, late_s: float, now_s: float) -> None:
+        """Take how late the console woke up."""
+        if late_s > LATE_S:
+            self._signs.append(now_s)
+
+    def answered(self, latency_ms: float | None, behind: int, now_s: float) -> None:
+        """Take the latency of an answer, and how many frames were overtaken or lost since the start."""
+        if behind > self._behind or (latency_ms is not None and latency_ms > SLOW_MS):
+            self._signs.append(now_s)
+        self._behind = behind
+
+    def share(self, now_s: float) -> Share:
+        """Return the share from now on."""
+        held = now_s - self._since_s >= HELD_S
+        short = len(self._signs) == SIGNS and now_s - self._signs[0] <= WITHIN_S
+        calm = not self._signs or now_s - self._signs[-1] > CALM_S
+        if short and held and self._level < len(SHARES) - 1:
+            self._level, self._since_s = self._level + 1, now_s
+            self._signs.clear()
+        elif calm and self._level and now_s - self._since_s > CALM_S:
+            self._level, self._since_s = self._level - 1, now_s
+        return SHARES[self._level]
+
+
+class Pictures:
+    """Makes pictures of frames, each once, however many pages show it.
+
+    A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, `rows`, `columns` of the
+    pixels that follow, `outline`), the pixels (row, column), one byte each.
+    """
+
+    def __init__(self, ring: FrameRing) -> None:
+        self._ring = ring
+        self._made: tuple[tuple[int, int], bytes] = ((0, 0), b"")
+        self._white = 1.0
+
+    def of(self, frame: int, outline: Outline | None, most_pixels: int) -> bytes | None:
+        """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
+        if self._made[0] == (frame, most_pixels):
+            return self._made[1]
+        pixels = self._ring.get(frame)
+        if pixels is None:
+            return None
+        self._made = (frame, most_pixels), self._picture(frame, pixels, outline, most_pixels)
+        return self._made[1]
+
+    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Outline | None, most_pixels: int) -> bytes:
+        white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
+        self._white = max(white, FADING * self._white, 1.0)
+        rows, columns = (min(length, most_pixels) for length in pixels.shape)
+        if (rows, columns) != pixels.shape:
+            pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
+        shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
+        lines = {"step": outline.step, "outer": outline.outer, "inner": outline.inner} if outline else None
+        header = json.dumps({"frame": frame, "rows": rows, "columns": columns, "outline": lines}).encode()
+        return len(header).to_bytes(4, "little") + header + shown.tobytes()
 
 
 @dataclass(eq=False)

@@ -8,8 +8,7 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from scleraforce.service.console.hub import Hub, PagePlace
-from scleraforce.service.console.thrift import Share
+from scleraforce.service.console.hub import Hub, PagePlace, Share
 
 SLACK_S = 0.01  # by which a picture may come earlier than its turn, since updates have their own rhythm
 MOST_UNSEEN = 4  # messages under way that the page has not acknowledged

@@ -1,23 +1,191 @@
-"""The console's process: the web server and the channel in one event loop."""
+"""The web server of the console: its own pages alone, the newest connections, one event loop."""
 
 import asyncio
 import os
 import socket
+from collections import deque
+from collections.abc import Awaitable, Callable, MutableMapping
+from importlib.resources import files
+from ipaddress import ip_address
+from typing import Any
 
+import h11
 import uvicorn
+from fastapi import FastAPI, Response, WebSocket
+from pydantic import BaseModel, Field
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import ConsoleSettings, ListensAt
-from scleraforce.service.console.app import console_app
-from scleraforce.service.console.connections import NewestConnections
-from scleraforce.service.console.hub import Hub
-from scleraforce.service.console.pictures import Pictures
+from scleraforce.service.console.hub import Hub, Pictures
+from scleraforce.service.console.pages import show
 from scleraforce.service.reset_token import ResetToken
 
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+MOST_BODY_BYTES = 4096
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-frame-options": "DENY",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "cache-control": "no-store",
+}
+MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
+
+_requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process
+TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
 NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096
+
+
+def refusal(kind: str, method: str, headers: list[tuple[bytes, bytes]], name: str) -> tuple[int, str] | None:
+    """Return status and reason of the refusal of a request; None if it is accepted.
+
+    A page of another site may point its own name to this address (DNS rebinding); then `Host` has that name. An
+    address cannot be rebound, so every address is accepted; of the names, only `localhost` and the console's own.
+
+    Args:
+        kind: "http" or "websocket".
+        method: of HTTP.
+        headers: names in lower case.
+        name: the host that the console listens on.
+    """
+    found: dict[bytes, list[str]] = {}
+    for key, value in headers:
+        found.setdefault(key, []).append(value.decode("latin-1"))
+    hosts, origins = found.get(b"host", []), found.get(b"origin", [])
+    if len(hosts) != 1 or not _own(hosts[0], name):
+        return 403, "this host name is not the console's"
+    writes = kind == "websocket" or method not in ("GET", "HEAD")
+    if (origins or writes) and origins not in ([f"http://{hosts[0]}"], [f"https://{hosts[0]}"]):
+        return 403, "only the console's own page may ask"
+    if kind == "http" and writes:
+        length = "".join(found.get(b"content-length", []))
+        if not (length.isascii() and length.isdigit() and int(length[:9]) <= MOST_BODY_BYTES):
+            return 413, f"a request needs a Content-Length of at most {MOST_BODY_BYTES} bytes"
+    return None
+
+
+def _own(host: str, name: str) -> bool:
+    bare = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
+    try:
+        ip_address(bare)
+    except ValueError:
+        return bare.lower() in ("localhost", name.lower())
+    return True
+
+
+class OwnPagesOnly:
+    """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to every answer."""
+
+    def __init__(self, app: App, name: str) -> None:
+        self._app, self._name = app, name
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = [(key.encode(), value.encode()) for key, value in HEADERS.items()]
+                message["headers"] = [*message.get("headers", []), *own]
+            await send(message)
+
+        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], self._name)
+        if refused is None:
+            await self._app(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})  # before it is accepted: an answer 403
+        else:
+            status, reason = refused
+            plain = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+            await send_with_headers({"type": "http.response.start", "status": status, "headers": plain})
+            await send({"type": "http.response.body", "body": reason.encode()})
+
+
+class NewestConnections(H11Protocol):
+    """Accepts every new connection; if there are too many, the oldest is cut off.
+
+    A server that refused the newest one instead could be blocked by silent connections.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn's own
+        """Accept a connection."""
+        super().connection_made(transport)
+        _enter(_requests, transport)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Let a connection become a WebSocket."""
+        _requests.remove(self.transport)
+        _enter(_sockets, self.transport)
+        super().handle_websocket_upgrade(event)
+
+
+def _enter(connections: deque[asyncio.Transport], newest: asyncio.Transport) -> None:
+    for closed in [transport for transport in connections if transport.is_closing()]:
+        connections.remove(closed)
+    connections.append(newest)
+    if len(connections) > MOST:
+        connections.popleft().abort()
+
+
+class _Reset(BaseModel):
+    """The operator's request."""
+
+    token: str = Field(max_length=200)
+
+
+def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
+    """Return the application.
+
+    Args:
+        hub: the connection to the monitor.
+        settings: of the console.
+    """
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    assets = {
+        entry.name: entry.read_bytes()
+        for entry in files("scleraforce.service.console").joinpath("page").iterdir()
+        if entry.name.rpartition(".")[2] in TYPES
+    }
+
+    @app.get("/")
+    async def page() -> Response:
+        return Response(assets["index.html"], media_type="text/html")
+
+    @app.get("/{name}")
+    async def asset(name: str) -> Response:
+        if name not in assets:
+            return Response("there is no such page", 404, media_type="text/plain")
+        return Response(assets[name], media_type=TYPES[name.rpartition(".")[2]])
+
+    @app.post("/reset")
+    async def reset(asked: _Reset) -> dict[str, Any]:
+        granted, said = await hub.reset(asked.token)
+        return {"granted": granted, "message": said}
+
+    @app.websocket("/live")
+    async def live(socket: WebSocket) -> None:
+        await socket.accept()
+        await show(socket, hub, settings.for_page())
+
+    return OwnPagesOnly(app, settings.host)
 
 
 def serve(channel: Channel, settings: ConsoleSettings) -> int:
