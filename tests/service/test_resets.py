@@ -7,7 +7,8 @@ from peer import FUSE_S, Peer, serving
 from small_monitor import TOKEN
 
 from scleraforce.openigtlink import Text, encode
-from scleraforce.service.operator import ANSWERED, ask_reset
+from scleraforce.service.operator import ask_reset
+from scleraforce.service.reset_token import ANSWERED
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
