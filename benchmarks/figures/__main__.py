@@ -33,8 +33,8 @@ from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from figures.told import tell
 from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
+from scleraforce.cli.options import chosen_workers, options
 from scleraforce.cli.output import progress_bar
-from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.errors import ScleraforceError
 from scleraforce.processes import available_cores
 from scleraforce.report.files import write_figure
@@ -98,7 +98,7 @@ class Group:
               help="Of each group, and of some other numbers.")  # fmt: skip
 @click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
               f"by default: {','.join(GROUPS)}.")  # fmt: skip
-@worker_options("compute the eyes; the commands after them run here")
+@options("scheduler", "workers", scheduler="Dask scheduler whose workers compute the eyes; later commands run here.")
 @click.option(
     "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
 )

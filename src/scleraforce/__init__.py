@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from scleraforce.dataset.store import open_dataset
     from scleraforce.errors import InputError
     from scleraforce.library.store import open_library
-    from scleraforce.notebook.calibrating import calibrate, evaluate
+    from scleraforce.notebook.calibrating import calibrate
+    from scleraforce.notebook.evaluating import evaluate
     from scleraforce.notebook.frames import load_model, read, segment
     from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.training import generate, library_of, train
@@ -54,7 +55,7 @@ _MODULES = {
     "InputError": "errors",
     "Study": "study.records",
     "calibrate": "notebook.calibrating",
-    "evaluate": "notebook.calibrating",
+    "evaluate": "notebook.evaluating",
     "generate": "notebook.training",
     "import_recording": "notebook.importing",
     "library_of": "notebook.training",

@@ -95,7 +95,7 @@ def test_unknown_parameters_are_a_usage_error(
 ) -> None:
     arguments = ["calibrate", str(folder / "eye"), "--out", str(tmp_path / "o.json"), "--parameters", parameters]
     assert run(arguments) == 2
-    assert "of stiffening, iop, thickness, gap" in capsys.readouterr().err
+    assert "error: --parameters: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("parameters", ["e,stiffening", "stiffening,iop,e"])
@@ -107,7 +107,7 @@ def test_linear_mechanics_refuses_a_stiffening_in_one_line(
     assert run([*arguments, "--parameters", parameters]) == 2
     printed = capsys.readouterr()
     (line,) = (text for text in printed.err.splitlines() if text.strip())
-    assert line == "error: parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+    assert line == "error: --parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
     assert (printed.out, out.exists()) == ("", False)
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 from calibrated_eye import calibration_of_a_sealed_eye
 
+import scleraforce
 from scleraforce.calibration.result import found_words
 from scleraforce.cli.main import run
-from scleraforce.notebook import work
+from scleraforce.notebook import calibrating
 from scleraforce.reader.intervals import GLOBE_TRAITS, Stretch
 from scleraforce.report.calibration_figures import draw_calibration
 
@@ -23,7 +24,7 @@ def test_text_and_picture_have_what_was_found_beside_the_modulus(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = calibration_of_a_sealed_eye()
-    monkeypatch.setattr(work, "calibrate_eyes", lambda *_, **__: result)
+    monkeypatch.setattr(scleraforce, "calibrate", lambda *_, **__: result)
     plot = tmp_path / "out.png"
     assert run(["calibrate", "mine", "--out", str(tmp_path / "out.json"), "--plot", str(plot)]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -69,7 +70,7 @@ def test_stretched_intervals_are_a_table_of_80_columns(
     change = Stretch(
         method="network", modulus="other E", globes=GLOBE_TRAITS, eyes=eyes, readings=1700, held=0.825, factor=12.345
     )
-    monkeypatch.setattr(work, "recalibrate_intervals", lambda *_, **__: (change,))
+    monkeypatch.setattr(calibrating, "recalibrate_intervals", lambda *_, **__: (change,))
     assert run(["calibrate", "any", "--intervals", "default", "--out", str(tmp_path / "new")]) == 0
     head, row, *others = capsys.readouterr().out.splitlines()
     assert head.split() == ["method", "modulus", "globe", "eyes", "readings", "held", "factor"]

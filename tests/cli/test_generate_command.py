@@ -11,8 +11,8 @@ import pytest
 from calibration_file import calibration_text
 
 from scleraforce.cli.main import run
-from scleraforce.dataset import generate as command
 from scleraforce.dataset.store import open_dataset
+from scleraforce.notebook import training
 
 STUDY = """
 [mesh]
@@ -56,7 +56,7 @@ def test_an_interrupted_generate_says_what_it_keeps_and_exits_with_130(study, tm
         progress(7)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "generate_dataset", interrupted)
+    monkeypatch.setattr(training, "generate_dataset", interrupted)
     assert run(["generate", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
     assert "7 of 20 images are kept; the same command completes them" in capsys.readouterr().err
 

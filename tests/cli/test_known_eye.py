@@ -2,7 +2,7 @@
 
 import pytest
 
-from scleraforce.cli.known_eye import globe_words
+from scleraforce.cli.inputs import globe_words
 from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 
 CALIBRATED = KnownGlobe(
@@ -14,7 +14,7 @@ CALIBRATED = KnownGlobe(
 @pytest.mark.parametrize(
     ("globe", "words"),
     [
-        (None, "unknown: tell --globe; intervals are wider and withdrawals come earlier"),
+        (None, "unknown: give --globe; intervals are wider and withdrawals come earlier"),
         (OPEN, "open"),
         (SEALED, "sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl"),
         (known_globe("sealed", REFERENCE_RIGIDITY), "sealed, k between 0.026 and 0.034 mmHg^(1/3)/µl"),

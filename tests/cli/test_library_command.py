@@ -8,7 +8,7 @@ from scleraforce.cli.main import run
 from scleraforce.cli.output import count_bar
 from scleraforce.library import build as library_build
 from scleraforce.library.store import open_library
-from scleraforce.notebook.work import library_for
+from scleraforce.notebook.training import library_for
 from scleraforce.study import parse_study
 
 STUDY = """

@@ -135,7 +135,7 @@ def test_one_thickness_is_not_that_of_two_eyes(pushed: Path, tmp_path: Path) -> 
     looked_at_frames(tmp_path / "other", 1)
     info = tmp_path / "other" / "recording.toml"
     info.write_text(info.read_text().replace('id = "eye"', 'id = "other"'))
-    with pytest.raises(sf.InputError, match="is one eye's, and the recordings are of eye, other"):
+    with pytest.raises(sf.InputError, match="thickness_m: of one eye; the recordings are of eye, other"):
         sf.calibrate([pushed, tmp_path / "other"], thickness_m=650e-6)
     with pytest.raises(sf.InputError, match=r"thickness_m: 0\.65"):
         sf.calibrate(pushed, thickness_m=0.65)

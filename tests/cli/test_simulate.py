@@ -145,7 +145,5 @@ def test_a_rigidity_of_an_open_globe_is_refused(command, globe, rigidity, tmp_pa
     monkeypatch.chdir(tmp_path)
     told = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", rigidity)
     assert run([*command, *told, *globe]) == 2
-    assert (
-        f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity} out" in capsys.readouterr().err
-    )
+    assert "--rigidity: of a sealed globe" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -34,7 +34,7 @@ RUNS = {
     "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
     "generate": "--study small.toml --out {out} --workers 1",
     "train": "dataset --out {out}",
-    "classify": "reader " + FRAME,
+    "read": "reader " + FRAME,
     "evaluate": "reader eye-a",
     "import": FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
     "--gap-mm 0.6 --eye eye-b",
@@ -189,4 +189,5 @@ def test_commands_print_through_what_can_be_quiet() -> None:
     """`say` and `print_json` of `cli.output` know --quiet; what echoes by itself is listed."""
     root = Path(library_build.__file__).parents[1] / "cli"
     echoing = {path.name for path in root.glob("*.py") if "click.echo(" in path.read_text()}
-    assert echoing == {"main.py", "output.py", "replay.py"}  # errors; what they print with; the live line
+    # Questions on a terminal; errors; what commands print with; the live line.
+    assert echoing == {"import_terminal.py", "main.py", "output.py", "replay.py"}

@@ -216,8 +216,8 @@ def not_refused(*_: object, **__: object) -> None:
 
 @pytest.mark.parametrize("command", ["simulate", "phantom"])
 def test_an_eye_of_finite_strain_takes_all_keys(command: str, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("scleraforce.laboratory.simulation.simulate_eye", not_refused)
-    monkeypatch.setattr("scleraforce.laboratory.virtual_eye.study_sections", not_refused)
+    monkeypatch.setattr("scleraforce.notebook.virtual.simulate_eye", not_refused)
+    monkeypatch.setattr("scleraforce.notebook.virtual.study_sections", not_refused)
     study = tmp_path / "all.toml"
     study.write_text(EVERYTHING)
     line = f"{command} {ARGUMENTS[command]} --mechanics finite-strain --study STUDY"

@@ -94,7 +94,7 @@ def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
         (["--kind", "reader"], "--kind reader: DATASET is missing"),
         (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
         (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
-        (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall finder has the sizes"),
+        (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall-finder has the sizes"),
     ],
 )
 def test_what_does_not_go_together_is_refused(options: list[str], said: str, tmp_path, capsys) -> None:

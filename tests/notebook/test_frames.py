@@ -8,7 +8,8 @@ from fixed_network import force_reader
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
 from scleraforce.known.eye import REFERENCE_RIGIDITY
-from scleraforce.notebook.calibrating import calibrate, evaluate
+from scleraforce.notebook.calibrating import calibrate
+from scleraforce.notebook.evaluating import evaluate
 from scleraforce.notebook.frames import read, segment
 from scleraforce.notebook.training import train
 from scleraforce.reader.answer import Reading
@@ -34,8 +35,8 @@ def test_what_is_told_of_the_globe_is_read_with() -> None:
     assert vented.iop_at_dent_pa == pytest.approx(KNOWN.iop_pa, rel=0.1)
     assert sealed.iop_at_dent_pa > 1.2 * vented.iop_at_dent_pa
     for globe, k, words in (
-        (None, 1.5e8, 'give globe="sealed", too'),
-        ("open", 1.5e8, 'give globe="sealed", too'),
+        (None, 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
+        ("open", 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
         ("shut", None, "shut"),
         ("sealed", 0.03, "rigidity_mmhg13_per_ul"),
     ):
@@ -68,7 +69,7 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line(frame: np.ndarray, told: 
 def test_what_would_be_ignored_is_refused() -> None:
     with pytest.raises(InputError, match="eye: 'eye-a' names an eye of a calibration"):
         read(force_reader(), FRAME, eye="eye-a", **SIZE)
-    with pytest.raises(InputError, match="youngs_modulus_pa: a calibration is given, too"):
+    with pytest.raises(InputError, match="youngs_modulus_pa: the calibration gives the modulus"):
         read(force_reader(), FRAME, youngs_modulus_pa=0.3e6, calibration="modulus.json", **SIZE)
 
 

@@ -9,7 +9,7 @@ from calibration_file import calibration_text
 
 import scleraforce as sf
 from scleraforce.cli.main import COMMANDS, cli, run
-from scleraforce.cli.quantities import Possible
+from scleraforce.cli.options import Possible
 from scleraforce.errors import CalibrationError, InputError, RecordingError, StudyError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.recording.folder import read_info
@@ -77,7 +77,8 @@ def test_bounds_are_the_same_in_both_units(name: str) -> None:
 
 
 def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
-    names = {f"{name}_{spec.name}" for name, spec in QUANTITIES.items()} | {"rigidity"}
+    units = {name: (spec.name, SI_PER_UNIT[spec.name][0]) for name, spec in QUANTITIES.items()}
+    names = {f"{name}_{unit}" for name, both in units.items() for unit in both}
     context = click.Context(cli)
     checked = {
         (command, option.name)
@@ -98,9 +99,9 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [
-        (("classify", "default", "no.png", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
-        (("classify", "default", "no.png", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
-        (("classify", "default", "no.png", "--iop-mmhg", "2000"), "15 mmHg (2000 Pa)"),
+        (("read", "default", "no.png", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
+        (("read", "default", "no.png", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
+        (("read", "default", "no.png", "--iop-mmhg", "2000"), "15 mmHg (2000 Pa)"),
         (("monitor", "default", "--gap-mm", "500"), "0.5 mm (500 µm)"),
         (("segment", "no.png", "--out", "no", "--width-mm", "15000"), "15 mm (15000 µm)"),
         (("simulate", "--thickness-um", "0.5", "--force-mn", "20"), "500 µm (0.5 mm)"),

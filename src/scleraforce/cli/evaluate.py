@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar, say
-from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
-from scleraforce.errors import InputError
+from scleraforce.cli.options import PATH, options
+from scleraforce.cli.output import Command, Report, count_bar, refuse_existing
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
@@ -17,25 +16,17 @@ if TYPE_CHECKING:
     from scleraforce.reader.metrics import Proportion
 
 
-@click.command()
-@click.argument("model", type=click.Path(path_type=Path))
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--calibration", type=click.Path(path_type=Path),
-              help="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
-@wall_finder_option
-@click.option("--html", type=click.Path(path_type=Path), help="Page to write as well; must not exist.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.command(cls=Command)
+@click.argument("model", type=PATH)
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@options("calibration", "finder", "html",
+         calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
 def evaluate(
-    model: Path,
-    recordings: tuple[Path, ...],
-    calibration: Path | None,
-    finder: Path | None,
-    html: Path | None,
-    as_json: bool,
-) -> None:
+    model: Path, recordings: tuple[Path, ...], calibration: Path | None, finder: Path | None, html: Path | None
+) -> Report:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
-    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
 
     A label is given with the standard deviation of its error, by the log's own
     noise, steps and drift. Intervals are held against labels with that error,
@@ -46,31 +37,21 @@ def evaluate(
     model of kind "reader" reads an eye that the calibration knows with its own
     modulus, others with the population's; a classifier knows one modulus only.
     """
-    from scleraforce.compiled import use_compiled_loops
-    from scleraforce.known.calibration_file import read_calibration
-    from scleraforce.reader import load_model
-    from scleraforce.reader.evaluate import evaluate_recordings
-    from scleraforce.recording.folder import read_recording
+    import scleraforce as sf
 
-    if html is not None and html.exists():
-        raise InputError(f"{html}: exists already; remove it or choose another name")
-    use_compiled_loops()
-    reader = load_model(model, finder=finder_folder(finder))
-    summary = None if calibration is None else read_calibration(calibration)
-    count = sum(len(read_recording(path).frames) for path in recordings)
-    with progress_bar(range(count), "frames") as bar:
-        evaluation = evaluate_recordings(reader, recordings, summary, bar.update)
+    refuse_existing(html)
+    reader = sf.load_model(model, wall_finder=finder)
+    evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
     if html is not None:
         from scleraforce.report.evaluation_page import write_evaluation_html
         from scleraforce.report.frames import look_at_all, shown_frames
 
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
-    if as_json:
-        print_json(evaluation.as_json())
-    else:
-        parts = (_frames, _confusion, _forces, _notes)
-        say("\n\n".join("\n".join(lines) for part in parts if (lines := part(evaluation))))
+    parts = (_frames, _confusion, _forces, _notes)
+    return Report(
+        evaluation.as_json(), ["\n\n".join("\n".join(lines) for part in parts if (lines := part(evaluation)))]
+    )
 
 
 def _frames(evaluation: "Evaluation") -> list[str]:

@@ -1,13 +1,14 @@
 """`scleraforce export`: recordings and answers in the formats of other programs."""
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import print_json, say
-from scleraforce.cli.single_frames import is_folder
+from scleraforce.cli.options import PATH, options
+from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,18 +19,17 @@ TABLES = (".csv", ".json")
 ENDINGS = (*TABLES, ".mcap", ".nrrd")
 
 
-@click.command()
-@click.argument("thing", type=click.Path(path_type=Path))
+@click.command(cls=Command)
+@click.argument("thing", type=PATH)
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
               help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.")  # fmt: skip
-@click.option("--answers", type=click.Path(path_type=Path), help="What evaluate, classify or segment printed with "
-              "--json on the recording: it joins the rows of its frames.")  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace a file that is there.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def export(thing: Path, out: Path, answers: Path | None, force: bool, as_json: bool) -> None:
+@click.option("--answers", type=PATH, help="What evaluate, read or segment printed with --json on the recording: it "
+              "joins the rows of its frames.")  # fmt: skip
+@options("force", force="Replace a file that exists.")
+def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
     """Write a recording, or a file of answers, for other programs.
 
-    THING is a recording folder, or what evaluate, classify or segment printed
+    THING is a recording folder, or what evaluate, read or segment printed
     with --json. .csv and .json have a row for each frame: time, measured force,
     class, answers. .mcap has images, wrenches and rows as ROS 2 and Foxglove
     read them; .nrrd the frames as a sequence of 3D Slicer. The last two take a
@@ -42,11 +42,9 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool, as_json: b
         raise InputError(f"--out: {out}: give a name that ends in {', '.join(ENDINGS)}")
     if out.exists() and not force:
         raise InputError(f"{out}: exists already; choose another name, or --force to replace it")
-    rows = _export_recording(thing, out, answers) if is_folder(thing) else _export_answers(thing, out, answers)
-    if as_json:
-        print_json({"out": str(out), "rows": rows})
-    else:
-        say(f"wrote {out}: {rows} frames")
+    write = _export_recording if os.path.isdir(thing) else _export_answers
+    rows = write(thing, out, answers)
+    return Report({"out": str(out), "rows": rows}, [f"wrote {out}: {rows} frames"])
 
 
 def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:

@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from scleraforce.cli.options import GLOBE, Possible
 from scleraforce.cli.output import count_bar, print_json, say
-from scleraforce.cli.quantities import Possible
-from scleraforce.study.eye import GLOBES
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -41,7 +40,7 @@ OPTIONS = (
     click.option("--eye", help="Name of the eye."),
     click.option("--thickness-um", type=Possible("thickness_um"), help="Thickness of its wall, where it was measured."),
     click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Its pressure at rest, where it was measured."),
-    click.option("--globe", type=click.Choice(GLOBES), help="Whether it is infused or vented, or sealed; unknown by "
+    click.option("--globe", type=GLOBE, help="Whether it is infused or vented, or sealed; unknown by "
                  "default."),
     click.option("--gauge", type=click.IntRange(10, 36), help="Gauge of the needle."),
     click.option("--gap-mm", type=Possible("gap_mm"), help="B-scan plane to needle axis."),

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import click
 
-from scleraforce.cli.output import print_json, say
+from scleraforce.cli.options import PATH
+from scleraforce.cli.output import Command, Report
 from scleraforce.errors import StudyError
 from scleraforce.study import PRESETS, preset_toml
 
 
-@click.command()
-@click.argument("directory", type=click.Path(path_type=Path))
+@click.command(cls=Command)
+@click.argument("directory", type=PATH)
 @click.option("--preset", type=click.Choice(PRESETS), default=PRESETS[0], show_default=True,
               help="Eyes to begin with: the paper's, or at living pressure and stiffness.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def init(directory: Path, preset: str, as_json: bool) -> None:
+def init(directory: Path, preset: str) -> Report:
     """Write DIRECTORY/study.toml, the paper's study or another preset, with comments."""
     path = directory / "study.toml"
     try:
@@ -25,7 +25,4 @@ def init(directory: Path, preset: str, as_json: bool) -> None:
         raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
     except OSError as fault:
         raise StudyError(f"{path}: {fault.strerror}") from fault
-    if as_json:
-        print_json({"path": str(path), "preset": preset})
-    else:
-        say(f"wrote {path}")
+    return Report({"path": str(path), "preset": preset}, [f"wrote {path}"])

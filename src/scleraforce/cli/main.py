@@ -34,7 +34,7 @@ COMMANDS = {
     "calibrate": "Estimate Young's modulus from recordings.",
     "generate": "Simulate the slices that a classifier learns from.",
     "train": "Train a classifier, a reader or a wall finder.",
-    "classify": "Read the force, or its class, from single frames.",
+    "read": "Read the force, or its class, from single frames.",
     "evaluate": "Compare a model's answers with recordings.",
     "show": "What a study, recording, model, ... is, in words or drawn.",
     "export": "A recording or answers for other programs.",
@@ -45,6 +45,7 @@ COMMANDS = {
 }
 
 
+ALIASES = {"classify": "read"}
 NEVER_QUIET = {"monitor"}  # its operator has to see what it says
 
 
@@ -79,6 +80,7 @@ class _LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
         """Import and return a command."""
+        cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
         name = module_name(cmd_name)

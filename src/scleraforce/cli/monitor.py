@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.known_eye import globe_words, known_eye, known_eye_options
-from scleraforce.cli.output import print_json
-from scleraforce.cli.quantities import Possible
+from scleraforce.cli.inputs import globe_words
+from scleraforce.cli.options import EYE, PATH, eye_options, options
+from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
 from scleraforce.units import from_si, to_si
@@ -25,45 +25,42 @@ if TYPE_CHECKING:
     from scleraforce.service.monitor_service import Address, MonitorSettings
     from scleraforce.study import Study
 
-TOLD = (
-    "youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "polar_angle_deg", "plane_direction_deg",
-    "stiffening", "globe", "rigidity",
-)  # fmt: skip
 PORT = click.IntRange(0, 65535)
 
 
-@click.command()
-@click.argument("model", type=click.Path(path_type=Path))
+@click.command(cls=Command)
+@click.argument("model", type=PATH)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=PORT, default=18944, show_default=True, help="For OpenIGTLink; 0 takes a free one.")
 @click.option("--web-port", type=PORT, help="For the web console, which needs the extra [web].")
 @click.option("--web-host", default="127.0.0.1", show_default=True, help="Address of the web console.")
-@click.option("--calibration", type=click.Path(path_type=Path), help="File of `calibrate`: gives the eye's modulus.")
+@options("calibration")
 @click.option("--eye", help="Name of the eye in the calibration, and in what is recorded.")
-@known_eye_options
+@eye_options(*EYE, default="by default it is not known", stiffening="by default it does not stiffen",
+             globe="by default it is not known, and intervals are wider")  # fmt: skip
 @click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
-@click.option("--rows", type=click.IntRange(16, 16384), help="Likewise.")
-@click.option("--width-mm", type=Possible("width_mm"), help="Likewise, black bands included.")
-@click.option("--depth-mm", type=Possible("depth_mm"), help="Likewise, as stored.")
-@click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Likewise (1: corrected already).")
+@click.option("--rows", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
+@options("width_m", "depth_m", "refractive_index",
+         width_m="Of the frames, black bands included; by default the model's study's.",
+         depth_m="Of the frames, as stored; by default the model's study's.",
+         refractive_index="Of the frames' depth (1: corrected already); by default the model's study's.")  # fmt: skip
 @click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw from this class on; by default the highest.")
 @click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True),
               help="Withdraw where the force's interval reaches this; by default the highest class's.")  # fmt: skip
 @click.option("--adaptive-bound", is_flag=True,
               help="Withdraw at the force that stretches this eye's wall as the bound does the study's.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
-              help="Withdraw after so many in a row that cannot be judged, once there was contact.")  # fmt: skip
+              help="Withdraw after this number in a row that cannot be judged, once there was contact.")  # fmt: skip
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
-              help="Likewise, of the second opinions.")  # fmt: skip
+              help="Withdraw after this number of second opinions in a row that cannot be judged.")  # fmt: skip
 @click.option("--unread-ms", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0, show_default=True,
               help="Withdraw where more than this of a second's frames is never read.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
               help="The robot's, from the order to its motion.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
               help="Whether another process reads the frames with the fit as well.")  # fmt: skip
-@click.option("--record", type=click.Path(path_type=Path), help="Recording folder for the session; must not exist.")
-@click.option("--black-box", type=click.Path(path_type=Path), help="Folder of the log; by default the user's state.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
+@click.option("--record", type=PATH, help="Recording folder for the session; must not exist.")
+@click.option("--black-box", type=PATH, help="Folder of the log; by default the user's state.")
 def monitor(
     model: Path,
     host: str,
@@ -74,12 +71,11 @@ def monitor(
     eye: str | None,
     record: Path | None,
     black_box: Path | None,
-    as_json: bool,
-    **options: Any,
-) -> None:
+    **given: Any,
+) -> Report:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
-    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
 
     Frames come as OpenIGTLink IMAGEs; every frame is answered with a STATUS
     `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
@@ -101,13 +97,13 @@ def monitor(
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
     _refuse_unchecked(reader)
-    known, doubt = _known(calibration, eye, options)
+    known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
     _refuse_untrained(reader, known)
     settings = MonitorSettings(
         eye="eye-1" if eye is None else _printable(eye),
         known=known,
-        limits=_limits(reader, known, options),
-        refractive_index=options["refractive_index"] or reader.study.oct.refractive_index,
+        limits=_limits(reader, known, given),
+        refractive_index=given["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
         black_box=_new_black_box(black_box),
@@ -122,22 +118,18 @@ def monitor(
             summary = server.session.summary()
             notes("ends; the black box writes what it has to keep")
         notes(f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals")
-    if as_json:
-        print_json({"model": str(model), **summary})
+    return Report({"model": str(model), **summary})
 
 
-def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "tuple[Known, str | None]":
-    """Return what is known of the eye, as told, with the calibration's modulus; and what is doubtful about that."""
+def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> "tuple[Known, str | None]":
+    """Return what is known of the eye, with the calibration's modulus; and what is doubtful about that."""
     from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
+    from scleraforce.notebook.frames import check_calibrated, given_eye
 
-    told = {name: options[name] for name in TOLD}
-    known = known_eye(**told)
+    known = given_eye(**given)
     if calibration is None:
         return known, None
-    if told["youngs_modulus_mpa"] is not None:
-        raise InputError("--youngs-modulus-mpa: --calibration gives the modulus already; leave out one of them")
-    if told["stiffening"] is not None:
-        raise InputError("--stiffening: --calibration gives the stiffening already; leave out one of them")
+    check_calibrated(known, True, eye)
     if eye is None:
         raise InputError(
             f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)"
@@ -146,24 +138,23 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
-def _limits(reader: "Reader", known: "Known", options: dict[str, Any]) -> "MonitorLimits":
+def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
     study = reader.study
-    columns, rows = options["columns"] or study.oct.columns, options["rows"] or study.oct.rows
-    width_m = study.oct.width_m if options["width_mm"] is None else to_si(options["width_mm"], "mm")
-    depth_m = study.oct.depth_m if options["depth_mm"] is None else to_si(options["depth_mm"], "mm")
+    columns, rows = given["columns"] or study.oct.columns, given["rows"] or study.oct.rows
+    width_m, depth_m = given["width_m"] or study.oct.width_m, given["depth_m"] or study.oct.depth_m
     return MonitorLimits(
-        withdraw_class=options["withdraw_class"] or reader.classes - 1,
-        bound_n=_bound_n(study, known, options["bound_mn"], options["adaptive_bound"]),
-        unusable_frames=options["unusable_frames"],
-        unusable_opinions=options["unusable_opinions"],
-        reaction_s=to_si(options["reaction_ms"], "ms"),
-        loss_in_window_s=to_si(options["unread_ms"], "ms"),
+        withdraw_class=given["withdraw_class"] or reader.classes - 1,
+        bound_n=_bound_n(study, known, given["bound_mn"], given["adaptive_bound"]),
+        unusable_frames=given["unusable_frames"],
+        unusable_opinions=given["unusable_opinions"],
+        reaction_s=to_si(given["reaction_ms"], "ms"),
+        loss_in_window_s=to_si(given["unread_ms"], "ms"),
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.reads_force,
-        expects_opinion=options["second_opinion"] and reader.reads_force,  # a class is read in one way only
+        expects_opinion=given["second_opinion"] and reader.reads_force,  # a class is read in one way only
     )
 
 
@@ -176,7 +167,7 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
     if bound_mn is not None:
         raise InputError("--bound-mn: --adaptive-bound starts from the study's bound; leave out one of them")
     if known.modulus is None or known.thickness_m is None or known.iop_pa is None:
-        raise InputError("--adaptive-bound: needs the eye's modulus, thickness and IOP; tell them, or leave it out")
+        raise InputError("--adaptive-bound: needs the eye's modulus, thickness and IOP; give them, or leave it out")
     return adaptive_bound_n(
         study, thickness_m=known.thickness_m, youngs_modulus_pa=known.modulus.mean_pa, iop_pa=known.iop_pa
     )

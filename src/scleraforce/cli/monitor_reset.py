@@ -2,16 +2,15 @@
 
 import click
 
-from scleraforce.cli.output import print_json, say
+from scleraforce.cli.options import options
+from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option("--token", required=True, help="As the monitor printed it when it started.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Where the monitor listens.")
-@click.option("--port", type=click.IntRange(1, 65535), default=18944, show_default=True)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def monitor_reset(token: str, host: str, port: int, as_json: bool) -> None:
+@options("host", "port")
+def monitor_reset(token: str, host: str, port: int) -> Report:
     """Ask the monitor to leave a withdrawal.
 
     It is granted only while fresh frames come that are usable and harmless;
@@ -22,9 +21,5 @@ def monitor_reset(token: str, host: str, port: int, as_json: bool) -> None:
     from scleraforce.service.operator import ask_reset
 
     granted, message = ask_reset(host, port, token)
-    if as_json:
-        print_json({"granted": granted, "message": message})
-    if not granted:
-        raise InputError(f"{host}:{port}: {message}")
-    if not as_json:
-        say(f"reset: {message}")
+    faults = [] if granted else [InputError(f"{host}:{port}: {message}")]
+    return Report({"granted": granted, "message": message}, [f"reset: {message}"] if granted else [], faults)

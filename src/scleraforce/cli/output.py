@@ -1,21 +1,82 @@
-"""What all commands print with: JSON on standard output, progress on standard error."""
+"""How commands print: a report or its JSON on standard output, progress and errors on standard error."""
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import click
 from tqdm import tqdm
 
+from scleraforce.cli.main import fail
+from scleraforce.cli.options import STUDY_FILE
+from scleraforce.errors import InputError
 from scleraforce.plain_json import finite
 from scleraforce.units import from_si
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 
-QUIET = f"{__name__}.quiet"  # in the meta of click's context, which a command shares with the group
+# In the meta of click's context, which a command shares with the group.
+QUIET, JSON = f"{__name__}.quiet", f"{__name__}.json"
+
+
+class Report(NamedTuple):
+    """What a command prints: `result` with --json, else `lines`; and `faults`, for which it ends with code 2."""
+
+    result: Mapping[str, Any]
+    lines: Iterable[str] = ()
+    faults: Sequence[InputError] = ()
+
+
+class Command(click.Command):
+    """A command with --json, that prints the `Report` which its function returns.
+
+    Errors of `sf.*` name arguments; here they name the options.
+    """
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.params.append(
+            click.Option(
+                ["--json"], is_flag=True, expose_value=False, callback=_keep_json, help="Print one JSON object."
+            )
+        )
+
+    def invoke(self, ctx: click.Context) -> None:
+        """Run the function and print its report."""
+        try:
+            report: Report | None = super().invoke(ctx)
+        except InputError as fault:
+            if (text := _by_options(str(fault), ctx)) == str(fault):
+                raise
+            raise InputError(text) from fault
+        if report is None:
+            return
+        if is_json():
+            print_json(report.result)
+        else:
+            for line in report.lines:
+                say(line)
+        for one in report.faults:
+            fail(_by_options(str(one), ctx), 2)
+        if report.faults:
+            raise click.exceptions.Exit(2)
+
+
+def _keep_json(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    context.meta[JSON] = asked
+
+
+def _by_options(text: str, ctx: click.Context) -> str:
+    """Return a message that begins with the name of an option, or of the study file, in place of an argument's."""
+    name, colon, rest = text.partition(":")
+    if name == "study" and STUDY_FILE in ctx.meta:
+        return f"{ctx.meta[STUDY_FILE]}:{rest}"
+    flags = {param.name: param.opts[0] for param in ctx.command.params if isinstance(param, click.Option)}
+    return f"{flags[name]}:{rest}" if colon and name in flags and name != "study" else text
 
 
 def be_quiet(context: click.Context) -> None:
@@ -24,13 +85,18 @@ def be_quiet(context: click.Context) -> None:
 
 
 def is_quiet() -> bool:
-    """Return whether the command that runs was told to be quiet."""
+    """Return whether the current command has --quiet."""
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.meta.get(QUIET))
 
 
+def is_json() -> bool:
+    """Return whether the current command has --json."""
+    return bool(click.get_current_context().meta.get(JSON))
+
+
 def say(text: str, *, err: bool = False) -> None:
-    """Print a line of a report, unless the command was told to be quiet."""
+    """Print a line of a report, unless --quiet is given."""
     if not is_quiet():
         click.echo(text, err=err)
 
@@ -38,6 +104,28 @@ def say(text: str, *, err: bool = False) -> None:
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
     click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
+
+
+def refuse_existing(*paths: Path | None) -> None:
+    """Check that files to write do not exist, before the work begins.
+
+    Raises:
+        InputError: one exists.
+    """
+    for path in filter(None, paths):
+        if path.exists():
+            raise InputError(f"{path}: exists already; remove it or choose another name")
+
+
+def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[tuple[Item, Result | InputError]]:
+    """Read one frame after the other, behind a progress bar: a bad one is an error in its place, the others go on."""
+    for item in progress_bar(items, "frames"):
+        try:
+            yield item, read(item)
+        except InputError as fault:
+            yield item, fault
+        except OSError as fault:  # a name that is too long, a disk that is full
+            yield item, InputError(f"{fault.filename}: {fault.strerror}")
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
@@ -48,7 +136,7 @@ def progress_bar(items: Iterable[Item], title: str, total: int | None = None) ->
 
 @contextmanager
 def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar for work that says how many of its steps are newly done: what is yielded is called with that."""
+    """Show a bar for counted work: call what it yields with the number of newly done steps."""
     bar: tqdm[None]
     with progress_bar((), title, total=total) as bar:
 
@@ -77,7 +165,7 @@ def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Ca
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar in per cent for work that says which share of it is done: what is yielded is called with that."""
+    """Show a bar in per cent: call what it yields with the share of the work that is done."""
     bar: tqdm[None]
     with progress_bar((), title, total=100) as bar:
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import is_quiet, print_json, say
+from scleraforce.cli.options import PATH, options
+from scleraforce.cli.output import Command, is_json, is_quiet, print_json, say
 from scleraforce.errors import InputError, LinkError
 from scleraforce.units import from_si
 
@@ -35,10 +36,9 @@ def _list_faults(context: click.Context, parameter: click.Parameter, value: str 
     return value
 
 
-@click.command()
-@click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
-@click.option("--host", default="127.0.0.1", show_default=True, help="Of the monitor.")
-@click.option("--port", type=click.IntRange(1, 65535), default=18944, show_default=True, help="Of the monitor.")
+@click.command(cls=Command)
+@click.argument("recording_path", metavar="RECORDING", type=PATH)
+@options("host", "port")
 @click.option("--speed", type=click.FloatRange(0.01, 10_000), help="Recorded seconds in a second; 1 by default.")
 @click.option("--step", is_flag=True, help="Enter sends the next frame, and its answer is printed.")
 @click.option("--preload", is_flag=True, help="Read all frames before the first goes out, where memory allows: then "
@@ -49,7 +49,6 @@ def _list_faults(context: click.Context, parameter: click.Parameter, value: str 
               help="Inject a fault of the scanner after contact; `list` names them.")  # fmt: skip
 @click.option("--fault-at-s", type=float, help="When, on the recording's clock; drawn from --seed by default.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the fault.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def replay(
     recording_path: Path,
     host: str,
@@ -61,7 +60,6 @@ def replay(
     fault: str | None,
     fault_at_s: float | None,
     seed: int,
-    as_json: bool,
 ) -> None:
     """Play a recording to a monitor, as a scanner does.
 
@@ -84,7 +82,7 @@ def replay(
     recording = read_recording(recording_path)
     forces_n = _true_frame_forces(recording)
     log = AnswerLog()
-    show = _Show(recording, log, forces_n, quiet=as_json or is_quiet())
+    show = _Show(recording, log, forces_n, quiet=is_json() or is_quiet())
     prepared = _prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
     ahead = len(recording.frames) if preload else AHEAD
@@ -104,7 +102,7 @@ def replay(
             report = inject(player, prepared)
     finally:
         client.close()
-        show.end(player, report, as_json)
+        show.end(player, report)
     if report is not None and report.delay_s is None:
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
 
@@ -195,10 +193,10 @@ class _Show:
         click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
         return bool(sys.stdin.readline())
 
-    def end(self, player: "Player", report: "FaultReport | None", as_json: bool) -> None:
+    def end(self, player: "Player", report: "FaultReport | None") -> None:
         """Print the summary."""
         result = self._summary(player, report)
-        if as_json:
+        if is_json():
             print_json(result)
             return
         self.renew()

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.output import print_json, progress_bar, say
-from scleraforce.cli.single_frames import asked_wall_finder, scanner_options, told_scanner, wall_in
-from scleraforce.cli.wall_finder_option import wall_finder_option
+from scleraforce.cli.options import FRAME_SIZE, PATH, options
+from scleraforce.cli.output import Command, Report, progress_bar, refuse_existing
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
@@ -29,26 +28,24 @@ LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, likewise
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 
 
-@click.command()
-@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@scanner_options
+@click.command(cls=Command)
+@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
+@options(*FRAME_SIZE)
 @click.option("--bits", type=click.IntRange(8, 16),
               help="Bits of a pixel that are used; by default the recording's, or 8 of a frame of bytes.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
               help="Study file to write (.toml); its picture has the same name, .png.")  # fmt: skip
-@wall_finder_option
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@options("finder")
 def scanner(
     frames: tuple[Path, ...],
-    width_mm: float | None,
-    depth_mm: float | None,
+    width_m: float | None,
+    depth_m: float | None,
     refractive_index: float | None,
     transpose: bool,
     bits: int | None,
     out: Path,
     finder: Path | None,
-    as_json: bool,
-) -> None:
+) -> Report:
     """Measure a scanner on its own frames of an eye at rest, for a simulation.
 
     Noise, display, speckle, attenuation, the surface's reflection, the layer
@@ -62,57 +59,48 @@ def scanner(
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
     """
+    from scleraforce.recording.folder import Scanner
     from scleraforce.scanner.measure import measure_scanner
 
-    picture = _checked_out(out)
-    told = told_scanner(width_mm, depth_mm, refractive_index)
-    measured = measure_scanner(_imaged(frames, told, transpose, bits, finder))
-    overlap = _write(measured, frames, out, picture)
-    if as_json:
-        print_json({"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap})
-    else:
-        for line in _lines(measured, out, picture, overlap):
-            say(line)
-
-
-def _checked_out(out: Path) -> Path:
-    """Return the picture's name; neither file may be there yet."""
     if out.suffix != ".toml":
         raise InputError(f"--out: {out}: give a name that ends in .toml")
     picture = out.with_suffix(".png")
-    for path in (out, picture):
-        if path.exists():
-            raise InputError(f"{path}: exists already; remove it or choose another --out")
-    return picture
+    refuse_existing(out, picture)
+    size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
+    measured = measure_scanner(_imaged(frames, size, transpose, bits, finder))
+    overlap = _write(measured, frames, out, picture)
+    result = {"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap}
+    return Report(result, _lines(measured, out, picture, overlap))
 
 
 def _imaged(
-    frames: Sequence[Path], told: "Scanner", transpose: bool, bits: int | None, finder: Path | None
+    frames: Sequence[Path], size: "Scanner", transpose: bool, bits: int | None, finder: Path | None
 ) -> "Iterator[ImagedEye]":
     """Read frame after frame and find its wall.
 
     Raises:
         InputError: a frame cannot be read or used, or is not of the size of the first.
     """
-    from scleraforce.recording.folder import Scanner, read_scaled_frame
+    from scleraforce.notebook.frames import finder_of, scaled
+    from scleraforce.recording.folder import Scanner
 
-    network = asked_wall_finder(finder)
+    network = finder_of(finder)
     first: tuple[Any, ...] = ()
     for path in progress_bar(frames, "frames"):
-        frame = read_scaled_frame(path, told, (Scanner(), ""), transpose)
+        frame = scaled(path, size, Scanner(), "", transpose)
         eye = _eye(path, frame, _bits(path, frame, bits), network)
-        size = (eye.pixels.shape, eye.bits, eye.scale)
-        first = first or size
-        if size != first:
+        kind = (eye.pixels.shape, eye.bits, eye.scale)
+        first = first or kind
+        if kind != first:
             raise FrameError(f"{path}: another size, scale or number of bits than {frames[0]}; give frames of one kind")
         yield eye
 
 
-def _bits(path: Path, frame: "ScaledFrame", told: int | None) -> int:
+def _bits(path: Path, frame: "ScaledFrame", given: int | None) -> int:
     most = 8 * frame.pixels.itemsize
-    bits = told or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
+    bits = given or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
     if bits is None:
-        raise FrameError(f"{path}: how many of its 16 bits are used stands nowhere; give --bits")
+        raise FrameError(f"{path}: the number of its 16 bits that are used is not stated; give --bits")
     if bits > most or int(frame.pixels.max()) >= 2**bits:
         raise FrameError(f"{path}: pixels of {most} bits, up to {int(frame.pixels.max())}; --bits says {bits}")
     return bits
@@ -120,6 +108,7 @@ def _bits(path: Path, frame: "ScaledFrame", told: int | None) -> int:
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
     """Return a frame with its wall."""
+    from scleraforce.notebook.frames import wall_in
     from scleraforce.scanner.imaged_eye import ImagedEye
 
     rows, columns = frame.pixels.shape

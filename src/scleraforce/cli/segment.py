@@ -1,5 +1,6 @@
 """`scleraforce segment`: masks of the wall in raw frames."""
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,19 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from scleraforce.cli.output import print_json, say
-from scleraforce.cli.single_frames import (
-    ASSUMED,
-    asked_wall_finder,
-    each_of,
-    end_with_faults,
-    is_folder,
-    scale_entry,
-    scanner_options,
-    told_scanner,
-    wall_in,
-)
-from scleraforce.cli.wall_finder_option import wall_finder_option
+from scleraforce.cli.inputs import scale_entry
+from scleraforce.cli.options import FRAME_SIZE, PATH, options
+from scleraforce.cli.output import Command, Report, each_of
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
@@ -35,6 +26,9 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 
+ASSUMED = "assumed"  # the source of a value that nobody states
+
+
 @dataclass(frozen=True)
 class _Source:
     """One frame to segment, and where its mask goes."""
@@ -43,60 +37,47 @@ class _Source:
     mask: Path
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What was told of all frames, and what to write of each."""
-
-    told: "Scanner"
-    transpose: bool
-    overlay: bool
-    force: bool
-    finder: "WallFinder | None"
-
-
-@click.command()
-@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.command(cls=Command)
+@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
-@scanner_options
+@options(*FRAME_SIZE)
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
-@wall_finder_option
-@click.option("--force", is_flag=True, help="Replace masks that are there.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@options("finder", "force", force="Replace masks that exist.")
 def segment(
     frames: tuple[Path, ...],
     out: Path,
-    width_mm: float | None,
-    depth_mm: float | None,
+    width_m: float | None,
+    depth_m: float | None,
     refractive_index: float | None,
     transpose: bool,
     overlay: bool,
     finder: Path | None,
     force: bool,
-    as_json: bool,
-) -> None:
+) -> Report:
     """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
 
     Writes a mask for each frame, of the same size and name (.png): 255 is
     wall, from the tissue's surface to the inner boundary, or to 1 mm below the
     surface where that boundary cannot be seen. Frames of several recordings go
-    into a folder for each. Where nothing states how large a frame is, 15 x 4 mm
-    are assumed, and said.
+    into a folder for each. If the size of a frame is not stated, 15 x 4 mm are
+    assumed, and said.
 
-    Two ways to find the wall check each other: one follows steps of light, the
-    other is a network that learned from drawn scenes. A frame in which they
+    Two methods to find the wall check each other: one follows steps of light,
+    the other is a network that learned from drawn scenes. A frame in which they
     differ by more than they are unsure of is not usable.
 
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
-    told = told_scanner(width_mm, depth_mm, refractive_index)
-    asked = _Asked(told, transpose, overlay, force, asked_wall_finder(finder))
-    found = list(each_of(_plan_masks(frames, out), lambda source: _segment_frame(source, asked)))
-    if as_json:
-        print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
-    else:
-        for line in _lines([entry for _, entry in found if not isinstance(entry, InputError)]):
-            say(line)
-    end_with_faults(entry for _, entry in found)
+    from scleraforce.notebook.frames import finder_of
+    from scleraforce.recording.folder import Scanner
+
+    size, network = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index), finder_of(finder)
+    found = list(
+        each_of(_plan_masks(frames, out), lambda one: _segment_frame(one, size, transpose, network, overlay, force))
+    )
+    faults = [entry for _, entry in found if isinstance(entry, InputError)]
+    usable = [entry for _, entry in found if not isinstance(entry, InputError)]
+    return Report({"out": str(out), "frames": [_entry(*each) for each in found]}, _lines(usable), faults)
 
 
 def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
@@ -119,7 +100,7 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     """Return frames with their recording: all of a recording folder, or the one file."""
     from scleraforce.recording.folder import read_recording, recording_of
 
-    if not is_folder(path):
+    if not os.path.isdir(path):
         return [(path, recording_of(path))]
     recording = read_recording(path)
     return [(recording.frame_path(entry), path) for entry in recording.frames]
@@ -138,25 +119,26 @@ def _check_names(sources: list[_Source]) -> None:
             raise InputError(f"--out: the mask {source.mask} would replace a frame; choose another folder")
 
 
-def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
-    """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
-    from scleraforce.recording.folder import Scanner, read_scaled_frame
+def _segment_frame(
+    source: _Source, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
+) -> dict[str, Any]:
+    """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
+    from scleraforce.notebook.frames import scaled, wall_in
+    from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
 
-    scanner = OctStudy()
-    assumed = Scanner(width_m=scanner.width_m, depth_m=scanner.depth_m, refractive_index=scanner.refractive_index)
-    frame = read_scaled_frame(source.frame, asked.told, (assumed, ASSUMED), asked.transpose)
+    usual = OctStudy()
+    assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
+    frame = scaled(source.frame, size, assumed, ASSUMED, transpose)
     try:
-        found = wall_in(frame, asked.finder, None if frame.info is None else frame.info.eye.thickness_m)
+        found = wall_in(frame, finder, None if frame.info is None else frame.info.eye.thickness_m)
     except ValueError as fault:
         raise FrameError(f"{source.frame}: {fault}") from fault
-    _write(source.mask, found.mask.T if asked.transpose else found.mask, asked.force)
-    if asked.overlay:
+    _write(source.mask, found.mask.T if transpose else found.mask, force)
+    if overlay:
         picture = draw_overlay(frame.pixels, found)
-        _write(
-            source.mask.with_suffix(".overlay.png"), picture.swapaxes(0, 1) if asked.transpose else picture, asked.force
-        )
+        _write(source.mask.with_suffix(".overlay.png"), picture.swapaxes(0, 1) if transpose else picture, force)
     return {
         "file": str(source.frame),
         "mask": str(source.mask),

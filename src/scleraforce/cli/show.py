@@ -1,13 +1,15 @@
 """`scleraforce show`: a study, library, data set, model, recording, calibration or decision log, in words or drawn."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
-from scleraforce.cli.output import print_json, progress_bar, say
-from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
+from scleraforce.cli.options import PATH, options
+from scleraforce.cli.output import Command, Report, progress_bar, refuse_existing
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 
@@ -15,89 +17,66 @@ if TYPE_CHECKING:
     from scleraforce.report.shown.kinds import Thing
 
 
-@click.command()
-@click.argument("thing", type=click.Path(path_type=Path))
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw it to this file as well (PNG, SVG, PDF).")
-@click.option("--html", type=click.Path(path_type=Path),
-              help="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
-@click.option("--model", type=click.Path(path_type=Path), help="Of a recording: the model that reads the frames of "
-              "--html, and whose limits are noted; by default those of the reader that ships.")  # fmt: skip
-@click.option("--calibration", type=click.Path(path_type=Path),
-              help="File of `calibrate`: gives a reader the eye's modulus.")  # fmt: skip
-@wall_finder_option
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.command(cls=Command)
+@click.argument("thing", type=PATH)
+@options("plot", "html", plot="Draw it to this file as well (PNG, SVG, PDF).",
+         html="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
+@click.option("--model", type=PATH, help="Of a recording: the model that reads the frames of --html, and whose limits "
+              "are noted; by default those of the bundled reader.")  # fmt: skip
+@options("calibration", "finder", calibration="File of `calibrate`: gives a reader the eye's modulus.")
+@click.pass_context
 def show(
+    ctx: click.Context,
+    /,
     thing: Path,
     plot: Path | None,
     html: Path | None,
     model: Path | None,
     calibration: Path | None,
     finder: Path | None,
-    as_json: bool,
-) -> None:
+) -> Report:
     """Say what THING is and what is in it.
 
     THING is a study, a library, a data set, a model (or the name of one that
     ships: default, paper, wall-finder), a recording, a calibration file, or
-    the log of a black box; which of them is seen by itself.
+    the log of a black box; its kind is found from its content.
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
+    from scleraforce.report.files import check_figure_path, write_figure
     from scleraforce.report.shown.kinds import thing_at
 
-    _check_options(plot, html, model, calibration, finder)
+    if html is not None and model is None:
+        raise InputError("--html: shows what a model reads; give --model, like default")
+    for name, flag in (("calibration", "--calibration"), ("finder", "--wall-finder")):
+        if html is None and ctx.get_parameter_source(name) != ParameterSource.DEFAULT:
+            raise InputError(f"{flag}: only used with --html")
+    if plot is not None:
+        check_figure_path(plot)
+    refuse_existing(plot, html)
     found = thing_at(thing, model)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
     if html is not None and model is not None:
         _write_page(thing, html, model, calibration, finder)
     if plot is not None:
-        from scleraforce.report.files import write_figure
-
         write_figure(found.draw(), plot)
-    written = [path for path in (plot, html) if path is not None]
-    if as_json:
-        print_json({"kind": found.kind, "path": str(thing), **found.facts, "wrote": [str(path) for path in written]})
-        return
-    for line in _lines(thing, found):
-        say(line)
-    for path in written:
-        say(f"wrote {path}")
-
-
-def _check_options(
-    plot: Path | None, html: Path | None, model: Path | None, calibration: Path | None, finder: Path | None
-) -> None:
-    """Refuse what cannot be written, and options that would not be used."""
-    from scleraforce.report.files import check_figure_path
-
-    if html is not None and model is None:
-        raise InputError("--html: shows what a model reads; give --model, like default")
-    for name, given in (("--calibration", calibration), ("--wall-finder", finder)):
-        if given is not None and html is None:
-            raise InputError(f"{name}: only used with --html")
-    if plot is not None:
-        check_figure_path(plot)
-    for path in (plot, html):
-        if path is not None and path.exists():
-            raise InputError(f"{path}: exists already; remove it or choose another name")
+    written = [str(path) for path in (plot, html) if path is not None]
+    return Report(
+        {"kind": found.kind, "path": str(thing), **found.facts, "wrote": written},
+        [*_lines(thing, found), *(f"wrote {path}" for path in written)],
+    )
 
 
 def _write_page(recording: Path, html: Path, model: Path, calibration: Path | None, finder: Path | None) -> None:
     """Read every frame and write the page that browses them."""
-    from datetime import UTC, datetime
-
-    from scleraforce.known.calibration_file import read_calibration
-    from scleraforce.reader import load_model
-    from scleraforce.reader.evaluate import evaluate_recordings
-    from scleraforce.recording.folder import read_recording
+    import scleraforce as sf
     from scleraforce.report.browser import write_browser_html
 
-    reader = load_model(model, finder=finder_folder(finder))
-    summary = None if calibration is None else read_calibration(calibration)
-    frames = len(read_recording(recording).frames)
+    reader = sf.load_model(model, wall_finder=finder)
+    frames = len(sf.read_recording(recording).frames)
     with progress_bar(range(2 * frames), "frames") as bar:
-        evaluation = evaluate_recordings(reader, [recording], summary, bar.update)
+        evaluation = sf.evaluate(reader, recording, calibration, progress=bar.update)
         write_browser_html(evaluation, html, datetime.now(UTC), bar.update)
 
 

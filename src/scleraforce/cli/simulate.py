@@ -1,99 +1,69 @@
 """`scleraforce simulate`: one eye, one force."""
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from math import radians
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.globe import globe_options, with_globe
-from scleraforce.cli.output import print_json, say, share_bar
-from scleraforce.cli.quantities import Possible
-from scleraforce.errors import InputError
-from scleraforce.study import Study, read_study
-from scleraforce.study.fields import NEEDLE_FORCE
-from scleraforce.study.unused import refuse_unused
-from scleraforce.units import from_si, to_si
+from scleraforce.cli.options import PATH, Quantity, eye_options, options
+from scleraforce.cli.output import Command, Report, refuse_existing, share_bar
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+if TYPE_CHECKING:
+    from scleraforce.laboratory.simulation import SimulatedEye
+
+STUDYS = "the study's by default"
 
 
-@click.command()
-@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
-@click.option("--thickness-um", type=Possible("thickness_um"), required=True, help="Thickness of the wall.")
-@click.option(
-    "--force-mn", type=Possible("force_mn"), required=True, help="Force of the needle, along the inward normal."
-)
-@click.option(
-    "--youngs-modulus-mpa",
-    type=Possible("youngs_modulus_mpa"),
-    help="Young's modulus of the wall; the study's by default.",
-)
-@click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Intraocular pressure; the study's by default.")
-@click.option(
-    "--polar-angle-deg",
-    type=Possible("polar_angle_deg"),
-    help="Contact, from the pole; the middle of the study's by default.",
-)
-@click.option("--gap-mm", type=Possible("gap_mm"), help="B-scan plane to needle axis; the study's by default.")
-@globe_options
-@click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
-              "study's by default (linear, if it does not say).")  # fmt: skip
-@click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
-@click.option("--xdmf", type=click.Path(path_type=Path), help="Write it at rest and under the force here (XDMF).")
-@click.option("--html", type=click.Path(path_type=Path), help="Write a page here, with the wall to be turned in 3-D.")
-@click.option(
-    "--plot",
-    type=click.Path(path_type=Path),
-    help="Write a picture of the deformed mesh and the slice here (PNG, SVG, PDF).",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.command(cls=Command)
+@options("study")
+@eye_options("thickness_m", default="", required=("thickness_m",))
+@click.option("--force-mn", "force_n", type=Quantity("force_mn"), required=True,
+              help="Force of the needle, along the inward normal.")  # fmt: skip
+@eye_options("youngs_modulus_pa", "iop_pa", "polar_angle_rad", "gap_m", "globe", "rigidity_pa13_per_m3",
+             default=STUDYS, polar_angle_rad="the middle of the study's by default",
+             globe=f"finite strain only; {STUDYS} (open, if it does not say)",
+             rigidity_pa13_per_m3=f"{STUDYS} (0.03, if it does not say)")  # fmt: skip
+@options("mechanics", mechanics="Small displacements, or any; the study's by default (linear, if it does not say).")
+@click.option("--vtu", type=PATH, help="Write the mesh and its displacement (VTK) here.")
+@click.option("--xdmf", type=PATH, help="Write it at rest and under the force here (XDMF).")
+@options("html", "plot", html="Write a page here, with the wall to be turned in 3-D.",
+         plot="Write a picture of the deformed mesh and the slice here (PNG, SVG, PDF).")  # fmt: skip
 def simulate(
-    study_path: Path | None,
-    thickness_um: float,
-    force_mn: float,
-    youngs_modulus_mpa: float | None,
-    iop_mmhg: float | None,
-    polar_angle_deg: float | None,
-    gap_mm: float | None,
+    study: Study,
+    force_n: float,
     globe: str | None,
-    rigidity: float | None,
+    rigidity_pa13_per_m3: float | None,
     mechanics: str | None,
     vtu: Path | None,
     xdmf: Path | None,
     html: Path | None,
     plot: Path | None,
-    as_json: bool,
-) -> None:
+    **given: Any,
+) -> Report:
     """Bend one eye by one force: displacement, slice, picture.
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
-    from scleraforce.laboratory.simulation import simulate_eye, write_vtu, write_xdmf
-    from scleraforce.notebook.virtual import middle_contact, with_mechanics, with_one_eye
+    import scleraforce as sf
+    from scleraforce.laboratory.simulation import write_vtu, write_xdmf
+    from scleraforce.notebook.virtual import declared
 
-    study = with_one_eye(
-        with_mechanics(Study() if study_path is None else read_study(study_path), mechanics),
-        thickness_m=to_si(thickness_um, "um"),
-        youngs_modulus_pa=to_si(youngs_modulus_mpa, "mpa"),
-        iop_pa=to_si(iop_mmhg, "mmhg"),
-        gap_m=to_si(gap_mm, "mm"),
-        polar_angle_rad=None if polar_angle_deg is None else radians(polar_angle_deg),
-    )
-    study = with_globe(study, globe, rigidity)
-    refuse_unused(study, "simulate", study.mechanics.kind, study_path)
-    for path in filter(None, (vtu, xdmf, plot, html)):
-        if path.exists():
-            raise InputError(f"{path}: exists already; remove it or choose another name")
+    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
+    paths = [path for path in (vtu, xdmf, plot, html) if path is not None]
+    refuse_existing(*paths)
     if plot is not None:
         from scleraforce.report.files import check_figure_path
 
         check_figure_path(plot)
-
     start = perf_counter()
     with share_bar("load path") as reach:
-        thickness_m, force_n = study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn)
-        eye = simulate_eye(study, thickness_m, force_n, middle_contact(study), reach)
+        eye = sf.simulate(study, force_n=force_n, progress=reach, **given)
     seconds = perf_counter() - start
     if vtu is not None:
         write_vtu(eye, vtu)
@@ -119,17 +89,19 @@ def simulate(
         "seconds": round(seconds, 3),
         "mechanics": study.mechanics.kind,
     }
-    if as_json:
-        print_json(result)
-        return
-    say(f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN")
+    resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
+    size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
+    return Report(result, [*_lines(eye, study, resting_pa), size, *(f"wrote {path}" for path in paths)])
+
+
+def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str]:
+    yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN"
     if study.globe.kind == "sealed":
-        resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (study.eye.iop_pa, eye.pressure_pa))
-        say(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
-                   f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure")  # fmt: skip
+        resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (resting_pa, eye.pressure_pa))
+        yield (
+            f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
+            f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure"
+        )
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
-        say(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
-                   "mechanics describes")  # fmt: skip
-    say(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
-    for path in filter(None, (vtu, xdmf, plot, html)):
-        say(f"wrote {path}")
+        ratio = eye.tip_m / eye.mesh.thickness_m
+        yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"

@@ -1,19 +1,39 @@
-"""Recordings with their force logs: calibrate on them, and compare a model's answers with them."""
+"""Calibrate on recordings with force logs, and fit a reader's intervals to them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from scleraforce.calibration.result import Calibration, calibration_as_json
+from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
+from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
-from scleraforce.known.calibration_file import write_calibration
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
-from scleraforce.notebook.frames import check_model, summary_of_calibration
-from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
-from scleraforce.reader.answer import Reader
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.study import Study
+from scleraforce.known.calibration_file import open_calibration, write_calibration
+from scleraforce.known.eye import known_of_recording
+from scleraforce.models.folder import (
+    CARD_FILE,
+    COMMON_FILES,
+    NETWORK_FILE,
+    SHIPPED_WALL_FINDER,
+    STUDY_FILE,
+    check_place,
+    read_folder,
+    write_folder,
+)
+from scleraforce.notebook.counting import Counting, counting_for
+from scleraforce.notebook.evaluating import Given, opened
+from scleraforce.notebook.frames import finder_of, summary_of_calibration
+from scleraforce.notebook.training import library_for
+from scleraforce.reader.limits import slice_limits, wall_limits
+from scleraforce.reader.model import load_force_reader
+from scleraforce.recording.folder import Recording
+from scleraforce.study import Study, study_hash
+from scleraforce.study.unused import refuse_unused
+
+if TYPE_CHECKING:
+    from scleraforce.reader.intervals import Stretch
 
 MECHANICS = ("finite-strain", "linear")
 LEAST_WALL_M, LARGEST_WALL_M = 100e-6, 3e-3  # as in a recording.toml
@@ -27,26 +47,30 @@ def calibrate(
     frames: int | None = None,
     parameters: Sequence[str] | None = None,
     mechanics: str = "finite-strain",
-    earlier: Calibration | None = None,
+    earlier: Calibration | str | PathLike[str] | None = None,
     wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
     thickness_m: float | None = None,
     out: str | PathLike[str] | None = None,
+    note: Callable[[str], object] | None = None,
     progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
 ) -> Calibration:
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
         recordings: one or more, opened or as folders, with force logs; those of one eye add up.
         study: prior, filter and library; None: the paper's.
-        frames: take the first so many frames above 5 mN of each recording; None: all.
+        frames: number of frames above 5 mN to take of each recording; None: all.
         parameters: what is uncertain, of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
             stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
-        earlier: to go on from.
+        earlier: a calibration, or its file, to continue.
         wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
-        thickness_m: of the wall; None: the recordings'. All of them are of one eye then.
+        thickness_m: of the wall, of a single eye; None: the recordings'.
         out: a file to write as well, for the commands; it must not exist.
+        note: called, at the start, with a sentence for each quantity that a reader of the study would not read.
         progress: called with 1 after each frame.
+        counting: for bars, in place of `progress`: a context manager of a title ("library", "frames") and its steps.
 
     Returns:
         `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and spread of the `population`.
@@ -62,59 +86,114 @@ def calibrate(
     """
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
-    if parameters is not None and ("e" not in parameters or set(parameters) - set(PARAMETERS)):
+    names = set(parameters or "e")
+    if parameters is not None and ("e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)):
         others = ", ".join(repr(name) for name in PARAMETERS[1:])
-        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of {others} what else")
+        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if thickness_m is not None and not LEAST_WALL_M <= thickness_m <= LARGEST_WALL_M:
         raise InputError(f"thickness_m: {thickness_m:g}; give between {LEAST_WALL_M:g} and {LARGEST_WALL_M:g} m")
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
-    found = calibrate_eyes(
-        recordings,
-        study or Study(),
-        counting_for("frames", progress),
-        mechanics=mechanics,
-        parameters=parameters,
-        frames=frames,
-        earlier=earlier,
-        wall_finder=wall_finder,
-        thickness_m=thickness_m,
-    )
+    study, counting = study or Study(), counting or counting_for("frames", progress)
+    refuse_unused(study, "calibrate", mechanics)
+    sought = None if parameters is None else tuple(parameters)
+    if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
+        raise InputError(
+            "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
+        )
+    use_compiled_loops()
+    each = _with_thickness(opened(recordings), thickness_m)
+    limits = slice_limits if mechanics == "linear" else wall_limits
+    for recording in each:
+        info = recording.info
+        if info.eye.thickness_m is None:
+            place = recording.path / "recording.toml"
+            raise InputError(f"{place}: eye.thickness_m: missing; state it there, or give thickness_m")
+        for sentence in limits(study, known_of_recording(info), info.oct, info.needle.gauge):
+            if note is not None:
+                note(f"{recording.path}: {sentence}")
+    if isinstance(earlier, str | PathLike):
+        earlier = parse_calibration(open_calibration(Path(earlier)))
+    finder = finder_of(wall_finder)
+    library = library_for(study, mechanics, counting)
+    passes = calibration_passes(library, sought)
+    with counting("frames", passes * sum(len(recording.frames) for recording in each)) as advance:
+        found = calibrate_recordings(each, study, study_hash(study), library, sought, frames, earlier, advance, finder)
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))
     return found
 
 
-def evaluate(
-    model: Reader,
-    recordings: Given | Sequence[Given],
-    calibration: Calibration | str | PathLike[str] | None = None,
+def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:
+    """Return recordings of one eye that state a thickness in place of their own; None: their own."""
+    if thickness_m is None:
+        return recordings
+    eyes = {recording.info.eye.id for recording in recordings}
+    if len(eyes) > 1:
+        raise InputError(f"thickness_m: of one eye; the recordings are of {', '.join(sorted(eyes))}")
+    return [replace(one, info=replace(one.info, eye=replace(one.info.eye, thickness_m=thickness_m)))
+            for one in recordings]  # fmt: skip
+
+
+def recalibrate_intervals(
+    model: str | PathLike[str],
+    recordings: Sequence[str | PathLike[str]],
+    out: Path,
+    counting: Counting,
     *,
-    progress: Callable[[int], object] | None = None,
-) -> Evaluation:
-    """Read every frame of recordings and compare with their force logs.
+    frames: int,
+    wall_finder: str | PathLike[str] | None,
+    note: Callable[[str], object] = lambda _: None,
+) -> "tuple[Stretch, ...]":
+    """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
+
+    Each eye is calibrated on some of its frames; the others are read, and their scores stretch the intervals.
+    Few eyes only widen them (`reader.interval_scores.FEW_EYES`).
 
     Args:
-        model: of `load_model` or `train`.
-        recordings: one or more, opened or as folders.
-        calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its frames are not scored.
-        progress: called with 1 after each frame.
+        model: folder of a reader.
+        recordings: with force logs.
+        out: the folder to make.
+        counting: how the work is counted.
+        frames: of each recording that calibrate its eye.
+        wall_finder: model that checks the walls; None: nothing does.
+        note: called at the start with a sentence for each quantity of a recording that the model does not read.
 
     Returns:
-        The answer to each of the `frames`, `mae_n`, `coverage`, `accuracy`, `confusion` (rows: target), and `notes`.
+        How the readings of each method with each kind of modulus did, and by how much they are stretched.
 
     Raises:
-        InputError: a recording or the calibration cannot be used, or not with this model.
-
-    >>> import scleraforce as sf
-    >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
-    >>> [frame.predicted for frame in evaluation.frames]
-    [1, 2, 2]
+        InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
-    check_model(model)
+    from scleraforce.reader.evaluate import recording_scores
+    from scleraforce.reader.intervals import intervals_record, stretched, stretches
+
+    check_place(out)
     use_compiled_loops()
-    folders = [recording.path for recording in opened(recordings)]
-    summary = None if calibration is None else summary_of_calibration(calibration)
-    return evaluate_recordings(model, folders, summary, progress)
+    reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
+    study, count = reader.study, sum(len(recording.frames) for recording in each)
+    for recording in each:
+        info = recording.info
+        for sentence in reader.limits(known_of_recording(info), info.oct, info.needle.gauge):
+            note(f"{recording.path}: {sentence}")
+    finder = finder_of(wall_finder)
+    with counting("calibration", count * calibration_passes(reader.library, None)) as advance:
+        calibration = calibrate_recordings(
+            each, study, study_hash(study), reader.library, frames=frames, progress=advance, finder=finder
+        )
+    summary = summary_of_calibration(calibration)
+    with counting("reading", count) as advance:
+        scores = [found for recording in each for found in recording_scores(reader, recording, summary, advance)]
+    if not scores:
+        raise InputError(f"{each[0].path}: no frame with a known force is left to read; take fewer --frames")
+    source = "recordings of " + ", ".join(sorted({recording.info.eye.id for recording in each}))
+    record = {key: value for key, value in folder.record.items() if key not in ("format", "files")}
+    changes = stretches(scores)
+    record["intervals"] = intervals_record(scores, stretched(reader.factors, changes), source)
+    more = {name: content for name, content in folder.files.items() if name not in COMMON_FILES}
+    study_toml, card = (folder.files[name].decode() for name in (STUDY_FILE, CARD_FILE))
+    card += f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has the factors.\n"
+    write_folder(out, folder.files[NETWORK_FILE], study_toml, card, record, more)
+    return changes

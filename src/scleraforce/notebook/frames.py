@@ -1,11 +1,12 @@
 """Single frames, from a file or as an array: find the wall, load a model, read the force.
 
-Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is no file.
+Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is not a file.
 """
 
 import json
 from dataclasses import dataclass, replace
 from functools import cache
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,12 +23,12 @@ from scleraforce.known.calibration_file import (
     read_calibration,
     summary_of,
 )
-from scleraforce.known.eye import Known, KnownGlobe, Modulus, completed, known_globe, known_of_recording
+from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.answer import Answer, Reader
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.folder import RecordingInfo, Scanner, read_scaled_frame, recording_of
-from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.recording.folder import RecordingInfo, ScaledFrame, Scanner, read_scaled_frame, recording_of
+from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.steps import Segmentation
@@ -37,18 +38,24 @@ from scleraforce.study.fields import check_quantity
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
 
+    GivenCalibration = Calibration | CalibrationSummary | str | PathLike[str]
+
 Frame = str | PathLike[str] | Pixels
 
 
 @dataclass(frozen=True, eq=False)
-class _Scaled:
-    """Pixels with their scale; `place` names them in messages, `info` is their recording's, `notes` their file's."""
+class Reading:
+    """An answer with its inputs: what was `given` and `stated` (recording.toml), and what was `known` in the end.
 
-    pixels: Pixels
-    scale: PixelScale
-    place: str
-    info: RecordingInfo | None = None
-    notes: tuple[str, ...] = ()
+    `notes` are on the frame's file, the calibration's modulus, and what the model was not trained on.
+    """
+
+    answer: Answer
+    frame: ScaledFrame
+    given: Known
+    stated: Known
+    known: Known
+    notes: tuple[str, ...]
 
 
 def segment(
@@ -63,10 +70,10 @@ def segment(
 
     Args:
         frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
-        width_m: of the frame; None: what the recording beside the file or the file itself says. An array needs it.
-        depth_m: of the frame as stored; likewise.
+        width_m: of the frame; None: the recording's beside the file, or the file's own. An array needs it.
+        depth_m: of the frame as stored; None: the recording's, or the file's own. An array needs it.
         refractive_index: by which depth is stretched; None: the recording's, or 1 (corrected).
-        wall_finder: model folder of a network that checks the wall, and whose wall it is where both ways to find one
+        wall_finder: model folder of a network that checks the wall, and whose wall it is where the two methods
             differ; by default the one that ships. None: nothing checks it.
 
     Returns:
@@ -80,23 +87,26 @@ def segment(
     >>> found.usable, found.mask.shape
     (True, (512, 512))
     """
-    seen = _scaled(
-        frame,
-        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
-        Scanner(refractive_index=1.0),
-        "assumed",
-    )
-    thickness_m = None if seen.info is None else seen.info.eye.thickness_m
+    given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
+    seen = scaled(frame, given, Scanner(refractive_index=1.0), "assumed")
     try:
-        if wall_finder is None:
-            return find_sclera(seen.pixels, seen.scale, thickness_m)
-        return find_checked_wall(seen.pixels, seen.scale, _finder(wall_finder), thickness_m)
+        return wall_in(seen, finder_of(wall_finder), None if seen.info is None else seen.info.eye.thickness_m)
     except ValueError as fault:
-        raise FrameError(f"{seen.place}: {fault}") from fault
+        raise FrameError(f"{_place(frame)}: {fault}") from fault
 
 
-def _finder(path: str | PathLike[str]) -> WallFinder:
-    return _shipped_finder() if path == SHIPPED_WALL_FINDER else load_wall_finder(path)
+def wall_in(frame: ScaledFrame, finder: WallFinder | None, thickness_m: float | None = None) -> Segmentation:
+    """Find the wall by the two methods, or without a wall finder by the classical one alone."""
+    if finder is None:
+        return find_sclera(frame.pixels, frame.scale, thickness_m)
+    return find_checked_wall(frame.pixels, frame.scale, finder, thickness_m)
+
+
+def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
+    """Load a wall finder, the shipped one once; None stays None."""
+    if model is None:
+        return None
+    return _shipped_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
 
 
 @cache
@@ -131,15 +141,19 @@ def read(
     iop_pa: float | None = None,
     thickness_m: float | None = None,
     gap_m: float | None = None,
+    polar_angle_rad: float | None = None,
+    plane_direction_rad: float | None = None,
+    stiffening: float | None = None,
     globe: str | None = None,
     rigidity_pa13_per_m3: float | None = None,
     width_m: float | None = None,
     depth_m: float | None = None,
     refractive_index: float | None = None,
+    transpose: bool = False,
 ) -> Answer:
     """Read the force from one raw frame.
 
-    What is not told of the eye and of the frame's size is what the recording beside the file states, if there is one.
+    By default, the eye and the frame's size are those of the recording beside the file, if there is one.
 
     Args:
         model: of `load_model` or `train`.
@@ -150,11 +164,15 @@ def read(
         iop_pa: intraocular pressure.
         thickness_m: of the wall.
         gap_m: distance of the B-scan plane from the needle axis.
+        polar_angle_rad: of the contact, from the pole.
+        plane_direction_rad: of the B-scan's lateral axis, from the meridian that leads away from the pole.
+        stiffening: b of the tissue; None: the calibration's, or it does not stiffen.
         globe: "open" or "sealed"; None: the recording's, or it is not known, and the interval is wider.
         rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3) per µl).
         width_m: of the frame; an array needs it.
-        depth_m: of the frame as stored; likewise.
+        depth_m: of the frame as stored; an array needs it.
         refractive_index: by which depth is stretched; None: the recording's, or that of the model's study.
+        transpose: the depth runs along the file's rows, from left to right.
 
     Returns:
         `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
@@ -172,77 +190,151 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
-    check_model(model)
-    given = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m}
-    for key, value in given.items():
-        if value is not None:
-            check_quantity(key, value)
-    seen = _scaled(
-        frame,
-        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
-        Scanner(refractive_index=model.study.oct.refractive_index),
-        "model's study",
-    )
-    modulus = None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa)
-    told = Known(
-        modulus=modulus,
+    given = given_eye(
+        youngs_modulus_pa=youngs_modulus_pa,
         iop_pa=iop_pa,
         thickness_m=thickness_m,
         gap_m=gap_m,
-        globe=_told_globe(globe, rigidity_pa13_per_m3),
+        polar_angle_rad=polar_angle_rad,
+        plane_direction_rad=plane_direction_rad,
+        stiffening=stiffening,
+        globe=globe,
+        rigidity_pa13_per_m3=rigidity_pa13_per_m3,
     )
-    known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
-    warnings = list(seen.notes)
+    size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
+    one = reading(model, frame, given, size, calibration, eye, transpose)
+    return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
+
+
+def reading(
+    model: Reader,
+    frame: Frame,
+    given: Known,
+    size: Scanner,
+    calibration: "GivenCalibration | None" = None,
+    eye: str | None = None,
+    transpose: bool = False,
+) -> Reading:
+    """Read one frame as `read` does; return the answer with its inputs."""
+    check_model(model)
+    check_calibrated(given, calibration is not None, eye)
+    assumed = Scanner(refractive_index=model.study.oct.refractive_index)
+    seen = scaled(frame, size, assumed, "model's study", transpose)
+    stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
+    known, notes = completed(given, stated), list(seen.notes)
     if calibration is not None:
-        if modulus is not None:
-            raise InputError("youngs_modulus_pa: a calibration is given, too; leave one of the two out")
         summary, name = summary_of_calibration(calibration), _eye_name(eye, seen.info)
         known = known_of_eye(known, summary, name)
-        if foreign := foreign_modulus(summary, name):
-            warnings.append(foreign)
-    elif eye is not None:
-        raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
+        notes += filter(None, [foreign_modulus(summary, name)])
     if seen.info is not None:
-        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
+        place = recording_of(Path(_place(frame))) or _place(frame)
+        notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
     try:
         answer = model.read(seen.pixels, seen.scale, known)
     except ValueError as fault:
-        raise FrameError(f"{seen.place}: {fault}") from fault
-    return replace(answer, warnings=(*answer.warnings, *warnings))
+        raise FrameError(f"{_place(frame)}: {fault}") from fault
+    return Reading(answer, seen, given, stated, known, tuple(notes))
 
 
-def _told_globe(globe: str | None, rigidity_pa13_per_m3: float | None) -> KnownGlobe | None:
-    """Return what was told of a globe, checked as the keys of a recording are."""
+def given_eye(
+    *,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    thickness_m: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float | None = None,
+    plane_direction_rad: float | None = None,
+    stiffening: float | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
+) -> Known:
+    """Return the known inputs of an eye, checked; the arguments are those of `read`.
+
+    Raises:
+        InputError: a value that is not possible, or a rigidity of a globe that is not sealed.
+    """
+    quantities = {
+        "youngs_modulus_pa": youngs_modulus_pa,
+        "iop_pa": iop_pa,
+        "thickness_m": thickness_m,
+        "gap_m": gap_m,
+        "polar_angle_rad": polar_angle_rad,
+    }
+    for key, value in quantities.items():
+        if value is not None:
+            check_quantity(key, value)
+    for key, value in (("plane_direction_rad", plane_direction_rad), ("stiffening", stiffening)):
+        if value is not None and not isfinite(value):
+            raise InputError(f"{key}: {value} is not a finite number; leave it out if it is not known")
+    if stiffening is not None and stiffening < 0.0:
+        raise InputError(f"stiffening: {stiffening:g}; give at least 0")
     if rigidity_pa13_per_m3 is not None and globe != "sealed":
-        raise InputError('rigidity_pa13_per_m3: of a sealed globe; give globe="sealed", too, or leave it out')
-    return None if globe is None else known_globe(globe, rigidity_pa13_per_m3)
+        raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
+    return Known(
+        modulus=None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa),
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+        polar_rad=polar_angle_rad,
+        direction_rad=plane_direction_rad,
+        globe=None if globe is None else known_globe(globe, rigidity_pa13_per_m3),
+        stiffening=stiffening,
+    )
 
 
-def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scaled:
-    """Return a frame with its scale, from its file or from what was told."""
+def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
+    """Check that a calibration and the values that were given do not state the same thing.
+
+    Raises:
+        InputError: they do, or the name of an eye is given without a calibration.
+    """
+    if not calibrated:
+        if eye is not None:
+            raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
+    elif given.modulus is not None:
+        raise InputError("youngs_modulus_pa: the calibration gives the modulus; leave out one of the two")
+    elif given.stiffening is not None:
+        raise InputError("stiffening: the calibration gives the stiffening; leave out one of the two")
+
+
+def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False) -> ScaledFrame:
+    """Return a frame with its scale.
+
+    Args:
+        frame: a file, or an array.
+        given: its size, which takes precedence over what its recording and its file state.
+        assumed: its size where nothing states it.
+        source: who assumes that.
+        transpose: the depth runs along the rows of the file or array.
+
+    Raises:
+        FrameError: the frame cannot be read, or its size is not known.
+    """
     if isinstance(frame, str | PathLike):
-        path = Path(frame)
-        found = read_scaled_frame(path, told, (assumed, source))
-        place = str(recording_of(path) or path)
-        return _Scaled(found.pixels, found.scale, place, found.info, found.notes)
+        return read_scaled_frame(Path(frame), given, (assumed, source), transpose)
     pixels: Any = np.asarray(frame)  # its type is checked where it is read
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
-    if told.width_m is None or told.depth_m is None:
+    if given.width_m is None or given.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
-    for name, extent_m in (("width_m", told.width_m), ("depth_m", told.depth_m)):
+    for name, extent_m in (("width_m", given.width_m), ("depth_m", given.depth_m)):
         try:
             check_quantity(name, extent_m)
         except StudyError as fault:
             raise FrameError(str(fault)) from None
-    index = told.refractive_index or assumed.refractive_index or 1.0
+    index = given.refractive_index or assumed.refractive_index or 1.0
+    width, depth = Sourced(given.width_m, "option"), Sourced(given.depth_m, "option")
+    found = ScaledFrame(pixels.T if transpose else pixels, width, depth, Sourced(index, "option"), None)
     try:
-        scale = PixelScale(
-            lateral_m=told.width_m / pixels.shape[1], depth_m=told.depth_m / pixels.shape[0], refractive_index=index
-        )
+        _ = found.scale  # which checks the index
     except ValueError as fault:
         raise FrameError(f"frame: {fault}") from fault
-    return _Scaled(pixels, scale, "frame")
+    return found
+
+
+def _place(frame: Frame) -> str:
+    """Return the name of a frame in messages."""
+    return str(frame) if isinstance(frame, str | PathLike) else "frame"
 
 
 def check_model(model: object) -> None:
@@ -255,12 +347,14 @@ def check_model(model: object) -> None:
         raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
 
 
-def summary_of_calibration(calibration: "Calibration | str | PathLike[str]") -> CalibrationSummary:
+def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummary:
     """Return what models need of a calibration, or of its file.
 
     Raises:
         CalibrationError: the file cannot be used.
     """
+    if isinstance(calibration, CalibrationSummary):
+        return calibration
     if isinstance(calibration, str | PathLike):
         return read_calibration(calibration)
     from scleraforce.calibration.result import calibration_as_json  # with all that calibrates

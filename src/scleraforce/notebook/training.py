@@ -3,18 +3,27 @@
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from scleraforce.dataset import Dataset, open_dataset
+from scleraforce.dataset import CalibratedModulus, Dataset, Generation, open_dataset
+from scleraforce.dataset.generate import generate_dataset
 from scleraforce.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
 from scleraforce.library.cache import cached_library
+from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
+from scleraforce.models.folder import LIBRARY_FILE, SHIPPED_READER, read_folder
+from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.frames import load_model
-from scleraforce.notebook.work import counting_for, simulate_slices, train_on_library, train_on_slices
 from scleraforce.reader.answer import Reader
-from scleraforce.study import Study
+from scleraforce.study import NetworkStudy, Study
 from scleraforce.study.unused import refuse_unused
+
+if TYPE_CHECKING:
+    from scleraforce.learning.classifier.train import Trained
+    from scleraforce.learning.raw_reader.train import TrainedRawReader
+    from scleraforce.learning.reader.train import TrainedReader
 
 
 def library_of(
@@ -130,3 +139,121 @@ def train(
     else:
         raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
     return load_model(out)
+
+
+def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
+    """Return the library that finite strain draws from; linear mechanics needs None.
+
+    It is the bundled reader's if that was made for this study, else it comes from the user's cache.
+
+    Args:
+        study: the study.
+        mechanics: "linear" or "finite-strain".
+        counting: of "library".
+        workers: processes that solve it if it does not exist; None: one for each core.
+
+    Raises:
+        InputError: the cache cannot be written.
+        SolverError: a load path could not be followed.
+    """
+    if mechanics == "linear":
+        return None
+    from scleraforce.library.files import load_library
+    from scleraforce.models.session import folder_study
+
+    plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
+    if plan_library(folder_study(shipped)).key == plan.key:
+        return load_library(shipped.path / LIBRARY_FILE, shipped.files[LIBRARY_FILE])
+    with counting("library", plan.units) as advance:
+        return cached_library(study, workers=workers, progress=advance)
+
+
+def simulate_slices(
+    study: Study,
+    out: Path,
+    counting: Counting,
+    *,
+    mechanics: str | None,
+    youngs_modulus_pa: float | None = None,
+    calibration: CalibratedModulus | None = None,
+    workers: int | None,
+) -> Generation:
+    """Simulate the data set of a study: counts "library", where finite strain needs one, and "generate".
+
+    The arguments are those of `generate_dataset`; mechanics: None: the study's.
+
+    Raises:
+        InputError: `out` holds something else, or the study has keys that this mechanics does not use.
+    """
+    kind = mechanics or study.mechanics.kind
+    refuse_unused(study, "generate", kind)
+    library = library_for(study, kind, counting, workers)
+    with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
+        return generate_dataset(
+            study,
+            out,
+            youngs_modulus_pa=youngs_modulus_pa,
+            calibration=calibration,
+            library=library,
+            workers=workers,
+            progress=advance,
+        )
+
+
+def train_on_library(library: Library, study: Study, out: Path, counting: Counting) -> "TrainedReader":
+    """Train a force reader and write its folder: counts "epochs", then the "eyes" of its intervals.
+
+    Raises:
+        InputError: as of `sf.train`.
+        SolverError: the training diverged.
+    """
+    refuse_unused(study, "train --kind reader")
+    from scleraforce.learning.reader.train import train_reader
+
+    reader = study.reader
+    with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
+        return train_reader(library, study, out, progress=advance, measured=measured)
+
+
+def train_on_raw_frames(library: Library, study: Study, out: Path, counting: Counting) -> "TrainedRawReader":
+    """Train a raw reader and write its folder: counts "epochs" of slices, "batches" of raw frames, then "eyes".
+
+    Raises:
+        InputError: as of `sf.train`.
+        SolverError: the training diverged.
+    """
+    refuse_unused(study, "train --kind raw-reader")
+    from scleraforce.learning.raw_reader.train import train_raw_reader
+
+    raw = study.raw_reader
+    with (
+        counting("epochs", raw.slice_epochs) as advance,
+        counting("batches", raw.batches) as learned,
+        counting("eyes", raw.interval_eyes) as measured,
+    ):
+        return train_raw_reader(library, study, out, progress=advance, learned=learned, measured=measured)
+
+
+def train_on_slices(
+    dataset: Dataset,
+    network: NetworkStudy | None,
+    out: Path,
+    counting: Counting,
+    *,
+    search: bool,
+    workers: int | None = None,
+) -> "Trained":
+    """Train a classifier, of the data set's network where None is given, and write its folder: counts "epochs".
+
+    With `search` it tries all sizes of the grid, by `workers` where they are given.
+
+    Raises:
+        InputError: as of `sf.train`.
+        SolverError: the training diverged.
+    """
+    from scleraforce.learning.classifier.search import grid
+    from scleraforce.learning.classifier.train import train_classifier
+
+    network = network or dataset.study.network
+    with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
+        return train_classifier(dataset, out, network, search, advance, workers=workers)

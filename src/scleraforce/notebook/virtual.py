@@ -1,19 +1,23 @@
 """Virtual eyes: one under one force, or a whole recording of one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import radians
 from os import PathLike
 from pathlib import Path
 
+from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.acquisition import Acquisition
+from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
+from scleraforce.units import from_si
 
 
 def simulate(
@@ -33,7 +37,7 @@ def simulate(
     r"""Bend one eye by one force.
 
     Args:
-        study: the study; None: the paper's. It has all that is not told below.
+        study: the study; None: the paper's. It has what is not given below.
         thickness_m: of the wall.
         force_n: of the needle, along the inward normal.
         youngs_modulus_pa: of the wall.
@@ -60,17 +64,21 @@ def simulate(
     >>> eye.slice.shape
     (40, 140)
     """
-    study = with_one_eye(
-        _told(study, mechanics, globe, rigidity_pa13_per_m3),
-        thickness_m=thickness_m,
-        youngs_modulus_pa=youngs_modulus_pa,
-        iop_pa=iop_pa,
-        gap_m=gap_m,
-        polar_angle_rad=polar_angle_rad,
-    )
+    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "simulate", study.mechanics.kind)
     check_quantity("force_n", force_n)
-    return simulate_eye(study, thickness_m, force_n, middle_contact(study), progress)
+    eye, needle = replace(study.eye, thickness_m=fixed(thickness_m)), study.needle
+    if youngs_modulus_pa is not None:
+        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
+    if iop_pa is not None:
+        eye = replace(eye, iop_pa=iop_pa)
+    if polar_angle_rad is not None:
+        needle = replace(needle, polar_angle_rad=fixed(polar_angle_rad))
+    if gap_m is not None:
+        needle = replace(needle, gap_m=gap_m)
+    study = replace(study, eye=eye, needle=needle)
+    contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
+    return simulate_eye(study, thickness_m, force_n, contact, progress)
 
 
 def phantom(
@@ -91,14 +99,18 @@ def phantom(
     globe: str | None = None,
     rigidity_pa13_per_m3: float | None = None,
     seed: int | None = None,
+    rate_hz: float | None = None,
+    ramp_n_per_s: float | None = None,
+    hold_s: float | None = None,
     progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
 ) -> Recording:
     r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log, with its truth.
 
     Args:
         out: the folder to write; it must not exist.
         study: the study; None: the paper's. Its `[phantom]` has the ranges of light, noise and timing.
-        forces_n: true force at each frame, one step-and-hold push each.
+        forces_n: true force at each frame, one step-and-hold push each; with `rate_hz` the turning points of the force.
         thickness_m: of the wall.
         eye: its name.
         youngs_modulus_pa: of the wall; None: the study's.
@@ -112,7 +124,12 @@ def phantom(
         globe: "open" or "sealed" (finite strain only); None: the study's.
         rigidity_pa13_per_m3: of a sealed globe; None: the study's.
         seed: of all that is drawn; None: the study's.
+        rate_hz: frames a second of a needle that moves; None: it is held at each force.
+        ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
+        hold_s: how long a moving needle stays at each force; None: 1.
         progress: called with 1 after each frame.
+        counting: for bars, in place of `progress`: a context manager of a title ("load path" in per cent, "frames")
+            and its steps.
 
     Raises:
         InputError: `out` exists, a value is out of bounds, or the study has keys that this mechanics does not use.
@@ -124,61 +141,64 @@ def phantom(
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """
-    study = _told(study, mechanics, globe, rigidity_pa13_per_m3)
+    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "phantom", study.mechanics.kind)
+    counting = counting or counting_for("frames", progress)
+    given = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "gap_m": gap_m}
+    usual = {
+        "youngs_modulus_pa": study.eye.youngs_modulus_pa,
+        "iop_pa": study.eye.iop_pa,
+        "gap_m": study.needle.gap_m,
+    }
     pushed = PhantomEye(
         id=eye,
         thickness_m=thickness_m,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa,
-        iop_pa=study.eye.iop_pa if iop_pa is None else iop_pa,
-        gap_m=study.needle.gap_m if gap_m is None else gap_m,
         polar_rad=polar_angle_rad,
         azimuth_rad=azimuth_rad,
         direction_rad=direction_rad,
         tilt_rad=tilt_rad,
+        **(usual | stated_of(given)),
     )
-    plan = plan_phantom(pushed, forces_n, study, study.phantom.seed if seed is None else seed)
-    write_phantom(Path(out), plan, study_sections(pushed, study), study, progress)
+    moves = stated_of({"ramp_n_per_s": ramp_n_per_s, "hold_s": hold_s})
+    seed = study.phantom.seed if seed is None else seed
+    plan = Acquisition(tuple(forces_n), study, seed, rate_hz=rate_hz, **moves).plan(pushed)
+    with counting("load path", 100) as advance:
+        sections_at = study_sections(pushed, study, _percent(advance))
+        sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames are quick then
+    with counting("frames", len(plan.frames)) as advance:
+        write_phantom(Path(out), plan, sections_at, study, advance)
     return read_recording(out)
 
 
-def with_mechanics(study: Study, mechanics: str | None) -> Study:
-    """Return the study with the mechanics that was told; None: its own."""
-    return study if mechanics is None else replace(study, mechanics=replace(study.mechanics, kind=mechanics))
-
-
-def with_one_eye(
-    study: Study,
-    *,
-    thickness_m: float,
-    youngs_modulus_pa: float | None,
-    iop_pa: float | None,
-    gap_m: float | None,
-    polar_angle_rad: float | None,
+def declared(
+    study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None
 ) -> Study:
-    """Return the study of one eye; what is None stays as the study has it.
+    """Return a study, by default the paper's, with the mechanics and the globe that are given.
 
     Raises:
-        StudyError: a value is out of bounds, as in a study file.
+        InputError: a rigidity of a globe that is not sealed.
     """
-    eye, needle = replace(study.eye, thickness_m=fixed(thickness_m)), study.needle
-    if youngs_modulus_pa is not None:
-        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
-    if iop_pa is not None:
-        eye = replace(eye, iop_pa=iop_pa)
-    if polar_angle_rad is not None:
-        needle = replace(needle, polar_angle_rad=fixed(polar_angle_rad))
-    if gap_m is not None:
-        needle = replace(needle, gap_m=gap_m)
-    return replace(study, eye=eye, needle=needle)
-
-
-def middle_contact(study: Study) -> Contact:
-    """Return the contact in the middle of the study's polar angles."""
-    return Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
-
-
-def _told(study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None) -> Study:
-    """Return the study, the paper's where there is none, with the mechanics and the globe that were told."""
-    study = with_mechanics(study or Study(), mechanics)
+    study = study or Study()
+    if mechanics is not None:
+        study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+    if rigidity_pa13_per_m3 is not None and (globe or study.globe.kind) != "sealed":
+        raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
     return replace(study, globe=study.globe.told(globe, rigidity_pa13_per_m3))
+
+
+def stated_of(values: Mapping[str, float | None]) -> dict[str, float]:
+    """Return the values that are not None; the others have defaults elsewhere."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _percent(advance: Callable[[int], None]) -> Callable[[float], None]:
+    """Return a function of the share of the work that is done; it counts steps of one per cent."""
+    done = 0
+
+    def reach(share: float) -> None:
+        nonlocal done
+        newly = max(int(from_si(share, "percent")) - done, 0)
+        done += newly
+        advance(newly)
+
+    return reach

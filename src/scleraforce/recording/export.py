@@ -47,7 +47,7 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
 
 
 def read_answers(path: Path) -> list[Row]:
-    """Return the frames of what `evaluate --json`, `classify --json` or `segment --json` printed.
+    """Return the frames of what `evaluate --json`, `read --json` or `segment --json` printed.
 
     Raises:
         InputError: it is not such a file.
@@ -58,9 +58,7 @@ def read_answers(path: Path) -> list[Row]:
         raise InputError(f"{path}: {fault}") from fault
     frames = found.get("frames") if isinstance(found, dict) else None
     if not isinstance(frames, list) or not all(map(_is_answer, frames)):
-        raise InputError(
-            f"{path}: no frames with a file each; give what evaluate, classify or segment print with --json"
-        )
+        raise InputError(f"{path}: no frames with a file each; give what evaluate, read or segment print with --json")
     return frames
 
 

@@ -1,0 +1,182 @@
+"""The options that commands share, in one table. A quantity arrives in SI, under the argument's name in `sf.*`."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import click
+
+from scleraforce.errors import StudyError
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.study import Study, read_study
+from scleraforce.study.eye import GLOBES
+from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
+from scleraforce.units import to_si
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+
+PATH: Final[click.Path] = click.Path(path_type=Path)
+STUDY_FILE = "study file"  # in the meta of click's context
+
+
+class Possible(click.FloatRange):
+    """A number that a quantity can have, in the unit of its key; another one is refused with what may have been meant.
+
+    >>> Possible("thickness_um").convert("650", None, None)
+    650.0
+    """
+
+    def __init__(self, key: str) -> None:
+        bounds = allowed(key)
+        super().__init__(bounds.low, bounds.high)
+        self._key = key
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            number = float(value)
+            check_quantity(self._key, number)
+        except ValueError:
+            self.fail(f"{value!r} is not a valid float.", param, ctx)
+        except StudyError as fault:
+            self.fail(str(fault).partition(": ")[2], param, ctx)
+        return number
+
+
+class Quantity(Possible):
+    """The same, converted to SI.
+
+    >>> Quantity("thickness_um").convert("650", None, None)
+    0.00065
+    """
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number in SI."""
+        name = next(name for name in QUANTITIES if self._key.startswith(name))
+        return QUANTITIES[name].to_si(super().convert(value, param, ctx))
+
+
+class _Globe(click.Choice[str]):
+    """Open or sealed, which may be called closed."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the word of a study."""
+        return super().convert("sealed" if value == "closed" else value, param, ctx)
+
+
+GLOBE = _Globe(GLOBES)
+
+
+def in_radians(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
+    """Return an angle in degrees in radians: the callback of an option."""
+    return to_si(value, "deg")
+
+
+def _study(ctx: click.Context, _: click.Parameter, path: Path | None) -> Study:
+    """Read the study file, whose name messages need; without one, return the paper's study."""
+    if path is None:
+        return Study()
+    ctx.meta[STUDY_FILE] = path
+    return read_study(path)
+
+
+def _finder(_: click.Context, __: click.Parameter, folder: Path | None) -> Path | None:
+    return None if folder == Path("none") else folder or SHIPPED_WALL_FINDER
+
+
+# Of each argument: the option, its type or other settings, and its help.
+TABLE: Mapping[str, tuple[str, Any, str]] = {
+    "study": ("--study", {"type": PATH, "callback": _study}, "Study file; the paper's by default."),
+    "calibration": ("--calibration", PATH, "File of `calibrate`: gives the eye's modulus."),
+    "finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
+               "Model of `train --kind wall-finder` that checks the walls; none: nothing checks them. Default: the one "
+               "that ships with scleraforce."),
+    "html": ("--html", PATH, "Page to write as well; must not exist."),
+    "plot": ("--plot", PATH, "Picture to write as well (PNG, SVG, PDF); must not exist."),
+    "force": ("--force", {"is_flag": True}, "Replace files that exist."),
+    "scheduler": ("--scheduler", {"metavar": "ADDRESS"}, "Dask scheduler whose workers do the work."),
+    "workers": ("--workers", click.IntRange(min=1), "Processes; default: one for each core."),
+    "mechanics": ("--mechanics", click.Choice(["linear", "finite-strain"]),
+                  "How the wall bends; the study's by default."),
+    "host": ("--host", {"default": "127.0.0.1", "show_default": True}, "Address of the monitor."),
+    "port": ("--port", {"type": click.IntRange(1, 65535), "default": 18944, "show_default": True},
+             "Port of the monitor."),
+    "width_m": ("--width-mm", Quantity("width_mm"), "Width of the frames; by default their recording's or their own "
+                "(DICOM, TIFF)."),
+    "depth_m": ("--depth-mm", Quantity("depth_mm"), "Depth of the frames, as stored; by default their recording's or "
+                "their own."),
+    "refractive_index": ("--refractive-index", click.FloatRange(1.0, 2.0), "By which depth is stretched (1: corrected "
+                         "already); by default the recording's, else that of the model's study (read) or 1."),
+    "transpose": ("--transpose", {"is_flag": True}, "The frames' depth runs along their rows, from left to right."),
+}  # fmt: skip
+_AZIMUTH = {"type": click.FloatRange(-360.0, 360.0), "callback": in_radians}
+FRAME_SIZE = ("width_m", "depth_m", "refractive_index", "transpose")
+# An eye's quantities; each command adds their default to the help.
+EYE: Mapping[str, tuple[str, Any, str]] = {
+    "youngs_modulus_pa": ("--youngs-modulus-mpa", Quantity("youngs_modulus_mpa"), "Young's modulus of the wall"),
+    "iop_pa": ("--iop-mmhg", Quantity("iop_mmhg"), "Intraocular pressure"),
+    "thickness_m": ("--thickness-um", Quantity("thickness_um"), "Thickness of the wall"),
+    "gap_m": ("--gap-mm", Quantity("gap_mm"), "Distance of the B-scan plane from the needle axis"),
+    "polar_angle_rad": ("--polar-angle-deg", Quantity("polar_angle_deg"), "Polar angle of the contact"),
+    "plane_direction_rad": ("--plane-direction-deg", _AZIMUTH, "Direction of the B-scan's "
+                            "lateral axis, from the meridian that leads away from the pole"),
+    "stiffening": ("--stiffening", click.FloatRange(0.0), "b of the tissue"),
+    "globe": ("--globe", GLOBE, "Whether the pressure stays the same or rises with the dent (also: closed)"),
+    "rigidity_pa13_per_m3": ("--rigidity", Quantity("rigidity"), "Of a sealed globe, in mmHg^(1/3) per µl"),
+}  # fmt: skip
+
+
+def options(*names: str, required: tuple[str, ...] = (), **words: str) -> Callable[[Decorated], Decorated]:
+    """Return a decorator that adds options of the table, in this order; `words` replaces the help of some."""
+    return _decorator([_option(name, TABLE[name], words.get(name), name in required) for name in names])
+
+
+def eye_options(
+    *names: str, default: str, required: tuple[str, ...] = (), **defaults: str
+) -> Callable[[Decorated], Decorated]:
+    """Return a decorator that adds the options of an eye.
+
+    Args:
+        names: arguments, keys of `EYE`.
+        default: the value without the option, in the words of its help.
+        required: options without a default.
+        defaults: of options with another default.
+    """
+    made = []
+    for name in names:
+        end = "" if name in required else f"; {defaults.get(name, default)}"
+        made.append(_option(name, EYE[name], f"{EYE[name][2]}{end}.", name in required))
+    return _decorator(made)
+
+
+def _option(
+    name: str, entry: tuple[str, Any, str], words: str | None, required: bool
+) -> Callable[[Decorated], Decorated]:
+    flag, settings, usual = entry
+    settings = settings if isinstance(settings, dict) else {"type": settings}
+    return click.option(flag, name, help=words or usual, required=required, **settings)
+
+
+def _decorator(made: list[Callable[[Any], Any]]) -> Callable[[Decorated], Decorated]:
+    def decorated(command: Decorated) -> Decorated:
+        for option in reversed(made):
+            command = option(command)
+        return command
+
+    return decorated
+
+
+def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
+    """Return the processes, or the workers of the scheduler; None by default.
+
+    Raises:
+        UsageError: both are given.
+        InputError: Dask is not installed, or no scheduler answers.
+    """
+    if scheduler is None:
+        return workers
+    if workers is not None:
+        raise click.UsageError(f"--workers {workers}: --scheduler has workers of its own; give one of the two")
+    from scleraforce.cluster import cluster_workers
+
+    return cluster_workers(scheduler)
