@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 import pytest
 from decisions import READ_ENTRY, TICK_ENTRY, verdict
 
+from scleraforce.service.connection import reading_messages
 from scleraforce.service.entry import LATER, Entry
 
 
@@ -44,3 +45,20 @@ def test_an_entry_of_a_log_without_what_is_true_now_is_read():
     record = {name: value for name, value in READ_ENTRY.as_json().items() if name not in LATER}
     assert len(record) == len(READ_ENTRY.as_json()) - len(LATER)
     assert Entry.from_json(record) == READ_ENTRY
+
+
+def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither():
+    record = replace(READ_ENTRY, verdict=None).as_json()
+    assert (record["usable"], record["class"], record["force_mn"]) == (False, None, None)
+    assert Entry.from_json(record) == replace(READ_ENTRY, verdict=None)
+    assert TICK_ENTRY.as_json()["usable"] is None
+
+
+def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_code():
+    text, sensor = reading_messages(READ_ENTRY)
+    assert text.text == READ_ENTRY.text
+    assert sensor.values == pytest.approx((3, 1, 0.0, 0.75, 0.25, 0.0125, 0.011, 0.0135, 1, 1))
+    dark = replace(READ_ENTRY, verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None))
+    assert [str(value) for value in reading_messages(dark)[1].values] == ["3.0", "2.0", *["nan"] * 6, "0.0", "1.0"]
+    unread = reading_messages(replace(READ_ENTRY, verdict=None))[1].values
+    assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]

@@ -1,4 +1,4 @@
-"""Resets by those who do not know the token: they end their own connection, and keep the operator from nothing."""
+"""Resets: the token, and clients that do not know it."""
 
 from contextlib import ExitStack
 
@@ -8,7 +8,7 @@ from small_monitor import TOKEN
 
 from scleraforce.openigtlink import Text, encode
 from scleraforce.service.operator import ask_reset
-from scleraforce.service.reset_token import ANSWERED
+from scleraforce.service.reset_token import ANSWERED, WITHIN_S, ResetToken, new_token, token_digest
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -52,3 +52,19 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)
         assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
+
+
+def test_a_token_has_128_bits_and_is_never_the_same() -> None:
+    tokens = {new_token() for _ in range(100)}
+    assert len(tokens) == 100
+    assert {len(bytes.fromhex(token)) for token in tokens} == {16}
+
+
+def test_so_many_wrong_tokens_are_answered_in_so_many_seconds_and_the_right_one_is_known_meanwhile() -> None:
+    token = ResetToken(token_digest("right"))
+    answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
+    assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED
+    assert token.knows("right")
+    assert not token.knows("wrong")
+    assert not token.knows("\ud800")
+    assert token.answers_wrong(WITHIN_S)
