@@ -230,6 +230,21 @@ def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
     assert "--clock-offset-s brings both to one clock" in error
 
 
+@pytest.mark.parametrize(("force_n", "noise_n"), [(28_780.0, 0.0), (4.0, 0.0), (0.03, 2.0)])
+def test_forces_that_no_needle_gives_are_refused_before_the_recording_is_there(
+    tmp_path: Path, capsys, force_n: float, noise_n: float
+) -> None:
+    rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
+    pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(size=len(time_s))
+    np.savetxt(tmp_path / "log.csv", np.column_stack([time_s, -pushed_n]), "%.4f", ",", header="time_s,Fz", comments="")
+    options = told("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column", "fz=Fz:N")
+    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
+    assert f"{tmp_path / 'log.csv'}: fz_n: " in error
+    assert "fz=Fz:N" in error
+    options[-1] = "fz=Fz:uN"
+    imported(capsys, tmp_path / "a.tif", tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+
+
 def test_a_log_of_counts_with_saturated_samples_is_imported_in_newtons_with_gaps(tmp_path: Path, capsys) -> None:
     head = [
         "RDT Sample Rate: 200",

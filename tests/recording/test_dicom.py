@@ -304,6 +304,7 @@ def spacing(**mm: list[float]) -> dict[str, object]:
         (spacing(PixelSpacing=[0.004, 0.0125], NominalScannedPixelSpacing=[0.1, 0.1]), "NominalScannedPixelSpacing"),
         (spacing(shared=[0.004, 0.0125], frames=[0.01, 0.02]), "0.01 x 0.02 mm"),
         (spacing(PixelSpacing=[0.004, 0.0125]) | {"PixelAspectRatio": [1, 2]}, "PixelAspectRatio 1:2"),
+        (spacing(PixelSpacing=[0.004, 0.0125]) | {"PixelAspectRatio": [1, 1]}, "PixelAspectRatio 1:1"),
         (
             spacing(PixelSpacing=[0.004, 0.0125])
             | {

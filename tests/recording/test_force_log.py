@@ -521,3 +521,55 @@ def test_what_a_header_leaves_open_is_asked_for_with_its_names() -> None:
     assert found.value.forms == ("fz=NAME:UNIT",)
     with pytest.raises(InputError, match="no column 'C'; there are 'stamp', 'A', 'B'"):
         required_columns(Path("log.csv"), [parse_column("time=C:s")], names)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "# time [s] Fz [mN]", "% time [s] Fz [mN]", "time [s] Fz [mN]", "#time (s) Fz (mN)", "%% time_s fz_mN",
+        "% time_s,fz_mN",
+    ],
+)  # fmt: skip
+def test_a_header_may_be_a_comment_and_its_units_stand_behind_a_blank(tmp_path: Path, header: str) -> None:
+    mark = "," if "," in header else " "
+    log, _ = log_of(tmp_path, f"{header}\n0.00{mark}-1.5\n0.01{mark}-2.5\n")
+    np.testing.assert_allclose(log.time_s, [0.0, 0.01])
+    np.testing.assert_allclose(log.force_n("fz"), [-1.5e-3, -2.5e-3])
+
+
+@pytest.mark.parametrize("last", ["-31.2", "-31.", "-31", "-"])
+def test_a_last_line_that_ends_within_its_number_is_left_out_and_that_is_said(tmp_path: Path, last: str) -> None:
+    text = f"time_s,fz_mN\n0.00,-30.25\n0.01,-30.50\n0.02,-31.00\n0.03,{last}"
+    if last == "-":
+        with pytest.raises(RecordingError, match=r"log\.csv:5: fz_mN: '-' is not a number"):
+            log_of(tmp_path, text)
+        return
+    log, _ = log_of(tmp_path, text)
+    np.testing.assert_allclose(log.time_s, [0.0, 0.01, 0.02])
+    assert any("log.csv:5" in note and repr(last) in note and "left out" in note for note in log.notes)
+    log, _ = log_of(tmp_path, f"{text}\n")
+    assert (len(log.time_s), log.force_n("fz")[-1]) == (4, pytest.approx(1e-3 * float(last)))
+
+
+def test_a_last_number_that_may_be_cut_is_kept_and_that_is_said(tmp_path: Path) -> None:
+    rows = "".join(f"{0.01 * k:.2f},{force}\n" for k, force in enumerate((-30.125, -30.5, -31.25)))
+    log, _ = log_of(tmp_path, f"time_s,fz_mN\n{rows}0.03,-31")
+    assert log.force_n("fz")[-1] == pytest.approx(-0.031)
+    assert any("log.csv:5" in note and "cut off?" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("last", ["-31.00", "-9.00", "-31.000"])
+def test_a_whole_log_may_end_without_a_line_break(tmp_path: Path, last: str) -> None:
+    log, _ = log_of(tmp_path, f"time_s,fz_mN\n0.00,-3.25\n0.01,-30.50\n0.02,{last}")
+    assert log.force_n("fz")[-1] == pytest.approx(1e-3 * float(last))
+    assert not any("log.csv:4" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("day", ["2026-11-26", "26.11.2026", "Nov 26, 2026", "11/26/2026"])
+@pytest.mark.parametrize("columns", [(), ("time=Time:clock",)])
+def test_a_day_in_a_column_of_its_own_is_not_used_and_that_is_said(
+    tmp_path: Path, day: str, columns: tuple[str, ...]
+) -> None:
+    rows = "".join(f"{day};10:15:30.{k:02d};-1.5\n" for k in range(3))
+    log, _ = log_of(tmp_path, f"Date;Time;Fz [mN]\n{rows}", *columns)
+    assert any("'Date'" in note and day in note and "not used" in note for note in log.notes)

@@ -20,11 +20,13 @@ from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
 from scleraforce.recording.importing import IMPORT_RECORD, NOBODY, Asker, Import, answers_like, complete, record_text
+from scleraforce.recording.labels import unit_fault
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
 from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
 from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
 PREVIEW = "preview.png"
@@ -182,7 +184,9 @@ def write_imported(
         if done.log is not None:
             write_log(part, done.log)
         (part / IMPORT_RECORD).write_text(record_text(done, answers, __version__), encoding="utf-8")
-        _write_preview(written(part, out))
+        recording = written(part, out)
+        _check_unit(recording, done)
+        _write_preview(recording)
     return done
 
 
@@ -217,6 +221,16 @@ def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -
     for picture in pictures:
         yield picture
         advance(1)
+
+
+def _check_unit(recording: Recording, done: Import) -> None:
+    """Refuse forces that no needle gives, before the recording is there to be used."""
+    fault = unit_fault(recording, ClassesStudy())
+    if fault is None:
+        return
+    path = next(path for path, kind in done.gathered.files if kind in ("log", "bag"))
+    read = ", ".join(column.answer() for column in done.gathered.columns) or "forces of a bag are in N"
+    raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")
 
 
 def _write_preview(recording: Recording) -> None:

@@ -419,7 +419,7 @@ def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
             )
             sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
-    if len(ratio) == 2 and min(ratio) > 0.0 and ratio[0] != ratio[1]:
+    if len(ratio) == 2 and min(ratio) > 0.0:
         across_m = (sizes[0].depth_m or 0.0) * ratio[1] / ratio[0]
         sizes.append(
             PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", depth_m=sizes[0].depth_m, lateral_m=across_m)

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording.log_text import (
+    CLOCK,
     CLOCKS,
     FORCE,
     TIME,
     TORQUE,
     clock_of,
+    is_day,
     numbers_of,
     quantity_of,
     seconds_of,
@@ -334,7 +336,7 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
     _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], given)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
     time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
-    notes = ["numbers have decimal commas"] if mark == "," else []
+    notes = [*text.notes, *(["numbers have decimal commas"] if mark == "," else []), *_unused_date(text, columns[0])]
     notes += [*_overruled(by_header, given), *gap_notes(text.path, wrench_sc)]
     flags = _flagged(text, given)
     faulty = np.zeros(len(text.lines), dtype=bool)
@@ -448,6 +450,18 @@ def _clock_column(text: Table) -> list[LogColumn]:
                 "time=NAME:UNIT",
             )
     return []
+
+
+def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
+    """Say that a day stands in a column of its own, where the times are of the day only."""
+    if time.unit != CLOCK:
+        return ()
+    days = [name for name in text.names if all(is_day(day) for day in texts_of(text, name)[:1].tolist())]
+    return tuple(
+        f"{time.name}: times of day; the day in {name!r} ({texts_of(text, name)[0]}) is not used: clocks that count "
+        "from 1970 do not go with it (--clock-offset-s)"
+        for name in days
+    )
 
 
 def _moments(text: Table, column: LogColumn) -> NDArray[np.float64]:

@@ -63,16 +63,39 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
         return tuple(_unlabelled(frame, None) for frame in recording.frames)
+    labels = _labels_n(recording, log, info)
+    if all(isinstance(label, str) for label in labels):
+        raise _no_label(recording, log, str(labels[0]))
+    fault = _unit_fault(recording, log, info, labels, classes)
+    if fault is not None:
+        raise RecordingError(
+            f"{recording.path / 'forces.csv'}: {fault}; the columns are in N: multiply forces in mN by 0.001, in "
+            "gram-force by 0.00981"
+        )
+    return tuple(
+        _unlabelled(frame, label) if isinstance(label, str) else _trial(recording, frame, label, classes, max_force_n)
+        for frame, label in zip(recording.frames, labels, strict=True)
+    )
+
+
+def unit_fault(recording: Recording, classes: ClassesStudy) -> str | None:
+    """Return why the forces of a recording cannot be in N, by its labels and the sensor's noise; None where they can.
+
+    Args:
+        recording: the recording.
+        classes: the bounds of the force classes.
+    """
+    log, info = recording.forces, recording.info.force
+    if log is None or info is None:
+        return None
+    return _unit_fault(recording, log, info, _labels_n(recording, log, info), classes)
+
+
+def _labels_n(recording: Recording, log: ForceLog, info: ForceInfo) -> list[float | str]:
+    """Return the force under each frame in N, or why it has none."""
     force_n = contact_force(log, info)
     windows = [_samples_around(log, force_n, frame.time_s, info.average_s) for frame in recording.frames]
-    labels_n = [None if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
-    if all(label_n is None for label_n in labels_n):
-        raise _no_label(recording, log, str(windows[0]))
-    _check_unit(recording, log.force_n(info.axis), labels_n, classes)
-    return tuple(
-        _unlabelled(frame, str(window)) if label_n is None else _trial(recording, frame, label_n, classes, max_force_n)
-        for frame, label_n, window in zip(recording.frames, labels_n, windows, strict=True)
-    )
+    return [window if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
 
 
 def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -99,26 +122,25 @@ def _unlabelled(frame: FrameEntry, reason: str | None) -> Trial:
     return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
 
 
-def _check_unit(recording: Recording, raw_n: Samples, labels_n: Sequence[float | None], classes: ClassesStudy) -> None:
-    """Refuse forces that cannot be in N: by the labels, and by the sensor's noise.
+def _unit_fault(
+    recording: Recording, log: ForceLog, info: ForceInfo, labels: Sequence[float | str], classes: ClassesStudy
+) -> str | None:
+    """Return why forces cannot be in N: by the labels, and by the sensor's noise.
 
     The noise is taken from the mean difference of neighbours, in which neither pushes nor a few knocks matter.
     """
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
-    sizes_n = np.abs([0.0 if label_n is None else label_n for label_n in labels_n])
+    sizes_n = np.abs([0.0 if isinstance(label, str) else label for label in labels])
+    raw_n = log.known(info.axis).force_n(info.axis)
     peak = int(np.argmax(sizes_n))
-    noise_n = float(np.abs(np.diff(raw_n[np.isfinite(raw_n)])).mean()) * np.sqrt(np.pi) / 2.0
+    noise_n = float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0 if len(raw_n) > 1 else 0.0
     if sizes_n[peak] > largest_n:
         found = f"{sizes_n[peak]:.4g} N under {recording.frames[peak].file}, more than {largest_n:.4g} N"
     elif noise_n > LARGEST_NOISE_N:
         found = f"a noise of {noise_n:.2g} N, more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
     else:
-        return
-    axis = "" if recording.info.force is None else f": {recording.info.force.axis}_n"
-    raise RecordingError(
-        f"{recording.path / 'forces.csv'}{axis}: {found}; the columns are in N: multiply forces in mN by 0.001, "
-        "in gram-force by 0.00981"
-    )
+        return None
+    return f"{info.axis}_n: {found}"
 
 
 def _trial(

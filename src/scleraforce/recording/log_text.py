@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
 from scleraforce.recording.scan import SECONDS
-from scleraforce.recording.tables import Table, decimal_mark, fields_of, is_number, number
+from scleraforce.recording.tables import Table, decimal_mark, fields_of, is_number, number, without_cut
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -38,6 +38,7 @@ WORDS = (
     r"((?P<name>[^\W\d_]{3,9})\.?\s+(?P<day>\d{1,2})|(?P<day_before>\d{1,2})\.?[\s-]+(?P<name_after>[^\W\d_]{3,9})\.?)"
     r"[,\s-]+(?P<year>\d{4})"
 )
+DAY = re.compile(rf"\s*({NUMBERS}|{WORDS})\s*")
 MOMENT = re.compile(rf"\s*(({NUMBERS}|{WORDS})[,\s]*T?\s*)?{TIME_OF_DAY}\s*")
 
 
@@ -61,6 +62,15 @@ def clock_of(text: str) -> str | None:
     if found["mark"] == "." or int(found["first"]) > 12:
         return DAY_FIRST
     return MONTH_FIRST if int(found["middle"]) > 12 else ""
+
+
+def is_day(text: str) -> bool:
+    """Return whether a text is a date without a time.
+
+    >>> is_day("2026-11-26"), is_day("26. Nov 2026"), is_day("2026-11-26 10:15"), is_day("1.5")
+    (True, True, False, False)
+    """
+    return DAY.fullmatch(text) is not None
 
 
 def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
@@ -269,7 +279,8 @@ def read_log_text(path: Path, least: int = 2) -> Table:
     Raises:
         RecordingError: there is no header, or a line has more fields than names, or fewer than other lines.
     """
-    lines = read_text(path, KINDS["forces"]).splitlines()
+    whole = read_text(path, KINDS["forces"])
+    lines = whole.splitlines()
     if lines and lines[0].startswith(LABVIEW_MARK):
         text = _of_labview(path, lines)
     else:
@@ -278,7 +289,7 @@ def read_log_text(path: Path, least: int = 2) -> Table:
         names = _fields(lines[top], separator) if units else names
         text = _below(path, lines, top, nth + 1, separator, names, units)
     _check_counts(text)
-    return text
+    return text if whole.endswith(("\n", "\r")) else without_cut(text)
 
 
 def numbers_of(
@@ -319,10 +330,11 @@ def _header(path: Path, lines: Sequence[str], least: int) -> tuple[int, str, tup
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
         alone = SPACES if len(below.split()) > 1 else ","  # a single column's name may have spaces
         separator = next((mark for mark in SEPARATORS if mark in line), alone)
-        bare = line.removeprefix("#").lstrip(" ")  # what NumPy's savetxt begins a header with
+        bare = _unmarked(line)
         names, fields = _fields(bare, separator), _fields(below, separator)
         if separator == SPACES and len(names) > len(fields):  # names with a blank in them
-            names = tuple(re.split(r" {2,}", bare.strip()))
+            wide, bracketed = re.split(r" {2,}", bare.strip()), re.split(r" +(?![\[({<])", bare.strip())
+            names = tuple(bracketed if len(bracketed) == len(fields) else wide)
         if not names or any(is_number(name) for name in names):
             continue
         if sum(is_number(field) or clock_of(field) is not None for field in fields) < least:
@@ -338,10 +350,15 @@ def _header(path: Path, lines: Sequence[str], least: int) -> tuple[int, str, tup
     raise RecordingError(shorter or f"{path}: no header: a line with the names of columns, above lines of numbers")
 
 
+def _unmarked(line: str) -> str:
+    """Return a header without what marks it as a comment: # of NumPy's savetxt, % of MATLAB and TeX."""
+    return line.lstrip("#%").lstrip(" ")
+
+
 def _units_line(lines: Sequence[str], nth: int, separator: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], int]:
     """Return the units and the index of the names above them, where the line above the numbers has units only."""
     units = tuple(name.strip(" []()") for name in names)
-    above = _fields(lines[nth - 1].removeprefix("#").lstrip(" "), separator) if nth else ()
+    above = _fields(_unmarked(lines[nth - 1]), separator) if nth else ()
     if sum(map(_is_unit, units)) < 2 or len(above) != len(names):
         return (), nth
     return units, nth - 1

@@ -36,6 +36,7 @@ class Table:
         above: the lines above the header.
         units: of the columns, from a line of their own; else empty.
         mark: the decimal mark that the file states, or None.
+        notes: sentences on what is to be known of it.
     """
 
     path: Path
@@ -46,6 +47,7 @@ class Table:
     above: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     mark: str | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def delimiter(self) -> str | None:
@@ -66,7 +68,8 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
         known: columns that it may have.
         required: columns that it must have.
     """
-    header, *lines = read_text(path, kind).splitlines() or [""]
+    whole = read_text(path, kind)
+    header, *lines = whole.splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
@@ -80,7 +83,8 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
         if name not in names:
             raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
     bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
-    return Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
+    table = Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
+    return table if kind == KINDS["frames"] or whole.endswith(("\n", "\r")) else without_cut(table)
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
@@ -155,6 +159,24 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
         f"{field.replace(',', '.', 1)} with a decimal comma, or {field.replace(',', '')} with one between thousands"
     )
     raise RecordingError(f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}")
+
+
+def without_cut(text: Table) -> Table:
+    """Return a log that ends without a line break: its last line may have been cut within its last number.
+
+    It has where all other lines have the same number of characters behind the last point, and this one has fewer.
+    """
+    fields = [line.split(text.delimiter)[-1].strip() for line in text.lines]
+    if len(fields) < 3 or not is_number(fields[-1]):
+        return text
+    place, last = text.place(len(fields) - 1), fields.pop()
+    decimals = {len(field.partition(".")[2]) for field in fields}
+    if len(decimals) == 1 and len(last.partition(".")[2]) < min(decimals):
+        note = f"{place}: the file ends within the number {last!r}: the line was left out"
+        return replace(text, lines=text.lines[:-1], numbers=text.numbers[:-1], notes=(note,))
+    if len(last) < min(map(len, fields)):
+        return replace(text, notes=(f"{place}: the file ends without a line break: was {last!r} cut off?",))
+    return text
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
@@ -246,7 +268,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     time = table.names.index("time_s")
     columns = tuple(name for name in table.names if name != "time_s")
     wrench_sc = np.delete(values_sc, time, axis=1)
-    notes = gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
+    notes = *table.notes, *gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
     log = ForceLog(values_sc[:, time].copy(), wrench_sc, columns, notes)
     log = checked_samples(log, path, table.place)
     if not np.isfinite(log.force_n(axis)).any():
