@@ -7,7 +7,6 @@ import pytest
 
 from scleraforce.reader.networks import (
     ForceDistribution,
-    class_probabilities,
     force_distribution,
     quantile,
     ratio_edges,
@@ -28,6 +27,16 @@ def drawn_forces(histogram: np.ndarray, modulus_pa: float, count: int) -> np.nda
     rng = np.random.default_rng(6)
     bins = rng.choice(len(histogram), size=count, p=histogram)
     return modulus_pa * rng.uniform(EDGES_M2[bins], EDGES_M2[bins + 1])
+
+
+def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, ...]) -> np.ndarray:
+    """The probability of each class (sample, class), with arrays: the oracle of `single_force`."""
+    below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
+    below[:, 0], below[:, -1] = 0.0, 1.0
+    for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
+        row[1:-1] = np.interp(bounds_n, edges, shares)
+    probabilities: np.ndarray = below[:, 1:] - below[:, :-1]
+    return probabilities
 
 
 def test_quantiles_and_classes_are_those_of_forces_drawn_from_the_histogram(histograms) -> None:

@@ -83,11 +83,6 @@ class ParameterSpace:
         sds = np.where(self._positive, lognormal_sd, np.sqrt(variance))
         return means * self._units, sds * np.abs(self._units)
 
-    def interval(self, mean: Vector, covariance: Vector, sds: float) -> tuple[Vector, Vector]:
-        """Return the ends (p,), in SI, of the band of `sds` standard deviations about the coordinates' mean."""
-        half = sds * np.sqrt(np.diag(covariance))
-        return self.values(mean - half), self.values(mean + half)
-
     @property
     def _positive(self) -> NDArray[np.bool_]:
         return np.array([entry.positive for entry in self.parameters])

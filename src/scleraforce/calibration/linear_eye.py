@@ -19,7 +19,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
@@ -61,11 +60,6 @@ class WallResponse:
         points = (loads @ flat).reshape(len(states), *self.fields_fblsc.shape[1:])
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
         return _cut_lines(points, gap, self.tilt_rad)
-
-    def section(self, state: WallState) -> Section:
-        """Return the section of one state in the plane's frame (`ScanPlane`)."""
-        outer, inner = self._cut([state])[0]
-        return Section(outer, inner)
 
     def _loads(self, state: WallState) -> tuple[float, float, float, float]:
         compliance = 1.0 / state.youngs_modulus_pa

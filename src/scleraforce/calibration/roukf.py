@@ -6,7 +6,7 @@ U of shape (p, p). For a static model the state is a function of the parameters 
 One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 
 - sampling      x_i = x+ + L R I_i, with R R^T = U^-1, R lower triangular
-- prediction    x_i = A(x_i),  x- = sum alpha_i x_i,  L = [x*] D [I*]^T
+- prediction    none: the parameters do not move, x- = x+ and L becomes L R
 - observation   z_i = H(x_i),  HL = [z*] D [I*]^T
 - correction    U = 1 + HL^T (W + Omega)^-1 HL,  x+ = x- + L U^-1 HL^T (W + Omega)^-1 (y - sum alpha_i z_i)
 
@@ -77,7 +77,7 @@ def sigma_points(rule: str, dimension: int) -> SigmaPoints:
 
 
 Array = NDArray[np.float64]
-Operator = Callable[[Array], Array]  # sigma points (r, n) -> states (r, n) or observations (r, m)
+Operator = Callable[[Array], Array]  # sigma points (r, n) -> observations (r, m)
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
@@ -151,7 +151,6 @@ def filter_step(
     observe: Operator,
     observation: Array,
     noise_covariance: Array,
-    propagate: Operator | None = None,
     start: Array | None = None,
 ) -> StepResult:
     """Assimilate one observation vector.
@@ -162,14 +161,13 @@ def filter_step(
         observe: H; takes sigma points (r, n), returns predicted observations (r, m).
         observation: y, shape (m,).
         noise_covariance: W, shape (m, m), positive definite.
-        propagate: A; takes and returns sigma points (r, n). None: the state does not move.
         start: a state (n,) from where the iteration may begin. Where that explains prior and observation better than
             the prior's mean does, it begins there: from a wide prior about a bent valley it may not find the way.
 
     Returns:
         The posterior and the innovation. A step that fails keeps the old posterior, and `status` says why.
     """
-    states_rn, prior = _predict(params, posterior, propagate)
+    states_rn, prior = _sampled(params, posterior)
     observed = np.asarray(observation, dtype=np.float64)
     first_rm = observe(states_rn)
     predicted = params.sigma.weights_r @ first_rm
@@ -193,7 +191,7 @@ class _Frame(NamedTuple):
 
     prior: Posterior
     observe: Operator
-    first_rm: Array  # observations predicted at the propagated sigma points
+    first_rm: Array  # observations predicted at the sigma points
     observed: Array
     noise: Array
     centre: Array  # where the linearisation begins, in the coordinates v of x = mean + L v
@@ -260,17 +258,12 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit | None:
             return _linearise(params, frame, np.ones(len(kept), dtype=bool))
 
 
-def _predict(params: FilterParams, posterior: Posterior, propagate: Operator | None) -> tuple[Array, Posterior]:
-    """Sample, propagate, and return the propagated points (r, n) with the prior of the correction (U = 1)."""
-    points, weights = params.sigma
+def _sampled(params: FilterParams, posterior: Posterior) -> tuple[Array, Posterior]:
+    """Return the sampling points (r, n) and the prior of the correction (U = 1)."""
     root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
-    states_rn = posterior.mean + points @ (posterior.factor @ root).T
-    if propagate is None:
-        return states_rn, posterior._replace(factor=posterior.factor @ root, precision=np.eye(len(root)))
-    states_rn = propagate(states_rn)
-    mean = weights @ states_rn
-    factor = (states_rn - mean).T @ (weights[:, None] * points)
-    return states_rn, posterior._replace(mean=mean, factor=factor, precision=np.eye(len(root)))
+    factor = posterior.factor @ root
+    states_rn = posterior.mean + params.sigma.points_rp @ factor.T
+    return states_rn, posterior._replace(factor=factor, precision=np.eye(len(root)))
 
 
 def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit | None:

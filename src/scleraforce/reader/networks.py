@@ -107,21 +107,6 @@ def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
     return forces
 
 
-def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, ...]) -> Floats:
-    """Return the probability of each class, shape (sample, len(bounds_n) + 1); rows sum to 1.
-
-    Args:
-        distribution: of the force.
-        bounds_n: increasing bounds between the classes, N.
-    """
-    below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
-    below[:, 0], below[:, -1] = 0.0, 1.0
-    for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
-        row[1:-1] = np.interp(bounds_n, edges, shares)
-    probabilities: Floats = below[:, 1:] - below[:, :-1]
-    return probabilities
-
-
 def single_force(
     histogram: Sequence[float],
     edges_m2: Sequence[float],
