@@ -16,7 +16,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.recording.folder import frame_digest
+from scleraforce.recording.folder import frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.slice import boundary_slice
@@ -114,6 +114,17 @@ def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places) 
     assert frame.predicted == np.argmax(frame.probabilities)
     answers = [found.probabilities for found in frames if found.usable]
     assert np.ptp(answers, axis=0).max() > 0.02, "a network that answers always the same proves nothing"
+
+
+def test_a_recording_that_was_read_is_not_read_again(places, tmp_path: Path) -> None:
+    recording, reader = read_recording(shutil.copytree(places["a"], tmp_path / "a")), load_model(places["model"])
+    (recording.path / "frames.csv").unlink()
+    (recording.path / "forces.csv").unlink()
+    found, again = evaluate_recordings(reader, [recording]), evaluate_recordings(reader, [places["a"]])
+    assert [frame.recording for frame in found.frames] == [str(recording.path)] * len(FORCES_N)
+    assert found.frames == tuple(replace(frame, recording=str(recording.path)) for frame in again.frames)
+    with pytest.raises(RecordingError, match="given twice"):
+        evaluate_recordings(reader, [recording, recording.path])
 
 
 def test_a_frame_that_shows_nothing_counts_as_class_2_and_was_never_shown_to_the_network(places) -> None:

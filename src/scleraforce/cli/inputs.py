@@ -78,7 +78,7 @@ def globe_words(known: "Known", reads_force: bool) -> str:
     """Return with which globe a model reads an eye, and the cost of an unknown one.
 
     >>> from scleraforce.known.eye import Known
-    >>> from scleraforce.known.globe import SEALED
+    >>> from scleraforce.known.eye import SEALED
     >>> globe_words(Known(globe=SEALED), reads_force=True)
     'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
     """

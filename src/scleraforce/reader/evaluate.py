@@ -254,7 +254,7 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 def evaluate_recordings(
     reader: Reader,
-    paths: Sequence[str | PathLike[str]],
+    recordings: Sequence[Recording | str | PathLike[str]],
     calibration: CalibrationSummary | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Evaluation:
@@ -262,7 +262,7 @@ def evaluate_recordings(
 
     Args:
         reader: the model.
-        paths: recording folders; each once.
+        recordings: recordings, or their folders; each once.
         calibration: of the eyes; the frames that it used are marked and not scored. A model of kind "reader" reads an
             eye that it knows with its own modulus, others with the population's.
         progress: called with 1 after each frame.
@@ -272,19 +272,18 @@ def evaluate_recordings(
         FrameError: a frame cannot be read.
         CalibrationError: the calibration cannot be used with this model.
     """
-    folders = [Path(path) for path in paths]
-    _refuse_twice(folders)
+    _refuse_twice([entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings])
     if calibration is not None:
         _refuse_linear(reader, calibration)
-    recordings = [read_recording(path) for path in folders]
+    opened = [entry if isinstance(entry, Recording) else read_recording(entry) for entry in recordings]
     frames: list[FrameAnswer] = []
-    notes = list(_notes(reader, folders, recordings, calibration))
+    notes = list(_notes(reader, opened, calibration))
     study = reader.study
-    for path, recording in zip(folders, recordings, strict=True):
+    for recording in opened:
         trials = label_frames(recording, study.classes, study.needle.max_force_n)
-        answers = tuple(_answers(reader, str(path), recording, trials, calibration, progress))
+        answers = tuple(_answers(reader, recording, trials, calibration, progress))
         doubts = (*label_notes(recording, trials), *_doubts(reader, recording, answers))
-        notes += (f"{path}: {doubt}" for doubt in doubts)
+        notes += (f"{recording.path}: {doubt}" for doubt in doubts)
         frames += answers
     return Evaluation(
         model=model_name(reader.path),
@@ -323,31 +322,26 @@ def _refuse_linear(reader: Reader, calibration: CalibrationSummary) -> None:
         )
 
 
-def _notes(
-    reader: Reader,
-    paths: Sequence[Path],
-    recordings: Sequence[Recording],
-    summary: CalibrationSummary | None,
-) -> Iterator[str]:
+def _notes(reader: Reader, recordings: Sequence[Recording], summary: CalibrationSummary | None) -> Iterator[str]:
     if summary is not None and reader.fixed_modulus_pa is not None:
         yield (
             f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
         )
-    for path, recording in zip(paths, recordings, strict=True):
-        yield from _limits(reader, path, recording, summary)
+    for recording in recordings:
+        yield from _limits(reader, recording, summary)
         foreign = _foreign(reader, recording, summary)
         if foreign:
-            yield f"{path}: {foreign}"
+            yield f"{recording.path}: {foreign}"
 
 
-def _limits(reader: Reader, path: Path, recording: Recording, summary: CalibrationSummary | None) -> Iterator[str]:
+def _limits(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> Iterator[str]:
     """Say what of a recording the model's training did not cover, and where its frames cannot be scored."""
     info = recording.info
     for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
-        yield f"{path}: {sentence}"
+        yield f"{recording.path}: {sentence}"
     if recording.forces is None:
-        yield f"{path}: no forces.csv: its frames are read, but not scored"
+        yield f"{recording.path}: no forces.csv: its frames are read, but not scored"
 
 
 def _foreign(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
@@ -359,7 +353,6 @@ def _foreign(reader: Reader, recording: Recording, summary: CalibrationSummary |
 
 def _answers(
     reader: Reader,
-    given: str,
     recording: Recording,
     trials: Sequence[Trial],
     summary: CalibrationSummary | None,
@@ -378,7 +371,7 @@ def _answers(
         pixels = recording.frame(entry)
         answer = reader.read(pixels, scale, known)
         yield FrameAnswer(
-            recording=given,
+            recording=str(recording.path),
             eye=eye,
             file=entry.file,
             measured_force_n=trial.measured_force_n,
