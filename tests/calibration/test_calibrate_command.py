@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from analytic_library import analytic_library
 
@@ -19,10 +18,8 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library, cache
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.calibration_figures import (
-    draw_modulus_by_force,
     draw_modulus_over_frames,
     draw_observed_points,
-    modulus_table,
 )
 from scleraforce.study import Study, format_study
 
@@ -120,9 +117,6 @@ def test_figures_show_what_the_filter_saw(laboratory: Any, folder: Path, eye: Ph
     mean = over.lines[0].get_ydata()
     assert mean[0] == pytest.approx(0.49)
     assert mean[-1] == pytest.approx(found.mean_pa / 1e6)
-    alone = draw_modulus_by_force([found]).axes[0].lines[0].get_xdata()
-    np.testing.assert_allclose(alone, [1e3 * frame.force_n for frame in found.used])
     panels = draw_observed_points(found, recording.frame(recording.frames[0]), 0, 15e-3, 4e-3).axes
     assert "0.49" in panels[0].get_title(loc="left")
     assert len(panels[1].lines[-1].get_xdata()) == found.used[0].points + len(found.used[0].gated)
-    assert "0.27" in str(modulus_table(calibration, {"virtual": eye.youngs_modulus_pa}))

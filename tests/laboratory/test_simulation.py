@@ -1,5 +1,4 @@
 from dataclasses import replace
-from io import BytesIO
 from math import radians
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye, write_vtu, write_xdmf
 from scleraforce.report.files import write_figure
-from scleraforce.report.model_figures import draw_deformed_mesh, draw_simulation
+from scleraforce.report.model_figures import draw_simulation
 from scleraforce.study import MeshStudy, Study
 
 THICKNESS = 0.8e-3
@@ -99,12 +98,6 @@ def test_the_figure_shows_mesh_needle_and_slice(eye: SimulatedEye, tmp_path: Pat
     assert np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200  # the needle, vermilion
     assert np.count_nonzero((blue > 70) & (red < 90)) > 10_000  # viridis' dark end: the wall at rest
     assert np.count_nonzero(right.max(axis=-1) < 10) > 10_000  # the slice's black background
-
-
-def test_the_deformed_mesh_stands_alone_too(eye: SimulatedEye) -> None:
-    content = BytesIO()
-    draw_deformed_mesh(eye).savefig(content, format="png")
-    assert pixels(content.getvalue()).std() > 10
 
 
 def test_a_file_that_cannot_be_written_is_an_input_error(eye: SimulatedEye, tmp_path: Path) -> None:

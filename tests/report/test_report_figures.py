@@ -1,13 +1,34 @@
 """The figures show the numbers that they were given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
+from calibrated_eye import calibration_of_a_sealed_eye
 from frame_answers import frame_answer, refused_frame
 from matplotlib.figure import Figure
 
+from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
+from scleraforce.calibration.eye_model import EyeConstants, stated_wall
+from scleraforce.known.eye import SEALED
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
+from scleraforce.laboratory.light import Pose
+from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.report.files import CLASS_COLOURS, data_uri
 from scleraforce.report.force_figures import draw_force_log, draw_read_forces, draw_training_curves, draw_trial_forces
-from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
+from scleraforce.report.slice_figures import (
+    ComputedWall,
+    FrameWithWalls,
+    SlicePair,
+    dice,
+    draw_montage,
+    draw_segmentation,
+    draw_slice_pairs,
+    laid_on_surface,
+    plot_walls,
+)
+from scleraforce.section.plane import Section
 
 
 def lines(figure: Figure) -> dict[str, np.ndarray]:
@@ -118,3 +139,74 @@ def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
     assert [x for x, _ in places["not usable"]] == [50.0]
     intervals = [segment for entry in axes.collections for segment in entry.get_segments()]
     np.testing.assert_allclose(intervals, [[[10.0, 9.0], [10.0, 16.0]], [[40.0, 9.0], [40.0, 16.0]]])
+
+
+WIDTH_M, COLUMNS = 15e-3, 512
+LATERAL_M = (np.arange(COLUMNS) + 0.5) * WIDTH_M / COLUMNS
+
+
+def dented(lateral_m: np.ndarray) -> np.ndarray:
+    """Depth of an eye with a dent at 0, m."""
+    return 12e-3 - np.sqrt((12e-3) ** 2 - lateral_m**2) + 1.5e-3 * np.exp(-((lateral_m / 1.5e-3) ** 2))
+
+
+def wall() -> Section:
+    lateral_m = np.linspace(-9e-3, 9e-3, 400)
+    outer = np.stack([lateral_m, dented(lateral_m)], axis=1)
+    return Section(outer, outer + np.array([0.0, 0.5e-3]))
+
+
+@pytest.mark.parametrize(("shift_m", "down_m"), [(0.0, 0.4e-3), (0.25e-3, 0.9e-3), (-0.4e-3, 0.1e-3)])
+def test_a_wall_is_laid_where_the_surface_is_though_a_third_of_it_is_unseen(shift_m: float, down_m: float) -> None:
+    surface_m = dented(LATERAL_M - WIDTH_M / 2 - shift_m) + down_m
+    surface_m[100:270] = np.nan
+    surface_m[300:310] += 1e-3  # a wrong stretch
+    laid = laid_on_surface(wall(), surface_m, WIDTH_M)
+    moved = laid.outer[0] - wall().outer[0] - [WIDTH_M / 2, 0.0]
+    assert moved == pytest.approx([shift_m, down_m], abs=13e-6)  # half a step of the shifts
+    assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
+
+
+def test_where_no_surface_is_seen_the_wall_stays_in_the_middle() -> None:
+    laid = laid_on_surface(wall(), np.full(COLUMNS, np.nan), WIDTH_M)
+    assert laid.outer == pytest.approx(wall().outer + np.array([WIDTH_M / 2, 0.0]))
+
+
+def test_each_frame_is_drawn_bare_and_with_all_its_walls() -> None:
+    walls = tuple(ComputedWall(name, wall().shifted(WIDTH_M / 2, 0.3e-3)) for name in ("finite strain", "linear"))
+    frame = np.zeros((64, 64), dtype=np.uint16)
+    figure = plot_walls([FrameWithWalls(title, frame, (WIDTH_M, 4e-3), walls) for title in ("a", "b", "c")])
+    assert len(figure.axes) == 6
+    assert [len(axes.get_lines()) for axes in figure.axes] == [0, 0, 0, 4, 4, 4]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite strain", "linear"]
+
+
+@pytest.mark.slow
+def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> None:
+    """With the rigidity that the frames told, which is another than the one in the middle of what was known."""
+    truth = EyeConstants(
+        iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=0.6e-3, polar_rad=0.0, polar_sd_rad=0.0,
+        globe=replace(SEALED, mean=0.4 * SEALED.mean),
+    )  # fmt: skip
+    found, random = begin(STUDY, replace(truth, globe=SEALED), LIBRARY), np.random.default_rng(0)
+    for force_n in (0.012, 0.03):
+        outer, inner = found.filter.model.curves([stated_wall(truth, 0.3e6, force_n, 0.0)])[0]
+        pose = Pose(lateral_m=0.0, depth_m=0.5e-3)
+        found = step(found, ideal_boundaries(Section(outer, inner), pose, STUDY.oct, 2e-6, random), force_n)
+    assert isinstance(found.last, FrameStep)
+    means, sds = moments(found.filter, found.state)
+    eye = replace(
+        calibration_of_a_sealed_eye().eyes["mine"],
+        names=found.filter.space.names,
+        means=tuple(means.tolist()),
+        sds=tuple(sds.tolist()),
+        state=found.state,
+        filter=found.filter,
+        steps=(found.last,),
+    )
+    width_m, depth_m = STUDY.oct.width_m, STUDY.oct.depth_m
+    final = draw_observed_points(eye, np.zeros((4, 4), np.uint16), 0, width_m, depth_m).axes[1]
+    *curves, _, predicted = (np.column_stack(line.get_data()) for line in final.lines)
+    lateral_mm, depth_mm = predicted.T
+    off_mm = [np.abs(np.interp(lateral_mm, *curve.T) - depth_mm) for curve in curves]
+    assert np.minimum(*off_mm).max() < 1e-3

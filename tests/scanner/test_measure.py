@@ -1,5 +1,6 @@
 """Drawn frames with known parameters: what is measured on them is what they were drawn with."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,8 @@ from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan
 from scleraforce.laboratory.light import Line, Shadow
 from scleraforce.scanner.imaged_eye import Unmeasured
-from scleraforce.scanner.measure import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner
-from scleraforce.study import PhantomStudy
+from scleraforce.scanner.measure import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner, study_text
+from scleraforce.study import PhantomStudy, parse_study
 
 SEEDS = range(7000, 7006)
 FEW = range(7010, 7013)  # where three frames are enough
@@ -170,3 +171,25 @@ def test_noise_that_the_display_cuts_off_is_refused() -> None:
 def test_a_wall_that_saturates_is_refused() -> None:
     with pytest.raises(FrameError, match="saturates"):
         measure_scanner(drawn_eyes(range(7400, 7401), snr_db=30.0, attenuation_per_m=100.0, display_range_db=30.0))
+
+
+@pytest.fixture(scope="module")
+def scanner() -> MeasuredScanner:
+    return measure_scanner(drawn_eyes(range(7600, 7602), choroid_level_db=-60.0))
+
+
+def test_the_text_is_a_study_with_the_scanners_size_and_ranges(scanner: MeasuredScanner) -> None:
+    text = study_text(scanner, ["a.png", "b.png"], "2026-11-23", "1.2.3")
+    study = parse_study(text)
+    assert (study.oct.columns, study.oct.rows) == (512, 512)
+    assert study.phantom == scanner.phantom()
+    assert set(tomllib.loads(text)) == {"oct", "phantom"}
+
+
+def test_the_text_says_where_it_came_from_and_what_is_missing(scanner: MeasuredScanner) -> None:
+    text = study_text(scanner, ['evil"\n[eye]\nradius_mm = 1', *["b.png"] * 30], "2026-11-23", "1.2.3")
+    assert "1.2.3 on 2026-11-23, on 31 frame(s)" in text
+    assert "and 11 more" in text
+    assert parse_study(text).eye == parse_study("").eye
+    assert "# choroid_level_db: not measured, as in the paper's study: " in text
+    assert parse_study(text).phantom.choroid_level_db == PhantomStudy().choroid_level_db

@@ -1,7 +1,5 @@
 """Figures of a calibration: E over the frames (the paper's Fig. 5), points before and after (4), E over the force."""
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,11 +10,9 @@ from scleraforce.calibration.assimilation import FrameStep, predicted_points, ri
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.registration import BY_POLAR, place_section
 from scleraforce.calibration.result import Calibration, EyeCalibration, found_words
-from scleraforce.report.files import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
-from scleraforce.report.html import NOTHING, Html, table
+from scleraforce.report.files import BLUE, RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-PAPER_TABLE_2 = ((0.27, 4.7e-3), (0.22, 6.7e-3), (0.24, 3.9e-3), (0.29, 4.9e-3))  # mean, sd in MPa
 EYES_IN_A_ROW = 3
 
 
@@ -38,17 +34,6 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
     close.set_xlim(1, max(len(eye.used), 2))
     close.set_ylim(min(ends), max(ends))
     close.get_legend().remove()
-    return figure
-
-
-@styled
-def draw_modulus_by_force(eyes: Sequence[EyeCalibration]) -> Figure:
-    """Draw what each frame alone says of E over its force: level where the wall bends as the model does."""
-    figure = Figure(figsize=inches(110, 62))
-    axes = figure.subplots()
-    for eye, colour, marker in zip(eyes, (BLUE, RED, BLACK, GREY) * len(eyes), "os^D" * len(eyes), strict=False):
-        _draw_by_force(axes, eye, colour, marker)
-    axes.legend(loc="best")
     return figure
 
 
@@ -101,39 +86,6 @@ def draw_calibration(calibration: Calibration) -> Figure:
         _draw_by_force(below, eye, BLUE, "o")
         below.axhline(from_si(eye.mean_pa, "mpa"), color=RED, linewidth=0.8)
     return figure
-
-
-def modulus_table(calibration: Calibration, truth_pa: Mapping[str, float] | None = None) -> Html:
-    """Return Table 2 beside the paper's: each eye's mean and standard deviation, and the population's.
-
-    Args:
-        calibration: the eyes.
-        truth_pa: the moduli of virtual eyes, by id.
-    """
-    truth_pa = truth_pa or {}
-    head = [
-        "eye",
-        "E [MPa]",
-        "sd [MPa]",
-        "frames",
-        "paper: E [MPa]",
-        "paper: sd [MPa]",
-        *(["true E [MPa]"] * bool(truth_pa)),
-    ]
-    rows: list[list[object]] = []
-    for place, (name, eye) in enumerate(calibration.eyes.items()):
-        paper = PAPER_TABLE_2[place] if place < len(PAPER_TABLE_2) else None
-        mean, sd = f"{from_si(eye.mean_pa, 'mpa'):.3f}", f"{from_si(eye.sd_pa, 'mpa'):.4f}"
-        row: list[object] = [name, mean, sd, eye.state.posterior.updates]
-        row += [f"{paper[0]:.2f}", f"{paper[1]:.4f}"] if paper else [NOTHING, NOTHING]
-        if truth_pa:
-            row.append(f"{from_si(truth_pa[name], 'mpa'):.3f}" if name in truth_pa else NOTHING)
-        rows.append(row)
-    mean_pa, sd_pa = calibration.population
-    spread = NOTHING if sd_pa is None else f"{from_si(sd_pa, 'mpa'):.4f}"
-    mean_row: list[object] = ["mean, spread", f"{from_si(mean_pa, 'mpa'):.3f}", spread, "", "0.25", "0.0311"]
-    rows.append([*mean_row, *([""] * bool(truth_pa))])
-    return table(head, rows, "Table 2: Young's modulus of each eye; last row: mean and spread of the means.")
 
 
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:

@@ -35,14 +35,6 @@ FACE_OUTLINES = (
 
 
 @styled
-def draw_deformed_mesh(eye: SimulatedEye) -> Figure:
-    """Draw the hexahedra of the half behind the needle's meridian, coloured by their displacement."""
-    figure = _figure(85, 65)
-    _draw_mesh(figure, eye, width=1.0)
-    return figure
-
-
-@styled
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
     figure = _figure(170, 65)

@@ -1,4 +1,4 @@
-"""A reproduction's folder: what is finished is taken up, what is foreign is left alone."""
+"""A reproduction's folder: finished stages are reused, foreign files left alone; and its framing."""
 
 import json
 import re
@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError, StudyError
+from scleraforce.laboratory.light import sample_pose
 from scleraforce.models.folder import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction
 from scleraforce.reproduction.readings import run_library
 from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_stages
-from scleraforce.study import NetworkStudy, Study, parse_study
+from scleraforce.study import NetworkStudy, Study, format_study, parse_study
 
 DONE: list[str] = []
 BARS: list[tuple[str, int, int]] = []
@@ -204,3 +205,22 @@ def test_a_file_in_the_way_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file"):
         open_run(tmp_path / "file", Study(), 1)
+
+
+def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set() -> None:
+    study = framed_for_laboratory(Study())
+    rng = np.random.default_rng(1)
+    poses = [sample_pose(study.phantom, rng) for _ in range(500)]
+    lateral, depth = study.dataset.framing_lateral_m.bounds, study.dataset.framing_depth_m.bounds
+    offsets = [pose.depth_m - study.slice.margin_m for pose in poses]
+    assert lateral[0] < min(pose.lateral_m for pose in poses)
+    assert max(pose.lateral_m for pose in poses) < lateral[1]
+    assert depth[0] < min(offsets)
+    assert max(offsets) < depth[1]
+    # ... and not much more than that: half a millimetre of surface depths and shifts, and a pixel on both sides
+    assert depth[1] - depth[0] < max(offsets) - min(offsets) + 0.3e-3
+
+
+def test_a_framed_study_survives_its_toml() -> None:
+    study = framed_for_laboratory(Study())
+    assert parse_study(format_study(study)) == study

@@ -1,19 +1,56 @@
-"""Each eye left out of the mean modulus: labels at another modulus, and the file between two stages."""
+"""Readings of a reproduction: both calibrations count their frames, and each eye is left out of its own mean."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from stiffened_library import made_up_library
 
+from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.learning.classifier.samples import classes_at_modulus
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.reader.metrics import Proportion
+from scleraforce.reproduction import readings, stages
 from scleraforce.reproduction.readings import LeftOut, read_left_out_file, write_left_out
+from scleraforce.reproduction.run import open_run
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane
-from scleraforce.study import ClassesStudy
+from scleraforce.study import ClassesStudy, Study
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Stands for a recording: as many frames."""
+
+    frames: Sequence[int]
+
+
+def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The search of the stiffening goes through each frame several times; linear mechanics once."""
+    library, counted = made_up_library(), []
+
+    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> None:
+        passes = calibration_passes(others[-1], None)
+        progress(passes * sum(len(recording.frames) for recording in recordings))
+
+    pushes = {eye.id: range(len(forces_n)) for eye, forces_n in readings.bent_trials(Study())}
+    monkeypatch.setattr(readings, "read_recording", lambda path: Frames(pushes[path.name]))
+    monkeypatch.setattr(readings, "calibrate_recordings", calibrate)
+    monkeypatch.setattr(readings, "calibration_as_json", lambda _: {})
+    monkeypatch.setattr(readings, "write_calibration", lambda *_: None)
+    for module in (readings, stages):
+        monkeypatch.setattr(module, "run_library", lambda *_: library)
+    run = open_run(tmp_path / "out", Study(), 1)
+    readings.calibrate_bent(run, counted.append)
+    assert len(counted) == 2
+    assert stages._bent_frames(run) == sum(counted) > sum(len(frames) for frames in pushes.values())
 
 
 def test_a_stiffer_wall_puts_the_same_slice_into_a_higher_class() -> None:

@@ -1,0 +1,154 @@
+"""The installation checked: packages, the machine, small runs with known results."""
+
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from scleraforce import installation
+from scleraforce.installation import TRIALS, Finding, tried
+
+STATED = [
+    "numpy>=2.0",
+    'pywin32>=300; sys_platform == "never"',
+    'torch>=2.6; extra == "train"',
+    'onnx>=1.17; extra == "train"',
+    'fastapi>=0.115; extra == "web"',
+    'pytest>=8; extra == "dev"',
+]
+
+
+@pytest.fixture
+def there(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """The versions of what is installed, by name; a test changes them."""
+    found = {"numpy": "2.4.6", "torch": "2.13.0+cpu", "onnx": "1.23.2", "fastapi": "0.165.0"}
+
+    def version(name: str) -> str:
+        if name not in found:
+            raise PackageNotFoundError(name)
+        return found[name]
+
+    monkeypatch.setattr(installation, "requires", lambda _: STATED)
+    monkeypatch.setattr(installation, "version", version)
+    return found
+
+
+def test_packages_of_this_system_and_each_extra_of_users_are_named_with_their_versions(there) -> None:
+    assert list(installation.packages()) == [
+        Finding("packages", "ok", "numpy 2.4.6"),
+        Finding("extra [train]", "ok", "torch 2.13.0+cpu, onnx 1.23.2"),
+        Finding("extra [web]", "ok", "fastapi 0.165.0"),
+    ]
+    del there["torch"]
+    there["onnx"] = "1.2"
+    assert list(installation.packages())[1] == Finding(
+        "extra [train]", "missing", "no torch, onnx 1.2 is too old", "pip install 'scleraforce[train]'"
+    )
+
+
+def test_a_required_package_that_is_too_old_has_failed(there) -> None:
+    there["numpy"] = "1.26.4"
+    assert next(installation.packages()) == Finding(
+        "packages", "failed", "numpy 1.26.4 is too old", "pip install --upgrade scleraforce"
+    )
+
+
+def found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Finding]:
+    monkeypatch.setattr(installation, "user_cache_path", lambda name: tmp_path / name)
+    return {finding.name: finding for finding in installation.machine()}
+
+
+def test_a_machine_is_described(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(installation.shutil, "which", lambda _: None)
+    monkeypatch.setattr(installation.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=0, stdout=""))
+    monkeypatch.setattr(installation, "available_cores", lambda: 8)
+    monkeypatch.setattr(installation, "_memory_bytes", lambda: 24 * installation.GIB)
+    all_of_it = found(monkeypatch, tmp_path)
+    assert {finding.state for finding in all_of_it.values()} == {"ok"}
+    assert all_of_it["cores"].found == "8 that this process may use"
+    assert all_of_it["memory"].found == "24 GiB"
+    assert all_of_it["GPU"].found.startswith("no NVIDIA driver; none is needed")
+    assert all_of_it["cache"].found.startswith(str(tmp_path / "scleraforce"))
+
+
+def test_what_is_too_little_is_missing_with_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    cards = SimpleNamespace(returncode=1, stdout="NVIDIA H100\nNVIDIA H100\n")
+    monkeypatch.setattr(installation.shutil, "which", lambda _: "/usr/bin/nvidia-smi")
+    monkeypatch.setattr(installation.subprocess, "run", lambda *_, **__: cards)
+    monkeypatch.setattr(installation, "available_cores", lambda: 1)
+    monkeypatch.setattr(installation, "_memory_bytes", lambda: 2 * installation.GIB)
+    monkeypatch.setattr(installation.shutil, "disk_usage", lambda _: SimpleNamespace(free=installation.GIB // 2))
+    all_of_it = found(monkeypatch, tmp_path)
+    assert {name for name, finding in all_of_it.items() if finding.state == "missing"} == {
+        "cores", "memory", "real time", "cache"
+    }  # fmt: skip
+    assert all(finding.remedy for finding in all_of_it.values() if finding.state == "missing")
+    assert all_of_it["GPU"] == Finding("GPU", "ok", "NVIDIA H100, NVIDIA H100; not used, all is computed on the CPU")
+
+
+def test_a_cache_that_cannot_be_written_has_failed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "scleraforce").write_text("in the way")
+    cache = found(monkeypatch, tmp_path)["cache"]
+    assert cache.state == "failed"
+    assert "XDG_CACHE_HOME" in cache.remedy
+
+
+@pytest.mark.parametrize("platform", ["darwin", "win32"])
+def test_real_time_is_not_asked_for_where_the_monitor_does_not_run(platform: str, monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(installation.sys, "platform", platform)
+    assert found(monkeypatch, tmp_path)["real time"].state == "missing"
+
+
+@pytest.fixture(autouse=True)
+def _anew() -> None:
+    installation._path.cache_clear()
+
+
+@pytest.mark.parametrize("name", ["a solve", "a reading"])
+def test_a_solve_and_a_reading_are_right_here(name: str) -> None:
+    found = tried(name)
+    assert (found.name, found.state) == (name, "ok")
+    assert "mN" in found.found
+
+
+def test_a_wall_that_bends_otherwise_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "THICKNESS_M", 0.61e-3)
+    right = installation._path()
+    monkeypatch.setattr(installation, "THICKNESS_M", 0.6e-3)
+    assert installation._path() is right  # kept from before: the solve of this trial is another wall's
+    found = tried("a solve")
+    assert found.state == "failed"
+    assert "are right" in found.found
+
+
+def test_a_force_that_is_read_wrong_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "READ_WITHIN_N", 1e-9)
+    assert tried("a reading").state == "failed"
+
+
+def test_what_a_trial_raises_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> Finding:
+        raise ImportError("libgomp.so.1: cannot open shared object file")
+
+    monkeypatch.setattr(installation, "TRIALS", {"a solve": broken})
+    assert tried("a solve").found == "ImportError: libgomp.so.1: cannot open shared object file"
+    assert tried("a solve").state == "failed"
+
+
+@pytest.mark.slow
+def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() -> None:
+    script = "import sys; {block}; from scleraforce.installation import tried; print(tried('a training'))"
+    states = {}
+    for block in ("sys.modules['torch'] = None", "pass"):
+        done = subprocess.run(
+            [sys.executable, "-c", script.format(block=block)], capture_output=True, text=True, check=True
+        )
+        states[block] = done.stdout
+    first, second = states.values()
+    assert "state='missing'" in first
+    assert "pip install 'scleraforce[train]'" in first
+    assert "state='ok'" in second
+    assert set(TRIALS) == {"a solve", "a reading", "a training"}

@@ -1,0 +1,191 @@
+"""Frames in reports: an answered frame looked at again, its picture, the preview of a recording."""
+
+import base64
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from format_frames import with_log
+from frame_answers import frame_answer
+from looked_at import looked_at_frames
+from small_recording import write_small_recording
+
+from bench_conjunctiva import SCALE, STUDY, drawn
+from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.reader import load_model
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
+from scleraforce.reader.verdicts import look
+from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.report.browser import write_browser_html
+from scleraforce.report.frames import (
+    MOST_PICTURES,
+    FirstFrame,
+    draw_preview,
+    frame_pictures,
+    look_at,
+    look_at_all,
+    shown_frames,
+    wall_picture,
+)
+from scleraforce.segmentation.wall import Segmentation
+
+MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
+
+
+def recording_under_a_conjunctiva(folder: Path) -> tuple[np.ndarray, float]:
+    """Write a recording of one frame; return the frame and the wall's thickness, which the recording states."""
+    bscan, told_m = drawn(140, 1)
+    (folder / "frames").mkdir(parents=True)
+    cv2.imwrite(str(folder / "frames" / "1.png"), bscan.frame)
+    (folder / "frames.csv").write_text("file,time_s\n1.png,0\n")
+    (folder / "recording.toml").write_text(
+        f'[eye]\nid = "eye"\nthickness_m = {told_m}\n[oct]\ncolumns = 512\nrows = 512\nbits = 12\nwidth_m = 15e-3\n'
+        "depth_m = 4e-3\n[needle]\ngauge = 22\nslice_gap_m = 5e-4\n"
+    )
+    return bscan.frame, told_m
+
+
+def test_an_evaluation_carries_the_wall_that_was_read_below_a_conjunctiva(tmp_path: Path) -> None:
+    frame, told_m = recording_under_a_conjunctiva(tmp_path)
+    evaluation = evaluate_recordings(load_model(SHIPPED_READER), [tmp_path])
+    (shown,) = look_at_all(evaluation.frames)
+    read, first = (look(frame, SCALE, STUDY.slice, thickness_m=told).segmentation for told in (told_m, None))
+    np.testing.assert_array_equal(shown.found.outer_row, read.outer_row)
+    assert np.nanmean(read.outer_row - first.outer_row) > 8.0  # it is not the layer's surface
+
+
+def test_the_browsing_page_draws_the_wall_of_the_answer(tmp_path: Path) -> None:
+    frame, _ = recording_under_a_conjunctiva(tmp_path / "rec")
+    evaluation = evaluate_recordings(load_model(SHIPPED_READER), [tmp_path / "rec"])
+    (answer,) = evaluation.frames
+    moved = moved_wall(answer.segmentation)
+    write_browser_html(
+        replace(evaluation, frames=(replace(answer, segmentation=moved),)),
+        tmp_path / "page.html", MADE_AT, lambda _: None,
+    )  # fmt: skip
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    (picture,) = re.findall(r'"picture": ?"(data:image/jpeg;base64,[^"]+)"', page)
+    assert picture.replace("\\/", "/") == wall_picture(frame, moved, (15e-3, 4e-3), 560)
+
+
+def test_an_answer_without_a_wall_cannot_be_looked_at(tmp_path: Path) -> None:
+    recording_under_a_conjunctiva(tmp_path)
+    with pytest.raises(ValueError, match="segmentation"):
+        look_at(frame_answer(recording=str(tmp_path), file="1.png"))
+
+
+def moved_wall(found: Segmentation | None) -> Segmentation:
+    """The same wall 20 rows deeper: one that no segmentation of the frame would find."""
+    assert found is not None
+    return Segmentation(
+        found.outer_row + 20.0, found.inner_row + 20.0, found.rows, found.usable, found.reason, found.inner_found,
+        thickness_m=found.thickness_m,
+    )  # fmt: skip
+
+
+def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
+    return tuple(frame_answer(file=f"{n:04d}.png", predicted=2 if n in misread else 1) for n in range(count))
+
+
+def evaluation(frames: tuple[FrameAnswer, ...]) -> Evaluation:
+    return Evaluation(model="model", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6, frames=frames)
+
+
+def pictures(html: str) -> list[np.ndarray]:
+    found = re.findall(r'src="data:image/jpeg;base64,([^"]*)"', html)
+    return [cv2.imdecode(np.frombuffer(base64.b64decode(one), np.uint8), cv2.IMREAD_COLOR) for one in found]
+
+
+def test_few_frames_are_all_shown() -> None:
+    frames = many(MOST_PICTURES)
+    assert shown_frames(frames) == frames
+
+
+def test_of_many_frames_those_that_were_misread_come_first_and_the_others_in_even_steps() -> None:
+    frames = many(1001, misread=(3, 4, 997))
+    shown = shown_frames(frames, 14)
+    assert [frame.file for frame in shown[:3]] == ["0000.png", "0003.png", "0004.png"]
+    numbers = [frames.index(frame) for frame in shown]
+    assert numbers == sorted(numbers)
+    steps = np.diff([number for number in numbers if number not in (3, 4, 997)])
+    assert len(shown) == 14
+    assert steps.min() > 95
+
+
+def test_even_of_misread_frames_no_more_are_shown_than_fit() -> None:
+    assert len(shown_frames(many(500, misread=tuple(range(400))))) == MOST_PICTURES
+
+
+def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_were_found(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 1)
+    (picture,) = pictures(frame_pictures(evaluation((looks[0].answer,)), looks))
+    rows, columns = picture.shape[:2]
+    width_m, depth_m = looks[0].extent_m
+    assert abs(rows / columns - depth_m / width_m) < 0.5 / columns
+    blue, green, red = (picture[:, columns // 2, channel].astype(int) for channel in range(3))
+    scale = rows / len(looks[0].frame)
+    middle = looks[0].frame.shape[1] // 2
+    for colour, other, boundary in ((red, green, looks[0].found.outer_row), (green, red, looks[0].found.inner_row)):
+        assert abs(int(np.argmax(colour - other)) - (boundary[middle] + 0.5) * scale) < 2.0
+    assert (blue - green).max() < 60
+
+
+def test_below_a_picture_stands_what_was_measured_and_read_and_the_misread_stand_out(tmp_path: Path) -> None:
+    first, second, third = looked_at_frames(tmp_path, 3)
+    read = replace(first.answer, predicted=2, predicted_force_n=0.031, interval_n=(0.029, 0.033))
+    lost = replace(second.answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2)
+    bare = replace(third.answer, measured_force_n=None, target=None, predicted=0)
+    looks = [
+        replace(look, answer=answer) for look, answer in zip((first, second, third), (read, lost, bare), strict=True)
+    ]
+    html = frame_pictures(evaluation((read, lost, bare)), looks)
+    assert html.count('<figure class="marked">') == 1
+    assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
+    assert "not usable: no wall found" in html
+    assert "not measured; read class 0" in html
+    assert "All 3 frames are shown." in html
+
+
+def test_frames_that_are_left_out_are_counted(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 2)
+    html = frame_pictures(evaluation((*(look.answer for look in looks), *many(98))), looks)
+    assert "2 of the 100 frames are shown" in html
+
+
+def previewed(recording: Recording, count: int):
+    entries = recording.frames[:count]
+    frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in entries]
+    figure = draw_preview(recording, frames)
+    figure.draw_without_rendering()
+    return figure
+
+
+def test_frames_and_bars_are_as_wide_and_deep_as_they_say(tmp_path: Path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=3, log=False))  # 8 mm x 3 mm
+    figure = previewed(recording, 3)
+    assert len(figure.axes) == 3
+    for axes, entry in zip(figure.axes, recording.frames, strict=True):
+        image = axes.images[0]
+        assert image.get_extent() == [0.0, 8.0, 3.0, 0.0]
+        np.testing.assert_array_equal(image.get_array(), recording.frame(entry))
+        across, down = axes.lines
+        assert np.ptp(across.get_xdata()) == pytest.approx(2.0)
+        assert np.ptp(down.get_ydata()) == pytest.approx(1.0)
+        assert [text.get_text() for text in axes.texts] == ["2 mm", "1 mm deep"]
+        inches = axes.get_window_extent().size / figure.dpi
+        assert inches[0] / inches[1] == pytest.approx(8.0 / 3.0, rel=0.02)
+        assert entry.file in axes.get_title(loc="left")
+
+
+def test_the_curve_is_the_contact_force_with_the_times_of_all_frames(tmp_path: Path) -> None:
+    recording = read_recording(with_log(write_small_recording(tmp_path / "r", frames=12)))
+    axes = previewed(recording, 2).axes[-1]
+    raw, filtered = axes.lines
+    np.testing.assert_allclose(raw.get_ydata(), -1e3 * recording.forces.force_n("fz"))  # contact_sign is -1
+    assert filtered.get_ydata().max() == pytest.approx(10.0, abs=0.5)
+    marks = [segment[0][0] for segment in axes.collections[0].get_segments()]
+    assert marks == pytest.approx([frame.time_s for frame in recording.frames])
