@@ -1,4 +1,4 @@
-"""Errors of the segmentation's boundaries on rendered frames, beside those of `learning.reader.boundary_errors`.
+"""Errors of the segmentation's boundaries on rendered frames, beside those of `learning.walls`.
 
     python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE]
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import BoundaryStatistics, boundary_statistics
-from scleraforce.learning.reader.boundary_errors import disturb
+from scleraforce.learning.walls import disturb
 from scleraforce.library.cache import cached_library
 from scleraforce.study import Study, read_study
 

@@ -15,10 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from scleraforce.dataset.store import open_dataset
-from scleraforce.learning.classifier.graph import onnx_bytes
-from scleraforce.learning.classifier.samples import Samples
-from scleraforce.learning.classifier.train import split_samples
-from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Fitted, fit
+from scleraforce.learning.classifier import CLASSIFIER_THREADS, Fitted, Samples, classifier_bytes, fit
+from scleraforce.learning.train import split_samples
 from scleraforce.models.folder import write_folder
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
@@ -56,7 +54,7 @@ def print_reading_times(fitted: Fitted, validation: Samples, readings: int) -> N
     study = Study()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "model"
-        graph = onnx_bytes(fitted.network, 40, 140, {"study_sha256": study_hash(study)})
+        graph = classifier_bytes(fitted.network, study.slice, {"study_sha256": study_hash(study)})
         write_folder(out, graph, format_study(study), "", {"kind": "classifier"})
         reader = load_classifier(out)
     times = []

@@ -218,7 +218,7 @@ def _read() -> Finding:
 def _train() -> Finding:
     """Train a reader for one short epoch: it is worth nothing, but all that trains has run."""
     try:
-        from scleraforce.learning.reader.train import train_reader
+        from scleraforce.learning.train import train_reader
     except InputError as fault:
         return Finding(TRAIN, "missing", str(fault))
     study = Study()

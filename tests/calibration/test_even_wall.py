@@ -7,8 +7,8 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.calibration.library_eye import without_form
-from scleraforce.learning.reader.uneven import Forms
-from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
+from scleraforce.learning.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
+from scleraforce.learning.walls import Forms
 from scleraforce.study import Range, ReaderStudy, Study, fixed
 
 STUDY = Study(

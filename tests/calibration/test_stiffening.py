@@ -19,7 +19,7 @@ from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.learning.reader import virtual_eyes
+from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library
 from scleraforce.library.plan import stiffening_place
 from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study, TissueStudy

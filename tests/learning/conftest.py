@@ -5,7 +5,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from scleraforce.learning.classifier.samples import Samples
+from scleraforce.learning.classifier import Samples
 from scleraforce.study import NetworkStudy
 
 ROWS, COLUMNS = 12, 10
@@ -17,7 +17,7 @@ if find_spec("torch") is None:  # the extra `train` is not installed
 @pytest.fixture(autouse=True)
 def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train on one thread: for networks as small as these, a second costs more than it brings on a busy machine."""
-    monkeypatch.setattr("scleraforce.learning.classifier.training.CLASSIFIER_THREADS", 1)
+    monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", 1)
 
 
 def make_bars(count: int, seed: int) -> Samples:

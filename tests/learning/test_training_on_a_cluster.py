@@ -10,10 +10,8 @@ from dask_cluster import NEEDS_DASK, Cluster
 from small_finder import SMALL_STUDY
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.learning.classifier.samples import Samples
-from scleraforce.learning.classifier.search import search_sizes
-from scleraforce.learning.classifier.training import CLASSIFIER_THREADS
-from scleraforce.learning.wall_finder.training import fit_wall_finder
+from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
+from scleraforce.learning.wall_finder import fit_wall_finder
 from scleraforce.study import NetworkStudy
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow]
@@ -22,7 +20,7 @@ pytestmark = [*NEEDS_DASK, pytest.mark.slow]
 @pytest.fixture(autouse=True)
 def threads_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train here on as many threads as workers do: sums in another order differ in the last bit."""
-    monkeypatch.setattr("scleraforce.learning.classifier.training.CLASSIFIER_THREADS", CLASSIFIER_THREADS)
+    monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", CLASSIFIER_THREADS)
 
 
 @pytest.fixture

@@ -22,8 +22,7 @@ class TinyModel:
 def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
     """Write a model with random weights for a study; its validation figures are made up."""
     pytest.importorskip("torch")
-    from scleraforce.learning.classifier.graph import onnx_bytes
-    from scleraforce.learning.classifier.network import Layer, TrainedNetwork
+    from scleraforce.learning.classifier import Layer, TrainedNetwork, classifier_bytes, with_half_weights
     from scleraforce.models.folder import write_folder
 
     rng = np.random.default_rng(5)
@@ -36,8 +35,8 @@ def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
         )
         for size in sizes
     )
-    network = TrainedNetwork(rng.uniform(0.0, 0.3, pixels).astype(np.float32), layers)
-    graph = onnx_bytes(network, study.slice.rows, study.slice.columns, {"study_sha256": study_hash(study)})
+    network = with_half_weights(TrainedNetwork(rng.uniform(0.0, 0.3, pixels).astype(np.float32), layers))
+    graph = classifier_bytes(network, study.slice, {"study_sha256": study_hash(study)})
     write_folder(path, graph, format_study(study), "# card\n", {"kind": "classifier", "metrics": {}})
     return TinyModel(path, network, study)
 

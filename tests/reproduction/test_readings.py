@@ -12,7 +12,7 @@ from stiffened_library import made_up_library
 from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
-from scleraforce.learning.classifier.samples import classes_at_modulus
+from scleraforce.learning.classifier import classes_at_modulus
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reproduction import readings, stages

@@ -22,12 +22,11 @@ def write_fixed_reader(
 ) -> Study:
     """Write the folder; returns its study."""
     import onnx
+    from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info, set_model_props
 
-    from scleraforce.learning.classifier.graph import constant, model_bytes, node
     from scleraforce.models.folder import write_folder
 
     study = fixed_study(len(shares))
-    slices, told = SLICES, TOLD
     values = {
         "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
         "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),
@@ -36,28 +35,31 @@ def write_fixed_reader(
         "second": np.array([1], dtype=np.int64),
     }
     nodes = [
-        node("Gemm", [told, "none", "shares"], "logits"),
-        node("Softmax", ["logits"], HISTOGRAM, axis=1),
-        node("Gemm", [told, "no_place", "place"], "places"),
-        node("Squeeze", ["places", "second"], CONTACT),
+        make_node("Gemm", [TOLD, "none", "shares"], ["logits"]),
+        make_node("Softmax", ["logits"], [HISTOGRAM], axis=1),
+        make_node("Gemm", [TOLD, "no_place", "place"], ["places"]),
+        make_node("Squeeze", ["places", "second"], [CONTACT]),
     ]
     float32 = onnx.TensorProto.FLOAT
-    info = onnx.helper.make_tensor_value_info
-    graph = onnx.helper.make_graph(
+    graph = make_graph(
         nodes,
         "fixed",
         [
-            info(slices, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
-            info(told, float32, ["n", len(GIVEN)]),
+            make_tensor_value_info(SLICES, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
+            make_tensor_value_info(TOLD, float32, ["n", len(GIVEN)]),
         ],
-        [info(HISTOGRAM, float32, ["n", len(shares)]), info(CONTACT, float32, ["n"])],
-        [constant(name, value) for name, value in values.items()],
+        [
+            make_tensor_value_info(HISTOGRAM, float32, ["n", len(shares)]),
+            make_tensor_value_info(CONTACT, float32, ["n"]),
+        ],
+        [onnx.numpy_helper.from_array(value, name) for name, value in values.items()],
     )
+    model = make_model(graph, opset_imports=[make_opsetid("", 17)], ir_version=8)
+    set_model_props(model, {"study_sha256": study_hash(study)})
     folder = path.parent / f"{path.name}.library"
     save_library(library, folder)
     content = folder.read_bytes()
     folder.unlink()
     record = {"kind": "reader", "default": default, "metrics": {}}
-    network = model_bytes(graph, {"study_sha256": study_hash(study)})
-    write_folder(path, network, format_study(study), "# card\n", record, {LIBRARY_FILE: content})
+    write_folder(path, model.SerializeToString(), format_study(study), "# card\n", record, {LIBRARY_FILE: content})
     return study

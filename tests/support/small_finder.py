@@ -50,12 +50,11 @@ def write_blind_finder(folder: Path) -> None:
     """Write the model folder of a network with random weights."""
     import torch
 
-    from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
-    from scleraforce.learning.wall_finder.network import WallFinderNetwork
+    from scleraforce.learning.wall_finder import WallFinderNetwork, finder_bytes
 
     with torch.random.fork_rng():
         torch.manual_seed(0)
         network = WallFinderNetwork(SMALL_STUDY.wall_finder).eval()
     provenance = {"study_sha256": study_hash(SMALL_STUDY)}
     record = {"kind": "wall-finder", "provenance": provenance}
-    write_folder(folder, finder_onnx_bytes(network, provenance), format_study(SMALL_STUDY), "Blind.", record)
+    write_folder(folder, finder_bytes(network, provenance), format_study(SMALL_STUDY), "Blind.", record)

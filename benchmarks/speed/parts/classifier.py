@@ -21,8 +21,8 @@ def measure(run: Run) -> Table:
     """Train both."""
     from sklearn.neural_network import MLPClassifier  # type: ignore[import-untyped]  # comes without types
 
-    from scleraforce.learning.classifier.train import split_samples
-    from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, fit
+    from scleraforce.learning.classifier import CLASSIFIER_THREADS, fit
+    from scleraforce.learning.train import split_samples
 
     dataset = open_dataset(made_dataset(run))
     network = dataset.study.network

@@ -82,16 +82,17 @@ def _by_torch(network: bytes, study: Study) -> Read:
     import onnx
     import torch
 
-    from scleraforce.learning.reader.network import ReaderNetwork, histogram
+    from scleraforce.learning.reader import ReaderNetwork, histogram
 
     torch.set_num_threads(1)
     module = ReaderNetwork(study.reader, study.slice, study.eye.radius_m).eval()
     stored = {
         entry.name: onnx.numpy_helper.to_array(entry) for entry in onnx.load_from_string(network).graph.initializer
     }
-    module.load_state_dict(
-        {name: torch.from_numpy(stored[_stored_name(name)].copy()) for name in module.state_dict()}, strict=True
-    )
+    names = {
+        name: f"network.{name}" if f"network.{name}" in stored else _stored_name(name) for name in module.state_dict()
+    }
+    module.load_state_dict({name: torch.from_numpy(stored[names[name]].copy()) for name in names}, strict=True)
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
     def read(cuts: Slices, known: Known) -> float:
@@ -107,7 +108,7 @@ def _by_torch(network: bytes, study: Study) -> Read:
 
 
 def _stored_name(name: str) -> str:
-    """Return what the graph calls a tensor of the module.
+    """Return what a graph that was written node by node, as of readers until 2026, calls a tensor of the module.
 
     >>> _stored_name("convolutions.1.weight"), _stored_name("given_layer.bias"), _stored_name("circle")
     ('weight1', 'known_linear_bias', 'circle')

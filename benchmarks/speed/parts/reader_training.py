@@ -64,7 +64,7 @@ def _each(marks_s: list[float]) -> float:
 
 def _marks(study: Study, library: Library, run: Run) -> tuple[float, list[float], list[float], float, Any]:
     """Train; return when it began, when each epoch and each eye was done, when it ended, and what it reached."""
-    from scleraforce.learning.reader.train import train_reader
+    from scleraforce.learning.train import train_reader
 
     epochs_s: list[float] = []
     eyes_s: list[float] = []

@@ -13,7 +13,7 @@ from scleraforce.study import NetworkStudy, Study
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.learning.classifier.train import Trained
+    from scleraforce.learning.train import Trained
 
 SECONDS = "<seconds>"  # stands for the duration in lines
 Made = tuple[dict[str, Any], list[str]]  # the object of --json, and lines
@@ -118,7 +118,7 @@ def _train_reader(kind: str, library_path: Path, out: Path, study: Study) -> Mad
 
 def _train_wall_finder(study: Study, out: Path, workers: int | None) -> Made:
     # Imported here: PyTorch takes longer to import than the help to print.
-    from scleraforce.learning.wall_finder.train import train_wall_finder
+    from scleraforce.learning.train import train_wall_finder
 
     with count_bar("batches", study.wall_finder.batches) as advance:
         trained = train_wall_finder(study, out, workers, advance)

@@ -21,18 +21,13 @@ from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import study_mesh
-from scleraforce.learning.classifier.half_weights import with_half_weights
-from scleraforce.learning.classifier.samples import Samples, classes_at_modulus
-from scleraforce.learning.classifier.training import fit
+from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, with_half_weights
 from scleraforce.learning.framework import torch
-from scleraforce.learning.reader.draws import CHUNK, Source
-from scleraforce.learning.reader.intervals import STREAM, measuring
-from scleraforce.learning.reader.samples import ReaderSamples, draw_seen
-from scleraforce.learning.reader.training import VALIDATION_CHUNK, descend_reader
-from scleraforce.learning.reader.trait_factors import trait_factors
-from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames
-from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES, scene_batch
-from scleraforce.learning.wall_finder.training import descend_finder
+from scleraforce.learning.intervals import STREAM, measuring, trait_factors
+from scleraforce.learning.reader import descend_reader
+from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples, Source, draw_seen
+from scleraforce.learning.virtual_eyes import calibrated, draw_eye, draw_frames
+from scleraforce.learning.wall_finder import VALIDATION_SCENES, descend_finder, scene_batch
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
@@ -98,7 +93,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
-    network, curves = descend_reader(
+    network, training_loss = descend_reader(
         replace(study, reader=replace(reader, epochs=1, samples_per_epoch=CHUNK)), [samples]
     )
     slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
@@ -110,7 +105,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
         **_sample_items("validation", source.chunk(VALIDATION_CHUNK, 50)),
         "seen boundaries": item(seen, 1e-5),  # the pressure of a sealed eye is found within 1e-5
         "network inputs": item(inputs, SINGLE),
-        "training loss": item(curves.training_loss, DESCENT),
+        "training loss": item(training_loss, DESCENT),
         "trained forces": item(forces, DESCENT),
         "trained places": item(places, DESCENT),
     }

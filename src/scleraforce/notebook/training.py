@@ -21,9 +21,7 @@ from scleraforce.study import NetworkStudy, Study
 from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
-    from scleraforce.learning.classifier.train import Trained
-    from scleraforce.learning.raw_reader.train import TrainedRawReader
-    from scleraforce.learning.reader.train import TrainedReader
+    from scleraforce.learning.train import Trained, TrainedRawReader, TrainedReader
 
 
 def library_of(
@@ -208,7 +206,7 @@ def train_on_library(library: Library, study: Study, out: Path, counting: Counti
         SolverError: the training diverged.
     """
     refuse_unused(study, "train --kind reader")
-    from scleraforce.learning.reader.train import train_reader
+    from scleraforce.learning.train import train_reader
 
     reader = study.reader
     with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
@@ -223,7 +221,7 @@ def train_on_raw_frames(library: Library, study: Study, out: Path, counting: Cou
         SolverError: the training diverged.
     """
     refuse_unused(study, "train --kind raw-reader")
-    from scleraforce.learning.raw_reader.train import train_raw_reader
+    from scleraforce.learning.train import train_raw_reader
 
     raw = study.raw_reader
     with (
@@ -251,8 +249,8 @@ def train_on_slices(
         InputError: as of `sf.train`.
         SolverError: the training diverged.
     """
-    from scleraforce.learning.classifier.search import grid
-    from scleraforce.learning.classifier.train import train_classifier
+    from scleraforce.learning.classifier import grid
+    from scleraforce.learning.train import train_classifier
 
     network = network or dataset.study.network
     with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:

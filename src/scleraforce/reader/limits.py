@@ -204,7 +204,7 @@ def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tupl
 def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float | None:
     """Return a modulus, Pa, to compare with the training's range; None where it is an eye's own and near enough.
 
-    At a given dent F goes as E t^2 IOP^(1/3) (`learning.reader.samples`), so a calibrated E takes twice the error of
+    At a given dent F goes as E t^2 IOP^(1/3) (`learning.samples`), so a calibrated E takes twice the error of
     the thickness and a third of the pressure's.
     """
     if modulus is None:

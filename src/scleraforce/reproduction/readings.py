@@ -25,10 +25,8 @@ from scleraforce.dataset import Dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, paper_eyes
-from scleraforce.learning.classifier.network import TrainedNetwork
-from scleraforce.learning.classifier.train import split_samples, train_classifier
-from scleraforce.learning.classifier.training import fit
-from scleraforce.learning.reader.train import train_reader
+from scleraforce.learning.classifier import TrainedNetwork, fit
+from scleraforce.learning.train import split_samples, train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
 from scleraforce.models.folder import SHIPPED_WALL_FINDER

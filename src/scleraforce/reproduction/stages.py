@@ -15,7 +15,7 @@ from scleraforce.dataset import generate_dataset, open_dataset, read_population_
 from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
-from scleraforce.learning.classifier.train import train_classifier
+from scleraforce.learning.train import train_classifier
 from scleraforce.library.plan import plan_library
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model

@@ -87,7 +87,7 @@ class ReaderStudy(Section):
     plane from the meridian is drawn from the whole circle.
 
     `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is even.
-    `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
+    `uneven_share` of the walls are no even spheres at rest (`learning.walls`). So many `interval_eyes`, of
     which as many are uneven, tell how wide intervals have to be (`reader.intervals`); 0: they stay as they are.
 
     `boundary_errors`: times the errors that the segmentation of rendered frames makes, in the samples of the network,

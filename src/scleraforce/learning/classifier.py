@@ -1,0 +1,507 @@
+"""The classifier of the paper (section 2.4): fully connected layers that learn from simulated slices.
+
+The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the gradient noisy, and with random
+framing plain descent stalls. What helps is what Srivastava et al. ("Dropout", 2014, appendix A) recommend, a high rate
+with momentum, made safe by a start scaled for dropout (`build_network`), a warm-up, clipped gradients, and a rate that
+falls to zero along a cosine. Several dropout masks a sample (Inoue, "Multi-sample dropout", 2019) lessen the noise for
+little: the first layer, which is most of the work, is computed once for all of them.
+"""
+
+import hashlib
+import threading
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise, product
+from math import ceil, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import SolverError
+from scleraforce.learning.descent import descend, repeatable
+from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.processes import work_in_order
+from scleraforce.reader.kinds import INPUT, OUTPUT
+from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Slices, uint8 of shape (sample, row, column) with 0 or 255, and their classes, shape (sample,)."""
+
+    slices: NDArray[np.uint8]
+    target: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    @property
+    def pixels(self) -> NDArray[np.uint8]:
+        """The slices as a view, one row a sample, shape (sample, row * column)."""
+        return self.slices.reshape(len(self.slices), -1)
+
+
+def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: ClassesStudy) -> NDArray[np.int64]:
+    """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
+
+    In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under pressure
+    and weight that scale alike, which bend the wall far less than the needle).
+
+    >>> classes_at_modulus(np.array([0.028]), 1.1, ClassesStudy()).tolist()
+    [2]
+    """
+    return np.array([classes.classify(force) for force in ratio * force_n], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """How pixels enter the network: share of training slices with wall at each pixel, and which pixels vary at all.
+
+    Both of shape (row * column,). Centred inputs condition the gradient descent far better than 0 and 1 (LeCun et al.,
+    "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies says nothing in training; its weights are zero.
+    """
+
+    mean: NDArray[np.float32]
+    varies: NDArray[np.bool_]
+
+
+def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
+    """Measure the mean of each pixel (as 0 to 1) over the training slices, and over their mirror images if asked.
+
+    >>> slices = np.array([[[0, 255]], [[0, 0]]], dtype=np.uint8)
+    >>> normalisation(Samples(slices, np.array([0, 1]))).mean.tolist()
+    [0.0, 0.5]
+    """
+    wall, count = np.count_nonzero(training.slices, axis=0), len(training)
+    if mirror:
+        wall, count = wall + wall[:, ::-1], 2 * count
+    mean = (wall / count).astype(np.float32)
+    return Normalisation(mean.ravel(), ((wall > 0) & (wall < count)).ravel())
+
+
+def mirrored_pixels(norm: Normalisation, columns: int) -> NDArray[np.intp]:
+    """Return, for each varying pixel, the number of the varying pixel on the other side of the slice.
+
+    Args:
+        norm: of samples and their mirror images.
+        columns: of a slice.
+    """
+    number = np.full(norm.varies.size, -1)
+    number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
+    across: NDArray[np.intp] = number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
+    return across
+
+
+def content_hash(*parts: Samples) -> str:
+    """Return the SHA-256 of slices and classes, in hexadecimal: the identity of a data set whatever its storage."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(np.ascontiguousarray(part.slices).data)
+        digest.update(np.ascontiguousarray(part.target, dtype="<i8").data)
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A fully connected layer: y = weight x + bias. Shapes (output, input) and (output,)."""
+
+    weight: NDArray[np.float32]
+    bias: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class TrainedNetwork:
+    """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU between them, then softmax."""
+
+    mean: NDArray[np.float32]
+    layers: tuple[Layer, ...]
+
+    def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return class probabilities in double precision, shape (slice, class): the definition, not the fast path."""
+        signal = slices.reshape(len(slices), -1) / 255.0 - self.mean
+        for layer in self.layers[:-1]:
+            signal = np.maximum(signal @ layer.weight.T.astype(np.float64) + layer.bias, 0.0)
+        logits = signal @ self.layers[-1].weight.T.astype(np.float64) + self.layers[-1].bias
+        powers: NDArray[np.float64] = np.exp(logits - logits.max(axis=1, keepdims=True))
+        powers /= powers.sum(axis=1, keepdims=True)
+        return powers
+
+
+def build_network(inputs: int, study: NetworkStudy, classes: int) -> torch.nn.Sequential:
+    """Build the network with random weights (from PyTorch's generator); dropout follows every hidden layer.
+
+    He's initialisation keeps the signal's variance through ReLU layers (He et al. 2015, eq. 10). Inverted dropout
+    multiplies the second moment of what it passes by 1/keep, so the layers behind it start smaller by sqrt(keep):
+    without that, logits start 1/keep = 5 times too large at the paper's dropout and the first steps diverge.
+    """
+    sizes = (inputs, *study.hidden, classes)
+    modules: list[torch.nn.Module] = []
+    for number, (fan_in, fan_out) in enumerate(pairwise(sizes)):
+        linear = torch.nn.Linear(fan_in, fan_out)
+        keep = 1.0 - study.dropout if number else 1.0
+        torch.nn.init.normal_(linear.weight, std=sqrt(2.0 * keep / fan_in))
+        torch.nn.init.zeros_(linear.bias)
+        modules += [linear, torch.nn.ReLU(), torch.nn.Dropout(study.dropout)]
+    return torch.nn.Sequential(*modules[:-2])
+
+
+def linear_layers(network: torch.nn.Sequential) -> list[torch.nn.Linear]:
+    """Return the fully connected layers, in order."""
+    return [module for module in network if isinstance(module, torch.nn.Linear)]
+
+
+def trained_network(network: torch.nn.Sequential, norm: Normalisation) -> TrainedNetwork:
+    """Return the weights as NumPy arrays, the first layer spread over all pixels (zero where a pixel never varied)."""
+    layers = [
+        Layer(linear.weight.detach().numpy().copy(), linear.bias.detach().numpy().copy())
+        for linear in linear_layers(network)
+    ]
+    full = np.zeros((layers[0].weight.shape[0], norm.mean.size), dtype=np.float32)
+    full[:, norm.varies] = layers[0].weight
+    return TrainedNetwork(norm.mean, (Layer(full, layers[0].bias), *layers[1:]))
+
+
+class _Reads(torch.nn.Module):
+    """What the ONNX model does: slices, uint8, in; probabilities out. Matrices are kept in half precision."""
+
+    def __init__(self, network: TrainedNetwork) -> None:
+        super().__init__()
+        self.mean = torch.nn.Parameter(torch.from_numpy(network.mean), requires_grad=False)
+        layers = [(layer.weight.astype(np.float16), layer.bias) for layer in network.layers]
+        self.weights, self.biases = (
+            torch.nn.ParameterList(torch.nn.Parameter(torch.from_numpy(each), requires_grad=False) for each in values)
+            for values in zip(*layers, strict=True)
+        )
+
+    def forward(self, slices: torch.Tensor) -> torch.Tensor:
+        signal = slices.flatten(1).float() * (1.0 / 255.0) - self.mean
+        for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            signal = torch.nn.functional.linear(signal.relu() if number else signal, weight.float(), bias)
+        return signal.softmax(dim=1)
+
+
+def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
+    """Return a network whose weights are numbers of half precision; biases and mean stay as they are.
+
+    They are rounded before anything is measured on the network: what is measured is what the file says.
+    """
+    layers = (replace(layer, weight=layer.weight.astype(np.float16).astype(np.float32)) for layer in network.layers)
+    return replace(network, layers=tuple(layers))
+
+
+def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
+    """Return a network of half precision (`with_half_weights`) as an ONNX model, which is nearly all weights.
+
+    ONNX Runtime widens them when it loads the model: sums run in single precision.
+
+    Args:
+        network: for slices of the study's size.
+        study: size of the slices.
+        provenance: entries of `metadata_props`.
+    """
+    slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
+    return onnx_bytes(_Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False)
+
+
+# Sums in another order differ in the last bit, so the number of threads is part of what makes a run repeatable.
+CLASSIFIER_THREADS = 2
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Cross-entropy and accuracy after each epoch; those of training are taken during it, with dropout (Fig. 8a)."""
+
+    training_loss: tuple[float, ...] = ()
+    training_accuracy: tuple[float, ...] = ()
+    validation_loss: tuple[float, ...] = ()
+    validation_accuracy: tuple[float, ...] = ()
+
+    def extended(self, training: tuple[float, float], validation: tuple[float, float]) -> "Curves":
+        """Return the curves with one more epoch: (loss, accuracy) of training and validation."""
+        return Curves(
+            (*self.training_loss, training[0]),
+            (*self.training_accuracy, training[1]),
+            (*self.validation_loss, validation[0]),
+            (*self.validation_accuracy, validation[1]),
+        )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A trained network and how it got there."""
+
+    network: TrainedNetwork
+    curves: Curves
+
+
+@dataclass(frozen=True)
+class _Batches:
+    """Samples as tensors: the varying pixels (bool, shape (sample, pixel)), what to subtract, the classes.
+
+    `mirrored` is, for each pixel, the one on the other side of the slice.
+    """
+
+    wall: torch.Tensor
+    mean: torch.Tensor
+    target: torch.Tensor
+    mirrored: torch.Tensor | None = None
+
+    def take(self, index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return centred inputs and classes of some samples."""
+        return self.wall[index].float() - self.mean, self.target[index]
+
+    def draw(self, index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the same with a random half of the samples mirrored (where there is `mirrored`)."""
+        inputs, target = self.take(index)
+        if self.mirrored is not None:
+            turned = torch.rand(len(index)) < 0.5
+            inputs[turned] = inputs[turned][:, self.mirrored]
+        return inputs, target
+
+
+def _batches(samples: Samples, norm: Normalisation) -> _Batches:
+    wall = torch.from_numpy(samples.pixels[:, norm.varies] > 0)
+    return _Batches(wall, torch.from_numpy(norm.mean[norm.varies]), torch.from_numpy(samples.target.astype(np.int64)))
+
+
+def _measure(network: torch.nn.Sequential, unseen: _Batches) -> tuple[float, float]:
+    """Return mean loss and accuracy without dropout."""
+    network.eval()
+    loss, right = 0.0, 0
+    with torch.inference_mode():
+        for index in torch.split(torch.arange(len(unseen.target)), 1024):
+            inputs, target = unseen.take(index)
+            logits = network(inputs)
+            loss += torch.nn.functional.cross_entropy(logits, target, reduction="sum").item()
+            right += int((logits.argmax(1) == target).sum())
+    return loss / len(unseen.target), right / len(unseen.target)
+
+
+def fit(
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int = 3,
+    progress: Callable[[int], object] | None = None,
+) -> Fitted:
+    """Train a network; the same study and samples give the same weights on the same machine.
+
+    The weights are those after the last epoch, where the rate has come down to zero. None are picked by their
+    validation figures, so these figures stay an honest estimate.
+
+    Args:
+        study: sizes, dropout, rate, momentum, batches, epochs and seed.
+        training: samples to descend on.
+        validation: samples to report on, of other contacts.
+        classes: number of force classes.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    norm = normalisation(training, study.mirror)
+    seen, unseen = _batches(training, norm), _batches(validation, norm)
+    if study.mirror:
+        seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
+    curves, right = Curves(), list[float]()
+    batches = ceil(len(training) / study.batch_size)
+    with repeatable(study.seed, CLASSIFIER_THREADS):
+        network = build_network(int(norm.varies.sum()), study, classes)
+        optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
+        epochs = (_epoch(network, seen, study, batches, right) for _ in range(study.epochs))
+        for loss in descend(network, optimiser, epochs, study, study.epochs * batches, "network"):
+            curves = curves.extended((loss, sum(right[-batches:]) / len(training)), _measure(network, unseen))
+            if progress:
+                progress(1)
+    return Fitted(trained_network(network, norm), curves)
+
+
+def cross_entropy(
+    network: torch.nn.Sequential, inputs: torch.Tensor, target: torch.Tensor, dropout_masks: int = 1
+) -> tuple[torch.Tensor, float]:
+    """Return the mean loss and the accuracy over samples and dropout masks."""
+    target = target.repeat(dropout_masks)
+    logits = network[2:](network[:2](inputs).repeat(dropout_masks, 1))  # dropout begins behind the first two modules
+    right = (logits.argmax(1) == target).float().mean().item()
+    return torch.nn.functional.cross_entropy(logits, target), right
+
+
+def _epoch(
+    network: torch.nn.Sequential, seen: _Batches, study: NetworkStudy, batches: int, right: list[float]
+) -> Iterator[tuple[torch.Tensor, int]]:
+    """Go through all training samples once, in random order; note how many of each batch were right."""
+    network.train()
+    for index in torch.tensor_split(torch.randperm(len(seen.target)), batches):
+        loss, share = cross_entropy(network, *seen.draw(index), study.dropout_masks)
+        right.append(share * len(index))
+        yield loss, len(index)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One size and what it reached; the figures are None where its training diverged."""
+
+    hidden: tuple[int, ...]
+    weights: int
+    validation_accuracy: float | None
+    validation_loss: float | None
+
+
+@dataclass(frozen=True)
+class Search:
+    """All candidates in the order of the grid, the study with the best sizes, and its network."""
+
+    candidates: tuple[Candidate, ...]
+    study: NetworkStudy
+    fitted: Fitted
+
+
+def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
+    """Return the sizes to try: hidden layers of one width each.
+
+    >>> grid(NetworkStudy(search_widths=(300, 600), search_depths=(1, 2)))
+    ((300,), (600,), (300, 300), (600, 600))
+    """
+    return tuple((width,) * depth for depth, width in product(study.search_depths, study.search_widths))
+
+
+def weights(inputs: int, hidden: tuple[int, ...], classes: int) -> int:
+    """Return the number of weights and biases.
+
+    >>> weights(5600, (600, 600), 3)
+    3723003
+    """
+    sizes = (inputs, *hidden, classes)
+    return sum((sizes[layer] + 1) * sizes[layer + 1] for layer in range(len(sizes) - 1))
+
+
+def best(candidates: tuple[Candidate, ...]) -> int:
+    """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights.
+
+    Raises:
+        SolverError: all diverged.
+    """
+    reached = [(-entry.validation_accuracy, entry.weights, number) for number, entry in enumerate(candidates)
+               if entry.validation_accuracy is not None]  # fmt: skip
+    if not reached:
+        raise SolverError("every size of the grid diverged; lower network.learning_rate")
+    return min(reached)[2]
+
+
+def search_sizes(
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int = 3,
+    progress: Callable[[int], object] | None = None,
+    workers: int | None = None,
+) -> Search:
+    """Train every size of the grid and keep the best.
+
+    The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same
+    whoever trains, on the same kind of processor.
+
+    Args:
+        study: training and grid; its own sizes are not used.
+        training: samples to descend on.
+        validation: samples to choose by.
+        classes: number of force classes.
+        progress: called with 1 after each epoch of each size, or with the epochs of a size that workers have trained.
+        workers: processes, or those of a cluster, that train a size each; None: one after the other in this process.
+
+    Raises:
+        SolverError: every size diverged, or a worker died.
+    """
+    sizes = grid(study)
+    candidates: tuple[Candidate, ...] = ()
+    kept: tuple[NetworkStudy, Fitted] | None = None
+    tried: Iterable[Fitted | None]
+    if workers is None:
+        tried = (_try(replace(study, hidden=hidden), training, validation, classes, progress) for hidden in sizes)
+    else:
+        tried = _tried_by_workers(study, (training, validation), classes, workers, progress)
+    for hidden, fitted in zip(sizes, tried, strict=True):
+        candidates = (*candidates, _candidate(hidden, training, classes, fitted))
+        if fitted and best(candidates) == len(candidates) - 1:
+            kept = replace(study, hidden=hidden), fitted
+    best(candidates)
+    assert kept is not None
+    return Search(candidates, *kept)
+
+
+def _try(
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int,
+    progress: Callable[[int], object] | None = None,
+) -> Fitted | None:
+    """Train one size; None where it diverges, which deep and wide ones may do at a rate that suits the others."""
+    try:
+        return fit(study, training, validation, classes, progress)
+    except SolverError:
+        return None
+
+
+def _tried_by_workers(
+    study: NetworkStudy,
+    samples: Sequence[Samples],
+    classes: int,
+    workers: int,
+    progress: Callable[[int], object] | None,
+) -> Iterable[Fitted | None]:
+    """Yield what the sizes of the grid reached, in its order."""
+    count = len(grid(study))
+    prepare = partial(_trying, study, [_Packed.of(part) for part in samples], classes)
+    for fitted in work_in_order(prepare, range(count), workers, ahead=count):
+        if progress is not None:
+            progress(study.epochs)
+        yield fitted
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """Samples on the way to a worker: slices are a twentieth of their size."""
+
+    slices: bytes
+    shape: tuple[int, ...]
+    target: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, samples: Samples) -> "_Packed":
+        """Pack samples."""
+        return cls(zlib.compress(samples.slices.tobytes(), 1), samples.slices.shape, samples.target)
+
+    def unpacked(self) -> Samples:
+        """Return the samples."""
+        slices = np.frombuffer(zlib.decompress(self.slices), dtype=np.uint8).reshape(self.shape)
+        return Samples(slices, self.target)
+
+
+_one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
+
+
+def _trying(study: NetworkStudy, packed: Sequence[_Packed], classes: int) -> Callable[[int], Fitted | None]:
+    """Return what trains a size of the grid, in a worker."""
+    training, validation = (part.unpacked() for part in packed)
+    sizes = grid(study)
+
+    def work(number: int) -> Fitted | None:
+        with _one_training:
+            return _try(replace(study, hidden=sizes[number]), training, validation, classes)
+
+    return work
+
+
+def _candidate(hidden: tuple[int, ...], training: Samples, classes: int, fitted: Fitted | None) -> Candidate:
+    count = weights(training.pixels.shape[1], hidden, classes)
+    if fitted is None:
+        return Candidate(hidden=hidden, weights=count, validation_accuracy=None, validation_loss=None)
+    return Candidate(
+        hidden=hidden,
+        weights=count,
+        validation_accuracy=fitted.curves.validation_accuracy[-1],
+        validation_loss=fitted.curves.validation_loss[-1],
+    )

@@ -1,0 +1,425 @@
+"""The raw reader: from a raw frame and what is known of the eye to the force, with no boundary decided on the way.
+
+A network like the wall finder's says for every second column where both boundaries may lie. What it says becomes a
+slice that is not binary: the share of each pixel that is wall, in the mean over all places that the boundaries may
+have. The layers of the slice network read that. So all learns from the force.
+
+The layers that read slices learn from drawn slices, as the slice reader's do: those are many times cheaper than frames.
+In the first batches of raw frames the wall alone is learned, by the wall finder's loss; then all of it, by the force's
+(`reader_loss`) beside that. The eyes that its intervals are measured on are those of the slice reader
+(`learning.virtual_eyes`), read from raw frames of them, lit as those of the training.
+"""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
+from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
+from scleraforce.laboratory.reduced_bscans import draw_reduced
+from scleraforce.learning.descent import curve, descend, repeatable
+from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.learning.intervals import STREAM, calibrated_eye, intervals_of, network_score
+from scleraforce.learning.reader import (
+    READER_THREADS,
+    ReaderMetrics,
+    ReaderNetwork,
+    ReadForces,
+    answers_of,
+    compared,
+    fit_reader,
+    reader_loss,
+)
+from scleraforce.learning.samples import (
+    Source,
+    chunks_ahead,
+    concatenated,
+    draw_eyes,
+    draw_walls,
+    library_of_tissue,
+    validation_chunks,
+)
+from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, of_population, wall_depths
+from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
+from scleraforce.library import OUTER, Library
+from scleraforce.library.slices import Framing
+from scleraforce.models.folder import NETWORK_FILE
+from scleraforce.models.session import network_session
+from scleraforce.reader.intervals import Score
+from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, TOLD, OnnxRawNetwork, given_inputs, told_modulus
+from scleraforce.reader.verdicts import read_by_fit
+from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES
+from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
+from scleraforce.units import from_si
+
+Floats = NDArray[np.float64]
+Float = NDArray[np.float32]
+
+FRAMES_TOGETHER = 256  # a chunk, from a generator of its own
+
+
+class RawReaderNetwork(torch.nn.Module):
+    """Mixtures of the force's place and places of the contact, as of `ReaderNetwork`; and the logits of the wall.
+
+    `frames`: reduced, float (n, row, column); `given` (n, len(GIVEN)).
+    """
+
+    def __init__(self, study: Study, reads_slices: ReaderNetwork) -> None:
+        """Build the network with random weights (from PyTorch's generator), before one that reads slices."""
+        super().__init__()
+        self.sees_wall = WallFinderNetwork(study.raw_reader.wall)
+        self.reads_slices = reads_slices
+        window = FrameWindow.of(study.raw_reader)
+        self.down: torch.Tensor
+        self.along: torch.Tensor
+        self.register_buffer("down", torch.from_numpy(slice_rows(window, study.slice)))
+        self.register_buffer("along", torch.from_numpy(slice_weights(window, study.slice)))
+
+    def forward(
+        self, frames: torch.Tensor, given: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return mixtures, the contact's places in mm, and logits of the boundaries' rows and of there being wall."""
+        row_logits, wall_logits = self.sees_wall(frames)
+        mixtures, places = self.reads_slices(self.slices(row_logits, wall_logits), given)
+        return mixtures, places, row_logits, wall_logits
+
+    def slices(self, row_logits: torch.Tensor, wall_logits: torch.Tensor) -> torch.Tensor:
+        """Return the share of each pixel of the slices that is wall (n, row, column)."""
+        of_row = row_logits.softmax(dim=2)
+        outer, inner = (of_row.cumsum(dim=2) - 0.5 * of_row).unbind(1)
+        wall = (outer - inner).clamp(min=0.0) * wall_logits.sigmoid()[:, None]
+        return self.down @ wall @ self.along
+
+
+def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
+    """Return the weights (row of the slice, row of the window) of the means over a slice's rows.
+
+    >>> slice_rows(FrameWindow(rows=4, columns=2, row_m=5e-5, column_m=1e-4), SliceStudy(rows=8))[:3]
+    array([[0.5, 0.5, 0. , 0. ],
+           [0. , 0. , 0.5, 0.5],
+           [0. , 0. , 0. , 0. ]], dtype=float32)
+    """
+    edges = np.arange(window.rows + 1) * window.row_m
+    pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
+    covered: NDArray[np.float64] = np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
+    return covered.round(6).astype(np.float32)
+
+
+def slice_weights(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
+    """Return the weights (pair of the window's columns, column of the slice) of what lies between two pairs."""
+    pairs_m = window.laterals_m.reshape(-1, 2).mean(axis=1)
+    columns_m = (np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m
+    unit = np.eye(len(pairs_m))
+    weights: NDArray[np.float64] = np.stack([np.interp(columns_m, pairs_m, each) for each in unit])
+    return weights.astype(np.float32)
+
+
+class _Reads(torch.nn.Module):
+    """What the ONNX model does: reduced frames and given values in; histogram and contact's place out."""
+
+    def __init__(self, network: RawReaderNetwork) -> None:
+        super().__init__()
+        self.network, self.forces = network, ReadForces(network.reads_slices.bins)
+
+    def forward(self, frames: torch.Tensor, given: torch.Tensor) -> Any:
+        return self.forces(*self.network(frames, given)[:2])
+
+
+def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
+    """Return the network as an ONNX model; `reader.raw_network` says what goes in and comes out."""
+    sees = network.sees_wall
+    inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), TOLD: torch.zeros(2, len(GIVEN))}
+    return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+
+
+def largest_needle_gap(raw: RawReaderStudy) -> float:
+    """Return how far from a needle's axis a frame still is drawn with it, m."""
+    return raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
+
+
+def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generator) -> BscanOptics:
+    """Draw the optics of one frame: of the scanner of `[phantom]`, or another one within `[raw_reader]`.
+
+    Args:
+        study: with both.
+        needle_gap_m: from the axis of a needle that crosses the frame; None: none does.
+        rng: source of all randomness.
+    """
+    raw, phantom = study.raw_reader, study.phantom
+    optics, coarser = sample_optics(phantom, study.oct, rng), draw(raw.speckle_factor, rng)
+    if rng.random() < raw.conjunctiva_share:
+        phantom = replace(phantom, conjunctiva_thickness_m=fixed(draw(raw.conjunctiva_thickness_m, rng)))
+    needle = None
+    if needle_gap_m is not None:
+        diameter_m = max(draw(raw.needle_diameter_m, rng), needle_gap_m / raw.needle_gap_fraction)
+        needle = sample_needle(replace(phantom, needle_count=fixed(1)), diameter_m, needle_gap_m, rng)
+    return replace(
+        optics,
+        snr_db=optics.snr_db - draw(raw.snr_loss_db, rng),
+        axial_resolution_m=coarser * optics.axial_resolution_m,
+        lateral_resolution_m=coarser * optics.lateral_resolution_m,
+        conjunctiva=sample_conjunctiva(phantom, rng),
+        needle=needle,
+    )
+
+
+def draw_shafts(
+    optics: Sequence[BscanOptics],
+    depth_sbc: Floats,
+    contact_m: Floats,
+    rotation_rad: Floats,
+    study: Study,
+    window: FrameWindow,
+) -> list[DrawnShaft]:
+    """Return the needles of frames in a window's cells; none where the optics have none.
+
+    Args:
+        optics: of the frames.
+        depth_sbc: the walls' boundaries (frame, boundary, column), m; a needle's tip touches the outer one.
+        contact_m: lateral place of the contact (frame,), m from the middle.
+        rotation_rad: of the sections in their frames (frame,).
+        study: with the scanner's `[oct]`.
+        window: what is seen.
+    """
+    cells = replace(
+        study.oct,
+        width_m=window.columns * window.column_m,
+        depth_m=window.rows * window.row_m,
+        columns=window.columns,
+        rows=window.rows,
+    )
+    places = zip(optics, depth_sbc[:, OUTER], contact_m.tolist(), rotation_rad.tolist(), strict=True)
+    return [
+        draw_shaft(each.needle, np.array([at_m, np.interp(at_m, window.laterals_m, outer_m)]), turn_rad, cells)
+        for each, outer_m, at_m, turn_rad in places
+        if each.needle is not None
+    ]
+
+
+@dataclass(frozen=True)
+class RawSamples:
+    """What the raw reader learns from.
+
+    `frames` float32 (sample, row, column), reduced; `boundary_rows` float32 (sample, boundary, column / 2): of the
+    wall, in rows, kept inside the window, NaN where there is none; `given`, `force_n`, `modulus_pa` and `lateral_m` as
+    of `ReaderSamples`.
+    """
+
+    frames: Float
+    boundary_rows: Float
+    given: Float
+    force_n: Floats
+    modulus_pa: Floats
+    lateral_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    def picked(self, order: NDArray[np.intp]) -> "RawSamples":
+        """Return these samples, in this order."""
+        return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
+
+
+@dataclass(frozen=True)
+class RawSource:
+    """What samples are drawn from: the same chunk for the same seed and number."""
+
+    library: Library
+    study: Study
+
+    @classmethod
+    def of(cls, library: Library, study: Study) -> "RawSource":
+        """Keep of a library what frames can show: it is quicker."""
+        columns = window_columns(FrameWindow.of(study.raw_reader))
+        return cls(Source.of(library, study.reader, columns).library, study)
+
+    def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
+        """Draw a chunk of samples, those that a needle crosses among the others."""
+        raw = self.study.raw_reader
+        rng = np.random.default_rng([raw.seed, number])
+        crossed = int((rng.random(count) < raw.needle_share).sum())
+        beside = self.study.reader
+        across = replace(beside, gap_m=Range(min=0.0, max=largest_needle_gap(raw)))
+        parts = [(beside, count - crossed, False), (across, crossed, True)]
+        return concatenated([self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many]).picked(
+            rng.permutation(count)
+        )
+
+    def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
+        """Draw samples that a needle crosses, or none does, with eyes of a reader's study."""
+        study, window = self.study, FrameWindow.of(self.study.raw_reader)
+        library = library_of_tissue(self.library, reader, rng)
+        eyes = draw_eyes(library, reader, count, rng)
+        lateral_m = reader.lateral_m.sample(rng, count)
+        framing = Framing(lateral_m, reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad)
+        depth_sbc = draw_walls(library, reader, eyes, framing, window_columns(window), rng)
+        optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
+        shafts = draw_shafts(optics, depth_sbc, lateral_m, eyes.rotation_rad, study, window)
+        drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
+        trained = read_by_fit(study.reader)
+        return RawSamples(
+            drawn.frames,
+            pair_rows(drawn.boundary_rows, window),
+            given_inputs(eyes.told, trained),
+            eyes.force_n,
+            told_modulus(eyes.told, trained)[0],
+            lateral_m,
+        )
+
+
+def window_columns(window: FrameWindow) -> SliceStudy:
+    """Return a slice whose columns are those of a window."""
+    return SliceStudy(columns=window.columns, rows=window.rows, pixel_m=window.column_m)
+
+
+def pair_rows(boundary_rows: NDArray[np.floating], window: FrameWindow) -> Float:
+    """Return boundaries at every second column, between its neighbours, kept inside the window."""
+    pairs = boundary_rows.reshape(*boundary_rows.shape[:2], -1, 2).mean(axis=3)
+    kept: Float = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
+    return kept
+
+
+@dataclass(frozen=True)
+class FittedRawReader:
+    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
+
+    network: RawReaderNetwork
+    training_loss: tuple[float, ...]
+
+
+def fit_raw_reader(
+    library: Library,
+    study: Study,
+    workers: int,
+    progress: Callable[[int], object] | None = None,
+    learned: Callable[[int], object] | None = None,
+) -> FittedRawReader:
+    """Train a raw reader; the same study and library give the same weights on the same machine.
+
+    Args:
+        library: of responses.
+        study: with `[raw_reader]`, and the eyes and light of `[reader]` and `[phantom]`.
+        workers: processes that draw samples.
+        progress: called with 1 after each epoch of slices.
+        learned: called with 1 after each batch of raw frames.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    raw, gaps = study.raw_reader, read_by_fit(study.reader)
+    on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
+    slices = Source.of(library, on_slices.reader, study.slice)
+    reads_slices = fit_reader(on_slices, slices, workers, progress).network
+    losses: list[float] = []
+    with repeatable(raw.seed, READER_THREADS):
+        network = RawReaderNetwork(study, reads_slices)
+        optimiser = torch.optim.AdamW(network.parameters(), raw.learning_rate, weight_decay=raw.weight_decay)
+        network.train()
+        with closing(_batches(RawSource.of(library, study), raw, workers)) as drawn:
+            rounds = (
+                [(_loss(network, batch, study, wall_alone=step < raw.wall_share * raw.batches), 1)]
+                for step, batch in enumerate(drawn)
+            )
+            for loss in descend(network, optimiser, rounds, raw, raw.batches, "raw_reader"):
+                losses.append(loss)
+                if learned:
+                    learned(1)
+    return FittedRawReader(network.eval(), curve(losses))
+
+
+def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:
+    """Yield the training's batches, each of frames of its own."""
+    frames = raw.batches * raw.batch_size
+    left: RawSamples | None = None
+    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers, compiled=False)) as chunks:
+        for _ in range(raw.batches):
+            while left is None or len(left) < raw.batch_size:
+                chunk = next(chunks)
+                left = chunk if left is None else concatenated([left, chunk])
+            yield left.picked(np.arange(raw.batch_size))
+            left = left.picked(np.arange(raw.batch_size, len(left)))
+
+
+def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_alone: bool) -> torch.Tensor:
+    """Return the mean loss of a batch."""
+    frames, given, boundaries = (torch.from_numpy(each) for each in (batch.frames, batch.given, batch.boundary_rows))
+    mixtures, places, row_logits, wall_logits = network(frames, given)
+    judged = torch.ones_like(wall_logits, dtype=torch.bool)
+    loss = finder_loss(row_logits, wall_logits, boundaries, judged, study.raw_reader.target_rows)
+    if wall_alone:
+        return loss
+    share = batch.force_n / batch.modulus_pa / study.reader.max_force_ratio
+    place_mm = from_si(batch.lateral_m, "mm")
+    return loss + reader_loss(mixtures, places, _tensor(np.sqrt(share)), _tensor(place_mm))
+
+
+def _tensor(values: NDArray[np.float64]) -> torch.Tensor:
+    return torch.from_numpy(values.astype(np.float32))
+
+
+def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> ReaderMetrics:
+    """Compare a network's answers with the truth of `[raw_reader] validation_frames` frames that no training saw."""
+    parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
+    with torch.inference_mode():
+        read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]
+    mixtures, places_mm = (torch.cat(each) for each in zip(*read, strict=True))
+    samples = concatenated(parts)
+    answers = answers_of(mixtures, places_mm, samples.modulus_pa, study.reader)
+    return compared(answers, samples.force_n, samples.lateral_m, study)
+
+
+def measured_raw_intervals(
+    study: Study, library: Library, network: bytes, workers: int, progress: Callable[[int], object] | None = None
+) -> dict[str, Any]:
+    """Return `intervals` of `model.json`: factors, and on how many eyes of which kind they rest.
+
+    Args:
+        study: with `[raw_reader]`.
+        library: of responses, whole.
+        network: of the frames, as ONNX.
+        workers: processes.
+        progress: called with 1 after each eye.
+
+    Raises:
+        SolverError: a worker died.
+    """
+    prepare = partial(_measuring, study, library, network)
+    source = "virtual eyes of the library's walls, drawn as raw frames"
+    return intervals_of(prepare, study.raw_reader.interval_eyes, workers, source, progress)
+
+
+def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+    """Return what scores an eye, in its process."""
+    reads_frames = OnnxRawNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE)
+
+    def scores_of(number: int) -> list[Score]:
+        rng = np.random.default_rng([study.raw_reader.seed, STREAM + number])
+        drawn = calibrated_eye(study, library, number, rng)
+        if drawn is None:
+            return []
+        eye, known, _ = drawn
+        forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
+        frames = _frames(eye, forces_n, study, rng)
+        return [
+            network_score(reads_frames.read(frame, told), told, str(number), float(force_n))
+            for told in (known, of_population(eye, study, rng))
+            for frame, force_n in zip(frames, forces_n, strict=True)
+        ]
+
+    return scores_of
+
+
+def _frames(eye: VirtualEye, forces_n: NDArray[np.float64], study: Study, rng: np.random.Generator) -> Float:
+    """Return reduced frames of an eye under forces (frame, row, column), each in a place and light of its own."""
+    reader, window = study.reader, FrameWindow.of(study.raw_reader)
+    framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad
+    poses = (np.array([*(draw(values, rng) for values in framing), 0.0, 0.0]) for _ in forces_n)
+    depth_sbc = wall_depths(eye, forces_n, poses, window.laterals_m)
+    optics = [draw_optics(study, None, rng) for _ in forces_n]
+    return draw_reduced(depth_sbc, optics, study.oct, window, rng).frames

@@ -1,0 +1,359 @@
+"""The reader's network and its training: a slice and what is known of the eye in; a histogram of F/E and a place out.
+
+A column of a slice is wall from one depth to another, so three numbers say all of it: whether there is wall, how much,
+and its mean depth. The depth enters as the distance from the undeformed circle of the eye, so that what varies is the
+dent and the framing. Convolutions along the columns follow, then layers that also see what is known of the eye.
+
+The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
+rules", 2007): least for the true distribution of the force given what the network sees. Plus Huber's loss of the
+contact's place. The optimiser is AdamW, on samples that are drawn afresh for every epoch.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.learning.descent import descend, repeatable
+from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, chunks_ahead, concatenated, validation_chunks
+from scleraforce.reader.metrics import accuracy, confusion_matrix
+from scleraforce.reader.networks import (
+    CONTACT,
+    GIVEN,
+    HISTOGRAM,
+    SLICES,
+    TOLD,
+    ForceDistribution,
+    force_distribution,
+    ratio_edges,
+)
+from scleraforce.study import ReaderStudy, SliceStudy, Study
+from scleraforce.units import from_si, to_si
+
+Floats = NDArray[np.float64]
+
+FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
+KERNEL, STRIDE = 5, 2
+GIVEN_UNITS = 32
+COMPONENTS = 3  # of the mixture that the force is told by
+SHARPNESS = (-6.0, 1.0)  # least and largest logarithm of a component's scale, over the range of the histogram
+FAR = 1e4  # stands for the ends of the line, over the range of the histogram
+TYPICAL_WALL = 0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
+READER_THREADS = 1  # the other cores draw samples; more threads would also sum in another order
+PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
+
+
+class ReaderNetwork(torch.nn.Module):
+    """A mixture of logistic distributions of the force's place, and the contact's place in mm (sample,).
+
+    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A few numbers say where the force is
+    and how sure that is; a network that has to say as much by the height of 128 bins learns slowly to be sure.
+
+    `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample, len(GIVEN)).
+    """
+
+    def __init__(self, reader: ReaderStudy, slice_study: SliceStudy, radius_m: float) -> None:
+        """Build the network with random weights (from PyTorch's generator)."""
+        super().__init__()
+        depth = (np.arange(slice_study.rows) + 0.5 - slice_study.rows / 2) * slice_study.pixel_m / TYPICAL_WALL
+        projection = np.stack([np.ones(slice_study.rows), depth])[:, :, None]
+        circle = circle_depth(slice_study, radius_m) / TYPICAL_WALL
+        self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
+        self.projection: torch.Tensor
+        self.circle: torch.Tensor
+        self.register_buffer("projection", torch.from_numpy(projection.astype(np.float32)))
+        self.register_buffer("circle", torch.from_numpy(circle.astype(np.float32)))
+        sizes = (FEATURES, *reader.channels)
+        self.convolutions = torch.nn.ModuleList(
+            torch.nn.Conv1d(sizes[n], sizes[n + 1], KERNEL, STRIDE, KERNEL // 2) for n in range(len(reader.channels))
+        )
+        columns = slice_study.columns
+        for _ in reader.channels:
+            columns = (columns - 1) // STRIDE + 1
+        self.given_layer = torch.nn.Linear(len(GIVEN), GIVEN_UNITS)
+        widths = (sizes[-1] * columns, *reader.hidden)
+        self.hidden = torch.nn.ModuleList(
+            torch.nn.Linear(widths[n] + GIVEN_UNITS, widths[n + 1]) for n in range(len(reader.hidden))
+        )
+        self.force = torch.nn.Linear(widths[-1], 3 * COMPONENTS)
+        with torch.no_grad():
+            middles = torch.linspace(0.3, 0.9, COMPONENTS)
+            self.force.bias[:] = torch.cat([torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)])
+        self.bins = reader.bins
+        self.place = torch.nn.Linear(widths[-1], 1)
+
+    def forward(self, slices: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return mixtures (sample, 3 COMPONENTS): logits of weights, middles, log scales; and the contact's places."""
+        signal = self.features(slices)
+        for convolution in self.convolutions:
+            signal = torch.relu(convolution(signal))
+        known = torch.relu(self.given_layer(given))
+        signal = signal.flatten(1)
+        for layer in self.hidden:
+            signal = torch.relu(layer(torch.cat([signal, known], dim=1)))
+        return self.force(signal), self.place(signal)[:, 0]
+
+    def features(self, slices: torch.Tensor) -> torch.Tensor:
+        """Return the numbers that say what a column shows (sample, FEATURES, column)."""
+        amount, moment = torch.nn.functional.conv1d(slices, self.projection).unbind(1)
+        there = amount.clamp(max=1.0)
+        below_circle = moment / amount.clamp(min=1.0) - self.circle * there
+        return torch.stack([there, amount * self.wall_unit - there, below_circle], dim=1)
+
+
+def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
+    """Return the logarithm of a mixture's density at places (sample,)."""
+    weight, middle, log_scale = _parts(mixture)
+    z = (place[:, None] - middle) * torch.exp(-log_scale)
+    each = torch.nn.functional.logsigmoid(z) + torch.nn.functional.logsigmoid(-z) - log_scale
+    return torch.logsumexp(torch.log_softmax(weight, dim=1) + each, dim=1)
+
+
+def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
+    """Return the mixture's share in each bin (sample, bin); the end bins have all that lies beyond."""
+    return shares_between(torch.from_numpy(bin_ends(bins)), mixture)
+
+
+def shares_between(ends: torch.Tensor, mixture: torch.Tensor) -> torch.Tensor:
+    """Return the mixture's share between neighbouring places (sample, place - 1)."""
+    weight, middle, log_scale = _parts(mixture)
+    below = torch.sigmoid((ends - middle[:, :, None]) * torch.exp(-log_scale)[:, :, None])
+    shares = (torch.softmax(weight, dim=1)[:, :, None] * below).sum(dim=1)
+    return shares[:, 1:] - shares[:, :-1]
+
+
+def _parts(mixture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return logits of the weights, middles and log scales, each (sample, COMPONENTS)."""
+    weight, middle, log_scale = torch.split(mixture, COMPONENTS, dim=1)
+    return weight, middle, log_scale.clamp(*SHARPNESS)
+
+
+def bin_ends(bins: int) -> NDArray[np.float32]:
+    """Return the places of the bins' ends (bins + 1,); the first and the last are far away."""
+    ends = np.linspace(0.0, 1.0, bins + 1, dtype=np.float32)
+    ends[[0, -1]] = -FAR, FAR
+    return ends
+
+
+def circle_depth(slice_study: SliceStudy, radius_m: float) -> NDArray[np.float64]:
+    """Return the depth of a circle of the eye's radius below its top, at the slice's columns (column,), m."""
+    lateral = (np.arange(slice_study.columns) + 0.5 - slice_study.columns / 2) * slice_study.pixel_m
+    depth: NDArray[np.float64] = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
+    return depth
+
+
+class ReadForces(torch.nn.Module):
+    """What an ONNX model does with the outputs of a network: histogram and contact's place, m."""
+
+    def __init__(self, bins: int) -> None:
+        super().__init__()
+        self.ends: torch.Tensor
+        self.register_buffer("ends", torch.from_numpy(bin_ends(bins)))
+
+    def forward(self, mixtures: torch.Tensor, places_mm: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return both."""
+        return shares_between(self.ends, mixtures), places_mm * to_si(1.0, "mm")
+
+
+class _Reads(torch.nn.Module):
+    """What the ONNX model does: slices, uint8, and given values in; histogram and contact's place out."""
+
+    def __init__(self, network: ReaderNetwork) -> None:
+        super().__init__()
+        self.network, self.forces = network, ReadForces(network.bins)
+
+    def forward(self, slices: torch.Tensor, given: torch.Tensor) -> Any:
+        return self.forces(*self.network(slices.float() * (1.0 / 255.0), given))
+
+
+def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
+    """Return the network as an ONNX model.
+
+    Its inputs are `slices`, uint8 (n, row, column) of 0 and 255, and `given`, float32 (n, len(GIVEN)); its outputs
+    `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
+    """
+    slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
+    inputs = {SLICES: slices, TOLD: torch.zeros(2, len(GIVEN))}
+    return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Samples as tensors: slices (0 or 1), given values, place of the force in the histogram, contact's place in mm."""
+
+    slices: torch.Tensor
+    given: torch.Tensor
+    force: torch.Tensor
+    place_mm: torch.Tensor
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a network says of samples: the force's distribution, and the contact's place (sample,), m."""
+
+    forces: ForceDistribution
+    lateral_m: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReaderMetrics:
+    """How answers agree with the truth.
+
+    `accuracy` and `interval` (95 %, Wilson) of the classes, `mae_n` of the median, `coverage` of the 90 % intervals,
+    `lateral_mae_m` of the contact's place; `confusion` has a row for each true class.
+    """
+
+    accuracy: float
+    interval: tuple[float, float]
+    mae_n: float
+    coverage: float
+    lateral_mae_m: float
+    confusion: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class FittedReader:
+    """A trained network, the mean loss of each epoch, and how it does on samples that it never saw."""
+
+    network: ReaderNetwork
+    training_loss: tuple[float, ...]
+    metrics: ReaderMetrics
+
+
+def fit_reader(
+    study: Study, source: Source, workers: int, progress: Callable[[int], object] | None = None
+) -> FittedReader:
+    """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
+
+    Args:
+        study: the study with its `[reader]`.
+        source: what samples are drawn from.
+        workers: processes that draw them.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    reader = study.reader
+    chunks = range(reader.epochs * _chunks(reader))
+    with closing(chunks_ahead(source, chunks, workers)) as drawn:
+        network, training_loss = descend_reader(study, drawn, progress)
+    with repeatable(reader.seed, READER_THREADS):
+        unseen = concatenated(validation_chunks(source.chunk, reader.validation_samples, CHUNK))
+        return FittedReader(network, training_loss, measure(network, unseen, study))
+
+
+def descend_reader(
+    study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
+) -> tuple[ReaderNetwork, tuple[float, ...]]:
+    """Train a new network on the chunks of all epochs; return it with the mean loss of each epoch's samples.
+
+    Losses are taken before the samples are learned from; no sample is seen twice.
+
+    Args:
+        study: the study with its `[reader]`.
+        drawn: the chunks of samples, in order.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    reader, chunks = study.reader, _chunks(study.reader)
+    steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
+    losses: list[float] = []
+    with repeatable(reader.seed, READER_THREADS):
+        network = ReaderNetwork(reader, study.slice, study.eye.radius_m)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay, fused=True
+        )
+        network.train()
+        rounds = (_losses(network, samples, reader) for samples in drawn)
+        for loss in descend(network, optimiser, rounds, reader, steps, "reader"):
+            losses.append(loss)
+            if len(losses) % chunks == 0 and progress:
+                progress(1)
+    return network, tuple(np.reshape(losses, (reader.epochs, chunks)).mean(axis=1).tolist())
+
+
+def _chunks(reader: ReaderStudy) -> int:
+    """Return the number of chunks in an epoch."""
+    return -(-reader.samples_per_epoch // CHUNK)
+
+
+def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:
+    """Yield the mean losses of the batches of samples, and their sizes."""
+    batch = _batch(samples, reader)
+    for index in torch.split(torch.arange(len(samples)), reader.batch_size):
+        mixtures, places = network(batch.slices[index], batch.given[index])
+        yield reader_loss(mixtures, places, batch.force[index], batch.place_mm[index]), len(index)
+
+
+def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
+    """Compare a network's answers with the truth."""
+    return compared(answer(network, samples, study.reader), samples.force_n, samples.lateral_m, study)
+
+
+def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study) -> ReaderMetrics:
+    """Compare answers with the true forces (sample,), N, and places of the contact (sample,), m."""
+    median_n, (low_n, high_n) = answers.forces.median_n, answers.forces.interval_n.T
+    classify = study.classes.classify
+    confusion = confusion_matrix(
+        [classify(force) for force in force_n.tolist()],
+        [classify(force) for force in median_n.tolist()],
+        len(study.classes.bounds_n) + 1,
+    )
+    share = accuracy(confusion)
+    return ReaderMetrics(
+        accuracy=share.value,
+        interval=share.interval,
+        mae_n=float(np.abs(median_n - force_n).mean()),
+        coverage=float(((force_n >= low_n) & (force_n <= high_n)).mean()),
+        lateral_mae_m=float(np.abs(answers.lateral_m - lateral_m).mean()),
+        confusion=tuple(tuple(row) for row in confusion.tolist()),
+    )
+
+
+def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Answers:
+    """Return a network's answers."""
+    network.eval()
+    batch = _batch(samples, reader)
+    with torch.inference_mode():
+        parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
+    mixtures, places_mm = (torch.cat(values) for values in zip(*parts, strict=True))
+    return answers_of(mixtures, places_mm, samples.modulus_pa, reader)
+
+
+def answers_of(mixtures: torch.Tensor, places_mm: torch.Tensor, modulus_pa: Floats, reader: ReaderStudy) -> Answers:
+    """Return the answers that a network's outputs are, with the moduli that it was told (sample,), Pa."""
+    edges = ratio_edges(reader.bins, reader.max_force_ratio)
+    probabilities = histogram(mixtures, reader.bins).double().numpy()
+    return Answers(force_distribution(probabilities, edges, modulus_pa), to_si(places_mm.double().numpy(), "mm"))
+
+
+def reader_loss(
+    mixtures: torch.Tensor, places_mm: torch.Tensor, force: torch.Tensor, true_place_mm: torch.Tensor
+) -> torch.Tensor:
+    """Return the mean loss.
+
+    Args:
+        mixtures: of the force (sample, 3 COMPONENTS).
+        places_mm: of the contact, as read (sample,).
+        force: true place of the force in the histogram, 0 to 1 (sample,).
+        true_place_mm: of the contact (sample,).
+    """
+    place = torch.nn.functional.huber_loss(places_mm, true_place_mm, delta=PLACE_KNEE_MM)
+    return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
+
+
+def _batch(samples: ReaderSamples, reader: ReaderStudy) -> _Batch:
+    share = samples.force_n / samples.modulus_pa / reader.max_force_ratio
+    return _Batch(
+        torch.from_numpy((samples.slices > 0).astype(np.float32)),
+        torch.from_numpy(samples.given),
+        torch.from_numpy(np.sqrt(share).astype(np.float32)),
+        torch.from_numpy(from_si(samples.lateral_m, "mm").astype(np.float32)),
+    )

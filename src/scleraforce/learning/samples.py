@@ -1,0 +1,373 @@
+"""Samples for the reader, drawn from the response library: any number, each of an eye of its own.
+
+They are drawn ahead in other processes, and are the same whatever the number of these.
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import use_compiled_loops
+from scleraforce.errors import InputError
+from scleraforce.eye.globe import Globe, sealed_globe
+from scleraforce.known.eye import NINETY_PERCENT, SEALED, UNKNOWN
+from scleraforce.learning.walls import added_depths, disturb, draw_forms
+from scleraforce.library import Library
+from scleraforce.library.base_bulge import pole_directions
+from scleraforce.library.section_motion import section_motion
+from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
+from scleraforce.library.under_force import iop_ratio_under_force
+from scleraforce.processes import work_in_order
+from scleraforce.reader.networks import Told, given_inputs, told_modulus
+from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Floats = NDArray[np.float64]
+Samples = TypeVar("Samples", bound="DataclassInstance")
+Drawn = TypeVar("Drawn", covariant=True)
+
+BARELY_INSIDE = 1.0 - 1e-9
+ROUNDS = 40
+CALIBRATED_SD = 0.06  # relative: a modulus that is told as surer than this was calibrated on the eye itself
+PRESSURE_TOLERANCE = 1e-5  # relative, of that under the needle: arrays and compiled loops draw alike
+TISSUES = 8  # stiffenings of tissue that does: what lies between them is learned
+TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
+TISSUE = 400  # samples of one tissue
+CHUNK = 2000  # samples that are drawn together, from a generator of their own
+AHEAD = 4  # chunks for each process that are drawn or wait
+VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
+BEYOND_SLICE_M = 0.5e-3  # of the wall that is kept: a tilted or turned section reaches a little farther
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI.
+
+    `polar_rad` is the contact's polar angle, `direction_rad` that of the section from the meridian. `rigidity` is k of
+    the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
+    """
+
+    told: Told
+    modulus_pa: Floats
+    iop_pa: Floats
+    thickness_m: Floats
+    gap_m: Floats
+    size: Floats
+    tilt_rad: Floats
+    rotation_rad: Floats
+    polar_rad: Floats
+    direction_rad: Floats
+    force_n: Floats
+    rigidity: Floats
+    iop_ratio: Floats
+
+
+@dataclass(frozen=True)
+class ReaderSamples:
+    """What the reader learns from.
+
+    `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)); `force_n` (sample,);
+    `modulus_pa`: that the network is told (sample,); `lateral_m`: of the needle axis from the slice's middle (sample,).
+    """
+
+    slices: NDArray[np.uint8]
+    given: NDArray[np.float32]
+    force_n: Floats
+    modulus_pa: Floats
+    lateral_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+
+def concatenated(parts: Sequence[Samples]) -> Samples:
+    """Return samples one after the other: all fields of such a record are arrays with a row for each."""
+    kind = type(parts[0])
+    return kind(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(kind)))
+
+
+def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Generator) -> Library:
+    """Return a library of tissue that stiffens, in a share of the draws: 1 + b is spread evenly in its logarithm."""
+    least, most = np.log1p(library.stiffenings[[0, -1]])
+    stiffens, number = rng.random() < reader.stiffening_share, rng.integers(1, TISSUES + 1)
+    if not stiffens or least == most:
+        return library
+    drawn = np.expm1(least + (most - least) * number / TISSUES)
+    return library.for_stiffening(float(np.clip(drawn, *library.stiffenings[[0, -1]])))
+
+
+def draw_samples(
+    library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
+) -> ReaderSamples:
+    """Draw samples: eyes, forces, framings, and boundary errors like those of the segmentation.
+
+    Args:
+        library: of responses; `within` the slices' reach is enough, and quicker.
+        reader: the ranges.
+        slice_study: size of the slices.
+        count: of samples.
+        rng: source of all randomness.
+
+    Raises:
+        InputError: the library does not hold such eyes.
+    """
+    eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
+    slices = fill_boundaries(seen, slice_study)
+    told_pa, _ = told_modulus(eyes.told, reader)
+    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+
+
+def draw_seen(
+    library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
+) -> tuple[Eyes, Framing, Floats]:
+    """Draw the eyes of samples, where they lie in the slices, and the boundaries seen (sample, boundary, column), m.
+
+    Arguments and errors as of `draw_samples`.
+    """
+    eyes = draw_eyes(library, reader, count, rng)
+    framing = Framing(
+        reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
+    )
+    walls = draw_walls(library, reader, eyes, framing, slice_study, rng)
+    return eyes, framing, disturb(walls, slice_study, rng, scale=reader.boundary_errors)
+
+
+def draw_walls(
+    library: Library, reader: ReaderStudy, eyes: Eyes, framing: Framing, columns: SliceStudy, rng: np.random.Generator
+) -> Floats:
+    """Return the boundaries of eyes' walls, each of a form of its own, at columns (eye, boundary, column), m.
+
+    Raises:
+        InputError: the library does not hold such eyes.
+    """
+    gap_m = eyes.gap_m / eyes.size
+    place = eyes.thickness_m / eyes.size, eyes.iop_ratio
+    walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
+    pole = pole_directions(eyes.polar_rad, eyes.direction_rad)
+    moved = section_motion(library, walls, place, gap_m, pole, _reach_m(reader, columns))
+    true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, columns, moved)
+    radius_m = library.radius_m * eyes.size
+    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(len(gap_m)) < reader.uneven_share, rng)
+    return true.depth_sbc + added_depths(forms, radius_m, column_laterals(columns) - framing.lateral_m[:, None])
+
+
+def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
+    """Return how far slices show a section, from the needle axis, in the library's size, m."""
+    beside_m = max(abs(end) for end in reader.lateral_m.bounds)
+    return (0.5 * slice_study.columns * slice_study.pixel_m + beside_m) / reader.size.bounds[0]
+
+
+def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator) -> Eyes:
+    """Draw eyes that the library holds, with forces up to the largest that it holds for each.
+
+    Raises:
+        InputError: the library holds hardly any such eye.
+    """
+    told_pa, told_sd, modulus_pa = _moduli(reader, count, rng)
+    iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
+    plain = rng.random(count) < reader.plain_share
+    missing = np.arange(count)
+    for _ in range(ROUNDS):  # a corner of the ranges may lie outside the library: draw these again
+        iop_pa[missing] = log_even(reader.iop_pa, len(missing), rng)
+        thickness_m[missing] = reader.thickness_m.sample(rng, len(missing))
+        size[missing] = np.where(plain[missing], 1.0, reader.size.sample(rng, len(missing)))
+        inside = library.covers(
+            thickness_m[missing] / size[missing], iop_pa[missing] / modulus_pa[missing], np.zeros(len(missing))
+        )
+        missing = missing[~inside]
+        if not len(missing):
+            break
+    else:
+        raise InputError("the library holds hardly any eye of [reader]; make one that covers its ranges")
+    gap_m = reader.gap_m.sample(rng, count)
+    largest_n = library.largest_force_ratio(thickness_m / size, iop_pa / modulus_pa) * modulus_pa * size**2
+    told_iop_pa = _told(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng)
+    told_thickness_m = _told(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng)
+    told_gap_m = _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
+    calibrated = told_sd < CALIBRATED_SD
+    told_pa *= np.where(calibrated, _calibration_factor(told_thickness_m / thickness_m, told_iop_pa / iop_pa), 1.0)
+    tilt_rad, rotation_rad = (
+        np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
+    )
+    force_n = _forces(reader, largest_n, rng)
+    rigidity, low, high = _globes(reader, count, rng)
+    pole, told_pole = _poles(reader, count, rng)
+    tissue = np.full(count, library.stiffening)
+    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole, tissue)
+    iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
+    eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
+    return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
+
+
+def _poles(
+    reader: ReaderStudy, count: int, rng: np.random.Generator
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Return polar angles of contacts and directions of sections, and both as they are told, (sample,) each."""
+    pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
+    told = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
+    missing = reader.polar_missing_fraction, reader.direction_missing_fraction
+    polar, direction = (
+        np.where(rng.random(count) < share, np.nan, angle) for angle, share in zip(told, missing, strict=True)
+    )
+    return pole, (np.abs(polar), direction)
+
+
+def _pressures(
+    library: Library, eye: tuple[Floats, ...], rigidity: Floats, force_n: Floats, rng: np.random.Generator
+) -> Floats:
+    """Return the pressure under the needle over E (sample,); a force that drives it beyond the library is drawn less.
+
+    Args:
+        library: of responses.
+        eye: thickness, IOP, modulus and size (sample,).
+        rigidity: of the globe (sample,).
+        force_n: (sample,); changed where the pressure would leave the library.
+        rng: source of all randomness.
+    """
+    thickness_m, iop_pa, modulus_pa, size = eye
+    thickness, globe = thickness_m / size, sealed_globe(rigidity * size**3).over(modulus_pa)  # volumes go as size^3
+    highest = BARELY_INSIDE * library.iop_ratio_ends(thickness)[1]
+    ratio, left = iop_pa / modulus_pa, np.flatnonzero(rigidity > 0.0)
+    resting = ratio.copy()
+    for _ in range(ROUNDS):
+        force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
+        one = Globe(globe.law, np.asarray(globe.rate)[left])
+        ratio[left] = iop_ratio_under_force(
+            library, thickness[left], resting[left], force_ratio, one, PRESSURE_TOLERANCE
+        )
+        left = left[ratio[left] >= highest[left]]
+        if not len(left):
+            return ratio
+        force_n[left] *= rng.random(len(left))
+    raise InputError("the library holds hardly any sealed eye of [reader]; make one that covers its pressures")
+
+
+def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+    """Return rigidities of globes and the ends of the band that is told of each, (sample,) in Pa^(1/3)/m^3."""
+    rigidity, low, high = np.zeros(count), np.zeros(count), np.zeros(count)
+    drawn, missing = rng.random(count), rng.random(count) < reader.rigidity_missing_fraction
+    sealed = drawn >= reader.globe_open_fraction + reader.globe_missing_fraction
+    unknown = (drawn >= reader.globe_open_fraction) & ~sealed
+    for which, globe in ((unknown, UNKNOWN), (sealed & missing, SEALED)):
+        rigidity[which] = rng.uniform(globe.lowest, globe.highest, count)[which]
+        low[which], high[which] = globe.band
+    told = sealed & ~missing
+    middle = rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count)
+    sd = log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
+    own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
+    ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
+    for values, found in zip(ends, (rigidity, low, high), strict=True):
+        found[told] = np.clip(values, UNKNOWN.lowest, UNKNOWN.highest)[told]
+    return rigidity, low, high
+
+
+def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+    """Return moduli that are told, their relative standard deviations (NaN: missing), and the eyes' own (sample,).
+
+    The eye's own is drawn from what is told, so that it means what it says; where nothing is, evenly from the range.
+    """
+    middle_pa = reader.youngs_modulus_pa.sample(rng, count)
+    sd = log_even(reader.modulus_sd_fraction, count, rng)
+    error = np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
+    missing = rng.random(count) < reader.modulus_missing_fraction
+    own_pa = np.where(missing, middle_pa, middle_pa * (1.0 + sd * error))
+    return np.where(missing, np.nan, middle_pa), np.where(missing, np.nan, sd), own_pa
+
+
+def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
+    """Return by how much a calibrated modulus is off where it was fitted with thickness and IOP that are off.
+
+    It is fitted to dents and forces, and at a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): so the product
+    stays. A factor is NaN where nothing was told.
+    """
+    t, p = (np.nan_to_num(factor, nan=1.0) for factor in (thickness_factor, iop_factor))
+    return 1.0 / (t**2 * np.cbrt(p))
+
+
+def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) -> Floats:
+    """Return forces (sample,), even up to the largest that the library holds, a share of them small."""
+    small = rng.random(len(largest_n)) < reader.small_force_share
+    top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
+    forces: Floats = top_n * rng.random(len(largest_n))
+    return forces
+
+
+def _told(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:
+    """Return values as they are told: off by relative noise, NaN where they are missing."""
+    told = values * (1.0 + noise * rng.standard_normal(len(values)))
+    return np.where(rng.random(len(values)) < missing, np.nan, told)
+
+
+def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
+    """Draw from a range with its logarithm evenly spread, or from a choice."""
+    if not isinstance(values, Range):
+        return values.sample(rng, count)
+    low, high = np.log(values.bounds)
+    drawn: Floats = np.exp(rng.uniform(low, high, count))
+    return drawn
+
+
+@dataclass(frozen=True)
+class Source:
+    """What samples are drawn from: the same chunk for the same seed and number."""
+
+    library: Library
+    reader: ReaderStudy
+    slice_study: SliceStudy
+
+    @classmethod
+    def of(cls, library: Library, reader: ReaderStudy, slice_study: SliceStudy) -> "Source":
+        """Keep of a library what slices can show: it is quicker."""
+        low, high = reader.lateral_m.bounds
+        half_width_m = 0.5 * slice_study.columns * slice_study.pixel_m
+        reach_m = (half_width_m + max(abs(low), abs(high))) / reader.size.bounds[0] + reader.gap_m.bounds[1]
+        return cls(library.within(reach_m + BEYOND_SLICE_M), reader, slice_study)
+
+    def chunk(self, number: int, count: int = CHUNK) -> ReaderSamples:
+        """Draw a chunk of samples."""
+        rng = np.random.default_rng([self.reader.seed, number])
+        parts = [min(TISSUE, count - first) for first in range(0, count, TISSUE)]
+        libraries = [library_of_tissue(self.library, self.reader, rng) for _ in parts]
+        drawn = [
+            draw_samples(library, self.reader, self.slice_study, part, rng)
+            for library, part in zip(libraries, parts, strict=True)
+        ]
+        return concatenated(drawn)
+
+
+class ChunkSource(Protocol[Drawn]):
+    """What chunks of samples are drawn from."""
+
+    def chunk(self, number: int) -> Drawn:
+        """Draw a chunk: the same for the same number."""
+
+
+def chunks_ahead(
+    source: ChunkSource[Drawn], numbers: Sequence[int], workers: int, compiled: bool = True
+) -> Generator[Drawn, None, None]:
+    """Draw chunks in `workers` processes, with compiled loops or not; yield them in the order of `numbers`.
+
+    A few are drawn ahead. The processes end when the generator is closed.
+
+    Raises:
+        InputError: what drawing raises; SolverError where a worker died.
+    """
+    return work_in_order(partial(_drawing, source, compiled), numbers, workers, ahead=AHEAD * workers)
+
+
+def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int) -> list[Samples]:
+    """Draw samples that no training sees, from streams of their own, in chunks of at most `size`."""
+    return [draw(VALIDATION_CHUNK + n, min(size, count - n * size)) for n in range(-(-count // size))]
+
+
+def _drawing(source: ChunkSource[Drawn], compiled: bool) -> Callable[[int], Drawn]:
+    """Return what draws a chunk, in its process."""
+    if compiled:
+        use_compiled_loops()
+    return source.chunk

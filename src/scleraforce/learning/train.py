@@ -1,0 +1,396 @@
+"""From what a network learns from to its model folder: train, measure on what was never seen, write."""
+
+import platform
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scleraforce import __version__
+from scleraforce.dataset.store import Dataset
+from scleraforce.errors import DatasetError, InputError
+from scleraforce.learning.cards import classifier_card, finder_card, raw_reader_card, reader_card
+from scleraforce.learning.classifier import (
+    CLASSIFIER_THREADS,
+    Candidate,
+    Curves,
+    Samples,
+    classes_at_modulus,
+    classifier_bytes,
+    content_hash,
+    fit,
+    search_sizes,
+    with_half_weights,
+)
+from scleraforce.learning.fingerprint import (
+    classifier_fingerprint,
+    finder_fingerprint,
+    interval_fingerprint,
+    reader_fingerprint,
+)
+from scleraforce.learning.framework import onnx, torch
+from scleraforce.learning.intervals import measured_intervals
+from scleraforce.learning.raw_reader import (
+    RawSource,
+    fit_raw_reader,
+    measure_raw_reader,
+    measured_raw_intervals,
+    raw_reader_bytes,
+)
+from scleraforce.learning.reader import READER_THREADS, ReaderMetrics, fit_reader, reader_bytes
+from scleraforce.learning.samples import CHUNK, Source
+from scleraforce.learning.wall_finder import (
+    FINDER_THREADS,
+    FinderMetrics,
+    finder_bytes,
+    fit_wall_finder,
+    measure_finder,
+)
+from scleraforce.library import Library, load_library, save_library
+from scleraforce.library.files import StoredErrors
+from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, write_folder
+from scleraforce.models.session import network_session
+from scleraforce.processes import available_cores
+from scleraforce.reader.kinds import RawReader
+from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
+from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.study import NetworkStudy, Study, format_study, study_hash
+from scleraforce.units import from_si
+
+Progress = Callable[[int], object] | None
+
+DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training reached; `candidates` are those of the grid search (empty without one)."""
+
+    validation_accuracy: float
+    validation_interval: tuple[float, float]
+    network: NetworkStudy
+    curves: Curves
+    candidates: tuple[Candidate, ...] = ()
+
+
+@dataclass(frozen=True)
+class TrainedReader:
+    """What a training reached on its validation samples, after how many epochs of how many samples."""
+
+    metrics: ReaderMetrics
+    epochs: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class TrainedRawReader:
+    """What a training reached on its validation frames, after how many batches of how many frames."""
+
+    metrics: ReaderMetrics
+    batches: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class TrainedFinder:
+    """What a training reached on scenes that it never saw, after how many batches of how many scenes."""
+
+    metrics: FinderMetrics
+    batches: int
+    scenes: int
+
+
+def train_classifier(
+    dataset: Dataset,
+    out: Path,
+    network: NetworkStudy | None = None,
+    search: bool = False,
+    progress: Progress = None,
+    youngs_modulus_pa: float | None = None,
+    workers: int | None = None,
+) -> Trained:
+    """Train the classifier on a data set and write its model folder.
+
+    Args:
+        dataset: an opened data set.
+        out: the folder to make; it must not exist.
+        network: sizes and training, where they are to differ from those in the data set's study.
+        search: try every size of the grid instead, and keep the best.
+        progress: called with 1 after each epoch (of each size).
+        youngs_modulus_pa: label the slices for walls of this modulus (`classes_at_modulus`); None: as simulated.
+        workers: that try the sizes (`search_sizes`).
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        DatasetError: there is nothing to train or to validate on.
+        SolverError: the training diverged.
+    """
+    check_place(out)
+    modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
+    study = replace(dataset.study, network=network or dataset.study.network)
+    study = replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))  # that its labels belong to
+    classes = len(study.classes.bounds_n) + 1
+    training, validation = split_samples(dataset, modulus_pa)
+    candidates: tuple[Candidate, ...] = ()
+    if search:
+        found = search_sizes(study.network, training, validation, classes, progress, workers)
+        study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
+    else:
+        fitted = fit(study.network, training, validation, classes, progress)
+    stored = with_half_weights(fitted.network)
+    provenance = _provenance(
+        "classifier",
+        study,
+        study.network.seed,
+        CLASSIFIER_THREADS,
+        dataset_sha256=content_hash(training, validation),
+        class_bounds_mn=_bounds_mn(study),
+        youngs_modulus_mpa=f"{from_si(modulus_pa, 'mpa'):.6g}",
+    )
+    answers = stored.probabilities(validation.slices).argmax(axis=1)
+    confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), classes)
+    reached = accuracy(confusion)
+    record = {
+        "kind": "classifier",
+        "provenance": provenance,
+        "samples": {"training": len(training), "validation": len(validation)},
+        "epochs": study.network.epochs,
+        "metrics": {
+            "validation_accuracy": reached.value,
+            "validation_interval": reached.interval,
+            "validation_loss": fitted.curves.validation_loss[-1],
+            "validation_confusion": confusion.tolist(),
+        },
+        "curves": asdict(fitted.curves),
+        "fingerprint": classifier_fingerprint(study),
+        "search": [asdict(entry) for entry in candidates],
+    }
+    card = classifier_card(study, record, (len(training), len(validation)), recall(confusion))
+    write_folder(out, classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
+    return Trained(reached.value, reached.interval, study.network, fitted.curves, candidates)
+
+
+def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[Samples, Samples]:
+    """Return the training and the validation samples of a data set, labelled for walls of a modulus.
+
+    They share no contact. At the data set's own modulus the labels are those of its forces.
+
+    Raises:
+        DatasetError: one of them is empty.
+    """
+    parts = dataset.split()
+    if not all(len(part) for part in parts):
+        raise DatasetError(
+            f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and validation need "
+            "some each"
+        )
+    ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
+    target = classes_at_modulus(dataset.force_n, ratio, dataset.study.classes)
+    training, validation = (Samples(dataset.slices[part], target[part]) for part in parts)
+    return training, validation
+
+
+def train_reader(
+    library: Library,
+    study: Study,
+    out: Path,
+    workers: int | None = None,
+    progress: Progress = None,
+    measured: Progress = None,
+) -> TrainedReader:
+    """Train the reader on a library and write its model folder.
+
+    Args:
+        library: of responses.
+        study: with the `[reader]` to use; the library has to be one of its eyes.
+        out: the folder to make; it must not exist.
+        workers: processes that draw samples; None: one for each other core that this process may use.
+        progress: called with 1 after each epoch.
+        measured: called with 1 after each of the eyes that the intervals are measured on.
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        InputError: the library is of other eyes than the study, does not hold those of `[reader]`, or is too large.
+        SolverError: the training diverged.
+    """
+    check_place(out)
+    _check_library(library, study)
+    reader, (content, errors) = study.reader, _stored_library(library)
+    stored = load_library(LIBRARY_FILE, content)
+    fingerprint = reader_fingerprint(study, stored)
+    fitted = fit_reader(study, Source.of(library, reader, study.slice), workers or _other_cores(), progress)
+    provenance = _library_provenance("reader", study, reader.seed, content)
+    graph = reader_bytes(fitted.network, study.slice, provenance)
+    samples = reader.epochs * _whole_chunks(study)
+    record: dict[str, Any] = {
+        "kind": "reader",
+        "default": DEFAULT_METHOD,
+        "provenance": provenance,
+        "samples": {"training": samples, "validation": reader.validation_samples},
+        "epochs": reader.epochs,
+        "metrics": _metrics_record(fitted.metrics),
+        "curves": {"training_loss": fitted.training_loss},
+        "library": asdict(errors),
+    }
+    if reader.interval_eyes:
+        record["intervals"] = measured_intervals(study, library, graph, workers or available_cores(), measured)
+        fingerprint |= interval_fingerprint(study, stored, graph)
+    record["fingerprint"] = fingerprint
+    write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
+    return TrainedReader(fitted.metrics, reader.epochs, samples)
+
+
+def train_raw_reader(
+    library: Library,
+    study: Study,
+    out: Path,
+    workers: int | None = None,
+    progress: Progress = None,
+    learned: Progress = None,
+    measured: Progress = None,
+) -> TrainedRawReader:
+    """Train the raw reader on a library and write its model folder.
+
+    Args:
+        library: of responses.
+        study: with the `[raw_reader]`, `[reader]` and `[phantom]` to use; the library has to be one of its eyes.
+        out: the folder to make; it must not exist.
+        workers: processes that draw samples; None: one for each other core that this process may use.
+        progress: called with 1 after each epoch of slices.
+        learned: called with 1 after each batch of raw frames.
+        measured: called with 1 after each of the eyes that the intervals are measured on.
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        InputError: the library is of other eyes than the study, or does not hold those of `[reader]`.
+        SolverError: the training diverged.
+    """
+    check_place(out)
+    _check_library(library, study)
+    raw = study.raw_reader
+    fitted = fit_raw_reader(library, study, workers or _other_cores(), progress, learned)
+    metrics = measure_raw_reader(fitted.network, RawSource.of(library, study), study)
+    provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0])
+    graph = raw_reader_bytes(fitted.network, provenance)
+    frames = raw.batches * raw.batch_size
+    samples = {
+        "slices": raw.slice_epochs * _whole_chunks(study), "training": frames, "validation": raw.validation_frames,
+    }  # fmt: skip
+    record: dict[str, Any] = {
+        "kind": RawReader.kind,
+        "provenance": provenance,
+        "samples": samples,
+        "batches": raw.batches,
+        "metrics": _metrics_record(metrics),
+        "curves": {"training_loss": fitted.training_loss},
+    }
+    if raw.interval_eyes:
+        record["intervals"] = measured_raw_intervals(study, library, graph, workers or available_cores(), measured)
+    write_folder(out, graph, format_study(study), raw_reader_card(study, record), record)
+    return TrainedRawReader(metrics, raw.batches, frames)
+
+
+def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> TrainedFinder:
+    """Train the wall finder on drawn scenes and write its model folder.
+
+    Args:
+        study: with the `[scenes]` and the `[wall_finder]` to use.
+        out: the folder to make; it must not exist.
+        workers: processes, or those of a cluster, that draw; None: a process for each other core that this one may use.
+        progress: called with 1 after each batch.
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        SolverError: the training diverged.
+    """
+    check_place(out)
+    finder = study.wall_finder
+    fitted = fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)
+    provenance = _provenance(
+        WALL_FINDER, study, finder.seed, FINDER_THREADS, scenes_seed=str(study.scenes.seed)
+    )  # fmt: skip
+    graph = finder_bytes(fitted.network, provenance)
+    runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
+    metrics = measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
+    scenes = finder.batches * finder.batch_size
+    record = {
+        "kind": WALL_FINDER,
+        "provenance": provenance,
+        "scenes": {"training": scenes, "validation": finder.validation_scenes},
+        "batches": finder.batches,
+        "metrics": asdict(metrics),
+        "curves": {"training_loss": fitted.training_loss},
+        "fingerprint": finder_fingerprint(study),
+    }
+    write_folder(out, graph, format_study(study), finder_card(study, record), record)
+    return TrainedFinder(metrics, finder.batches, scenes)
+
+
+def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -> dict[str, str]:
+    """Return what `metadata_props` of a network says: the same for the same study, data and versions."""
+    return {
+        "kind": kind,
+        "study_sha256": study_hash(study),
+        "seed": str(seed),
+        "threads": str(threads),
+        **more,
+        "scleraforce": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "torch": torch.__version__,
+        "onnx": onnx.__version__,
+    }
+
+
+def _library_provenance(kind: str, study: Study, seed: int, library: bytes) -> dict[str, str]:
+    """Return the provenance of a network that learned from a library, as this is stored."""
+    digest = sha256(library).hexdigest()
+    return _provenance(kind, study, seed, READER_THREADS, library_sha256=digest, class_bounds_mn=_bounds_mn(study))
+
+
+def _bounds_mn(study: Study) -> str:
+    return ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n)
+
+
+def _check_library(library: Library, study: Study) -> None:
+    """Refuse a library of other eyes: its answers would be wrong without a sign of it."""
+    compared = (
+        ("radius", library.radius_m, study.eye.radius_m),
+        ("Poisson's ratio", library.poisson_ratio, study.eye.poisson_ratio),
+        ("needle radius", library.needle_radius_m, study.needle.outer_diameter_m / 2),
+    )
+    for name, found, wanted in compared:
+        if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
+            raise InputError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
+
+
+def _stored_library(library: Library) -> tuple[bytes, StoredErrors]:
+    """Return a library as a model folder has it, and by how much that differs from what was computed."""
+    file = BytesIO()
+    errors = save_library(library, file)
+    return file.getvalue(), errors
+
+
+def _other_cores() -> int:
+    return max(1, available_cores() - 1)
+
+
+def _whole_chunks(study: Study) -> int:
+    """Return the samples of an epoch of slices: whole chunks of them are drawn."""
+    return -(-study.reader.samples_per_epoch // CHUNK) * CHUNK
+
+
+def _metrics_record(metrics: ReaderMetrics) -> dict[str, Any]:
+    """Return `metrics` of `model.json`."""
+    return {
+        "validation_accuracy": metrics.accuracy,
+        "validation_interval": metrics.interval,
+        "validation_confusion": metrics.confusion,
+        "mae_mn": from_si(metrics.mae_n, "mn"),
+        "coverage": metrics.coverage,
+        "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
+    }

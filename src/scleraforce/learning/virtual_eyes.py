@@ -1,0 +1,302 @@
+"""Whole virtual eyes from library walls, as the intervals of a reader are measured on them: calibrated, then read.
+
+An eye has a wall, a pressure, a globe and a needle's place of its own. A share of the eyes are uneven: their form is
+not a sphere's (`uneven`), and their forces drift away from those of the library with the dent, as those of uneven eyes
+computed in three dimensions do. What is told of an eye is off by what a study says. Three frames of known force
+calibrate it, as `calibrate --frames 3` does; the others are read.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
+from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
+from scleraforce.calibration.forces import (
+    LABEL_SD_N,
+    PUSH_N,
+    REST_SD_N,
+    ZERO_PRIOR,
+    FrameForces,
+    zero_line,
+)
+from scleraforce.calibration.known_forces import settled
+from scleraforce.calibration.library_eye import LibraryEye, library_eye
+from scleraforce.calibration.one_tissue import frame_order
+from scleraforce.calibration.registration import place_section
+from scleraforce.calibration.stiffening import TissueTrial, search
+from scleraforce.errors import CalibrationError
+from scleraforce.fitting.placement import Places, curve_depths
+from scleraforce.known.eye import OPEN, POPULATION_SD, SEALED, UNKNOWN, Known, Modulus
+from scleraforce.learning.samples import library_of_tissue, log_even
+from scleraforce.learning.walls import Forms, added_depths, disturb, draw_forms
+from scleraforce.library import Library
+from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.reader.kinds import SHIFTS
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.study import SliceStudy, Study, draw
+
+Floats = NDArray[np.float64]
+
+FRAMES, CALIBRATED = 20, 3
+FINER = 4  # columns and rows of a frame for one of a slice
+FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
+FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
+ROTATION_RAD = np.radians(3.0)
+SHIFT_M = 0.05e-3  # of an eye between frames
+DIRECTION_TOLD = 0.5  # share of the eyes
+POPULATION_STIFFENING_SD = 0.5  # of ln(1 + b), between eyes whose tissue stiffens
+WEAKER = 0.9  # a largest force that the library does not hold is lowered by this
+OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualEye:
+    """An eye and what is told of it.
+
+    `model` gives its true sections, `wall` is its state without force, `told` what is said of it, `forms` (1,) its form
+    at rest. `drift`: its forces over those of the library grow by this share up to `largest_n`.
+    """
+
+    model: LibraryEye
+    wall: WallState
+    told: EyeConstants
+    forms: Forms
+    drift: float
+    largest_n: float
+
+    @property
+    def stiffening(self) -> float:
+        """B of its tissue."""
+        return self.model.library.stiffening
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualFrame:
+    """One frame: its true force, N, the boundaries seen in it, and slices of it, each half a row lower."""
+
+    force_n: float
+    boundaries: Boundaries
+    cuts: NDArray[np.uint8]
+
+
+def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
+    """Draw an eye within the ranges of `[reader]`; every third one is told open, sealed and nothing of its globe.
+
+    The direction of its sections is told of half of them.
+
+    Raises:
+        CalibrationError: the library does not have it.
+    """
+    reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
+    library = library_of_tissue(library, reader, rng)
+    drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
+    modulus_pa, thickness_m, gap_m = drawn
+    iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
+    polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
+    sealed = told_globe is SEALED or (told_globe is UNKNOWN and rng.random() < 0.5)
+    rigidity = rng.uniform(SEALED.lowest, SEALED.highest) if sealed else 0.0
+    uneven = np.array([rng.random() < reader.uneven_share])
+    forms = draw_forms(np.array([thickness_m]), np.array([library.radius_m]), uneven, rng)
+    drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
+    globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
+    direction_rad = rng.uniform(-np.pi, np.pi)
+    true = EyeConstants(
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+        polar_rad=polar_rad,
+        polar_sd_rad=0.0,
+        direction_rad=direction_rad,
+        globe=globe,
+    )
+    sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
+    model = library_eye(sharp, true, library)
+    wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
+    noise = 1.0 + rng.standard_normal(3) * (
+        reader.iop_noise_fraction,
+        reader.thickness_noise_fraction,
+        reader.gap_noise_fraction,
+    )
+    direction_told = rng.random() < DIRECTION_TOLD
+    pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
+    told = replace(
+        true,
+        iop_pa=iop_pa * float(noise[0]),
+        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
+        gap_m=gap_m * float(noise[2]),
+        polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
+        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_told else None,
+        globe=told_globe,
+    )
+    largest_n = _bearable(model, wall, study.needle.max_force_n)
+    return VirtualEye(model=model, wall=wall, told=told, forms=forms, drift=drift, largest_n=largest_n)
+
+
+def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
+    """Draw frames of an eye with even forces (`frames_under`)."""
+    return frames_under(eye, study, rng.uniform(0.0, eye.largest_n, count), rng)
+
+
+def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
+    """Draw frames of an eye under forces (frame,), N, with errors like those of the segmentation."""
+    reader = study.reader
+    lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
+    pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
+    fine = _finer(study.slice)
+    columns_m = column_laterals(fine)
+    poses = (pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0]) for _ in forces_n)
+    seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
+    seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.interval_boundary_errors)
+    middle = slice(FINER // 2 - 1, FINER // 2 + 1)
+    coarse_sbc = seen_sbc.reshape(len(forces_n), 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
+    halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in SHIFTS]
+    return tuple(
+        VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))
+        for force_n, depths, cuts in zip(forces_n, seen_sbc, zip(*halves, strict=True), strict=True)
+    )
+
+
+def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats) -> Floats:
+    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN where it does not reach.
+
+    Args:
+        eye: of whose wall.
+        forces_n: under them (frame,).
+        poses: of the sections, one for each frame (`calibration.registration.place_section`).
+        columns_m: lateral places of a frame's columns from its middle.
+    """
+    effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
+    states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
+    both = Places(np.concatenate([columns_m, columns_m]), np.repeat([0, 1], len(columns_m)))
+    radius_m = np.array([eye.model.library.radius_m])
+    depth_sbc = np.empty((len(states), 2, len(columns_m)))
+    for depths, curves, pose in zip(depth_sbc, eye.model.curves(states), poses, strict=True):
+        depth, _, reached = curve_depths(place_section(curves, pose), both)
+        form = added_depths(eye.forms, radius_m, (columns_m - pose[0])[None])[0]
+        depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
+    return depth_sbc
+
+
+def calibrated(
+    eye: VirtualEye,
+    frames: Sequence[VirtualFrame],
+    study: Study,
+    library: Library,
+    rng: np.random.Generator,
+    chosen: Sequence[int] | None = None,
+) -> tuple[Known, tuple[VirtualFrame, ...]]:
+    """Return what is known of an eye after a calibration on some of its frames, and the frames that are left.
+
+    Those that only said where the eye lies, of light forces, are among these.
+
+    Args:
+        eye: whose frames.
+        frames: in the order of the pushes.
+        study: of the calibration.
+        library: for any contact.
+        rng: source of the errors of the forces.
+        chosen: the frames that it is calibrated on; None: three, as `calibrate --frames 3` takes them.
+
+    Raises:
+        CalibrationError: the library does not have the eye as it was told.
+    """
+    labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
+    forces_n = labelled.force_n
+    least_n, wanted = study.calibration.min_force_n, CALIBRATED if chosen is None else len(chosen)
+    if chosen is None:
+        order = frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
+    else:
+        order = sorted(chosen, key=lambda place: float(forces_n[place]))
+    taken = [
+        (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
+    ]
+    found = search(library, partial(_with_tissue, eye.told, taken, wanted, labelled.zero_covariance, study))
+    if found is None:
+        raise CalibrationError("the library does not have the eye as it was told")
+    stiffening, (known, used) = found
+    told_force = {place for place in order[:used] if forces_n[place] > least_n}
+    left = tuple(frame for place, frame in enumerate(frames) if place not in told_force)
+    return replace(known, stiffening=stiffening), left
+
+
+def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
+    """Return forces as a log would tell them: noise, and what a line through the rests leaves of the sensor's zero.
+
+    Args:
+        forces_n: the true ones (frame,), in the order of the pushes.
+        rng: source of the errors.
+    """
+    time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
+    offset_n, drift_n_per_s = np.sqrt(np.diag(ZERO_PRIOR)) * rng.standard_normal(2)
+    rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > PUSH_N]
+    rests_n = offset_n + drift_n_per_s * rests_s + REST_SD_N * rng.standard_normal(len(rests_s))
+    zero, covariance = zero_line(rests_s, rests_n)
+    left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
+    labels_n = forces_n + left_n + LABEL_SD_N * rng.standard_normal(len(forces_n))
+    return FrameForces(labels_n, time_s, zero, covariance)
+
+
+def _with_tissue(
+    told: EyeConstants,
+    frames: Sequence[tuple[Boundaries, float, float]],
+    wanted: int,
+    zero_covariance: Floats,
+    study: Study,
+    library: Library,
+) -> TissueTrial[tuple[Known, int]] | None:
+    """Calibrate an eye with the walls of one tissue: what is known of it, and how many frames were gone through."""
+    try:
+        session = begin(study, told, library, zero_covariance=zero_covariance)
+    except CalibrationError:
+        return None
+    used, least_n, refused = 0, study.calibration.min_force_n, 0
+    for boundaries, force_n, since_start_s in frames:
+        if session.updates >= wanted:
+            break
+        session = step(session, boundaries, force_n, since_start_s)
+        refused += force_n > least_n and isinstance(session.last, Skipped)
+        used += 1
+    known, borne = known_after(session), [(seen, force_n) for seen, force_n, _ in frames[:used] if force_n > least_n]
+    if known.modulus is None:
+        return TissueTrial.diverged((known, used), refused)
+    after = settled(known, borne, (), library, study)
+    return after.trial((after.known, used), refused)
+
+
+def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
+    """Return what is known of an eye that is read with the modulus of other eyes."""
+    low, high = study.reader.youngs_modulus_pa.bounds
+    mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
+    modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
+    return replace(known_of_constants(eye.told, modulus), stiffening=_of_others(eye, rng))
+
+
+def _of_others(eye: VirtualEye, rng: np.random.Generator) -> float:
+    """Return b of the population of an eye: of other eyes with tissue that stiffens, if its own does."""
+    if eye.stiffening == 0.0:
+        return 0.0
+    walls = eye.model.library.stiffenings
+    other = np.expm1(np.log1p(eye.stiffening) + POPULATION_STIFFENING_SD * rng.standard_normal())
+    return float(np.clip(other, walls[0], walls[-1]))
+
+
+def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
+    """Return the largest force that the library holds for an eye, at most `largest_n`.
+
+    Raises:
+        CalibrationError: the library does not hold the eye at rest.
+    """
+    if reason := model.outside(wall):
+        raise CalibrationError(reason)
+    while model.outside(replace(wall, force_n=largest_n)) is not None:
+        largest_n *= WEAKER
+    return largest_n
+
+
+def _finer(study: SliceStudy) -> SliceStudy:
+    """Return frames as wide and deep as a slice, with more columns and rows."""
+    return replace(study, columns=FINER * study.columns, rows=FINER * study.rows, pixel_m=study.pixel_m / FINER)

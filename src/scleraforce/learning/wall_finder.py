@@ -1,0 +1,338 @@
+"""The wall finder: its network, the drawn scenes that it learns from, its training, and how well it does.
+
+Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution: a reduced frame goes in; for
+every second column come out two distributions over the rows, of the wall's upper and lower boundary, and how sure it is
+that there is wall. Rows come back to full resolution in the last step, as two channels that are interleaved: most of
+the work is done on a quarter of the pixels.
+
+The loss of a boundary is the cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969),
+which knows how far off a wrong row is; both are proper, so that the spread that is told is the one that is meant.
+Columns without wall count for the third output alone, and a wall that nobody can see for none.
+"""
+
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.scenes.scene import Scene, draw_scene
+from scleraforce.learning.descent import curve, descend, repeatable
+from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.processes import work_in_order
+from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
+from scleraforce.study import ScenesStudy, WallFinderStudy
+
+Float = NDArray[np.float32]
+
+INPUTS_OF_PIXEL = 3  # level, its root, and the row
+BOUNDARIES = 2  # upper and lower
+AHEAD = 6  # batches for each process that are drawn or wait
+VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
+FINDER_THREADS = 1  # the other core draws; more threads would also sum in another order
+RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
+SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
+
+
+class WallFinderNetwork(torch.nn.Module):
+    """Logits of the boundaries' rows (n, 2, rows, columns / 2), and of a column's having wall (n, columns / 2).
+
+    Its input is a batch of reduced frames, float (n, rows, columns).
+    """
+
+    def __init__(self, study: WallFinderStudy) -> None:
+        """Build the network with random weights (from PyTorch's generator)."""
+        super().__init__()
+        self.rows, self.columns = study.rows, study.columns
+        sizes = study.channels
+        self.down = torch.nn.ModuleList()
+        self.level = torch.nn.ModuleList()
+        for before, size in zip((INPUTS_OF_PIXEL, *sizes), sizes, strict=False):
+            self.down.append(_convolution(before, size, stride=2))
+            self.level.append(_convolution(size, size))
+        self.deepest = torch.nn.ModuleList(_convolution(sizes[-1], sizes[-1]) for _ in range(2))
+        self.up = torch.nn.ModuleList()
+        for below, size in reversed(list(zip(sizes[1:], sizes, strict=False))):
+            self.up.append(_convolution(below + size, size))
+        self.boundaries = torch.nn.Conv2d(sizes[0], 2 * BOUNDARIES, 1)
+        self.wall = torch.nn.Conv1d(2 * sizes[0], 1, 1)
+
+    def forward(self, frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return both logits."""
+        signal, shortcuts = self.inputs(frames), []
+        for down, level in zip(self.down, self.level, strict=True):
+            signal = level(down(signal))
+            shortcuts.append(signal)
+        for block in self.deepest:
+            signal = signal + block(signal)
+        for block, shortcut in zip(self.up, reversed(shortcuts[:-1]), strict=True):
+            signal = torch.nn.functional.interpolate(signal, scale_factor=2, mode="nearest")
+            signal = block(torch.cat([signal, shortcut], dim=1))
+        pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
+        return self._interleaved(self.boundaries(signal)), self.wall(pooled)[:, 0]
+
+    def inputs(self, frames: torch.Tensor) -> torch.Tensor:
+        """Return what the first convolution sees, (n, INPUTS_OF_PIXEL, rows, columns)."""
+        row = torch.linspace(-1.0, 1.0, self.rows)[:, None].expand_as(frames)
+        stacked = torch.stack([frames, frames.clamp(min=0.0).sqrt(), row], dim=1)
+        return stacked.contiguous(memory_format=torch.channels_last)  # quicker on a CPU
+
+    def _interleaved(self, channels: torch.Tensor) -> torch.Tensor:
+        """Return (n, boundary, row, column) of (n, boundary * 2, row / 2, column)."""
+        rows, columns = self.rows // 2, self.columns // 2
+        parts = channels.reshape(-1, BOUNDARIES, 2, rows, columns).transpose(2, 3)
+        return parts.reshape(-1, BOUNDARIES, 2 * rows, columns)
+
+
+def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential:
+    """Return a 3 x 3 convolution, normalised over the batch, with a ramp behind it."""
+    return torch.nn.Sequential(
+        torch.nn.Conv2d(before, size, 3, stride, 1, bias=False), torch.nn.BatchNorm2d(size), torch.nn.ReLU()
+    )
+
+
+class _Reads(torch.nn.Module):
+    """What the ONNX model does: reduced frames in; rows of both boundaries and whether there is wall out."""
+
+    def __init__(self, network: WallFinderNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        rows, wall = self.network(frames)
+        return rows.softmax(dim=2), wall.sigmoid()
+
+
+def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> bytes:
+    """Return the network as an ONNX model; `segmentation.wall_finder` says what goes in and comes out."""
+    frames = torch.zeros(2, network.rows, network.columns)
+    return onnx_bytes(_Reads(network).eval(), {FINDER_FRAMES: frames}, [FINDER_ROWS, FINDER_WALL], provenance)
+
+
+@dataclass(frozen=True)
+class SceneBatch:
+    """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall.
+
+    `judged` (n, column / 2) is False where a wall is that nobody can see.
+    """
+
+    frames: Float
+    boundaries: Float
+    judged: NDArray[np.bool_]
+
+
+def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
+    """Draw a batch: the same for the same studies and number.
+
+    Args:
+        scenes: what is drawn.
+        study: size of the reduced frames and of the batch.
+        number: of the batch.
+        first: number of the first scene of batch 0.
+    """
+    count = study.batch_size
+    drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
+    frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
+    boundaries = np.stack([_boundaries(scene, study) for scene in drawn])
+    return SceneBatch(frames, boundaries, np.stack([scene.judged[_columns(scene, study)] for scene in drawn]))
+
+
+def batches_ahead(
+    scenes: ScenesStudy, study: WallFinderStudy, numbers: Sequence[int], workers: int
+) -> Generator[SceneBatch, None, None]:
+    """Draw batches in `workers` processes, a few ahead; yield them in the order of `numbers`."""
+    return work_in_order(partial(_drawing, scenes, study), numbers, workers, ahead=AHEAD * workers)
+
+
+def _drawing(scenes: ScenesStudy, study: WallFinderStudy) -> Callable[[int], SceneBatch]:
+    """Return what draws a batch, in its process."""
+    return partial(scene_batch, scenes, study)
+
+
+def _columns(scene: Scene, study: WallFinderStudy) -> NDArray[np.intp]:
+    """Return the frame's columns that every second column of the reduced frame stands for."""
+    return np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
+
+
+def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
+    """Return the truth at every second column of the reduced frame, in its rows, kept inside of it."""
+    at = _columns(scene, study)
+    truth = np.stack([scene.outer_row[at], scene.inner_row[at]])
+    reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
+    kept: Float = np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)
+    return kept
+
+
+@dataclass(frozen=True)
+class FittedFinder:
+    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
+
+    network: WallFinderNetwork
+    training_loss: tuple[float, ...]
+
+
+def fit_wall_finder(
+    scenes: ScenesStudy, study: WallFinderStudy, workers: int, progress: Callable[[int], object] | None = None
+) -> FittedFinder:
+    """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
+
+    Args:
+        scenes: what is drawn.
+        study: the network and its descent.
+        workers: processes that draw.
+        progress: called with 1 after each batch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    with closing(batches_ahead(scenes, study, range(study.batches), workers)) as drawn:
+        return descend_finder(study, drawn, progress)
+
+
+def descend_finder(
+    study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
+) -> FittedFinder:
+    """Train a new network on batches of scenes, in order; arguments and errors of `fit_wall_finder`."""
+    losses: list[float] = []
+    with repeatable(study.seed, FINDER_THREADS):
+        network = WallFinderNetwork(study)
+        optimiser = torch.optim.AdamW(network.parameters(), study.learning_rate, weight_decay=study.weight_decay)
+        network.train()
+        rounds = ([(_loss(network, batch, study), 1)] for batch in drawn)
+        for loss in descend(network, optimiser, rounds, study, study.batches, "wall_finder"):
+            losses.append(loss)
+            if progress:
+                progress(1)
+    return FittedFinder(network.eval(), curve(losses))
+
+
+def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
+    """Return the mean loss of a batch, a random half of its scenes mirrored."""
+    drawn = tuple(torch.from_numpy(each) for each in (batch.frames, batch.boundaries, batch.judged))
+    turned = torch.rand(len(batch.frames)) < 0.5
+    for each in drawn:
+        each[turned] = each[turned].flip(-1)
+    frames, boundaries, judged = drawn
+    row_logits, wall_logits = network(frames)
+    return finder_loss(row_logits, wall_logits, boundaries, judged, study.target_rows)
+
+
+def finder_loss(
+    row_logits: torch.Tensor,
+    wall_logits: torch.Tensor,
+    boundaries: torch.Tensor,
+    judged: torch.Tensor,
+    target_rows: float,
+) -> torch.Tensor:
+    """Return the mean loss of a batch.
+
+    Args:
+        row_logits: of the boundaries' rows, (n, 2, row, column).
+        wall_logits: of there being wall, (n, column).
+        boundaries: true rows (n, 2, column), NaN where there is no wall.
+        judged: False in columns that count for nothing, (n, column).
+        target_rows: standard deviation by which the true row is blurred.
+    """
+    there = torch.isfinite(boundaries).all(dim=1)
+    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), judged.float())
+    if not there.any():
+        return WALL_WEIGHT * wall
+    of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)
+    seen = there[:, None].expand(-1, of_row.shape[1], -1)
+    logs, true = of_row[seen], boundaries[seen]
+    rows = torch.arange(logs.shape[1], dtype=logs.dtype)
+    target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * target_rows**2), dim=1)
+    entropy = -(target * logs).sum(dim=1).mean()
+    below = logs.exp().cumsum(dim=1) - target.cumsum(dim=1)
+    return entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinderMetrics:
+    """Of the scenes that show wall, where it can be seen: Dice in the mean, its median and its 5th percentile.
+
+    `outer_rows`, `inner_rows`: median error of the boundaries in rows of the reduced frame, where there is wall;
+    `coverage`: share of both boundaries that lie within 1.645 of their standard deviations; `found`: share of columns
+    for which it is right whether there is wall.
+    """
+
+    dice_mean: float
+    dice_median: float
+    dice_low: float
+    outer_rows: float
+    inner_rows: float
+    coverage: float
+    found: float
+
+
+def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: int) -> FinderMetrics:
+    """Compare a wall finder's answers with the truth of scenes.
+
+    Args:
+        finder: to measure.
+        scenes: what is drawn.
+        count: of scenes.
+        rows: of its reduced frame.
+    """
+    shares, errors, right = [], [], []
+    for number in range(count):
+        scene = draw_scene(scenes, VALIDATION_SCENES + number)
+        seen = finder.find(scene.frame)
+        errors.append(_errors(scene, seen, rows))
+        right.append((_wall_there(scene, seen) == seen.there)[scene.judged[seen.frame_column]])
+        if scene.mask.any():
+            shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
+    error = np.concatenate(errors, axis=1)
+    return FinderMetrics(
+        dice_mean=float(np.mean(shares)),
+        dice_median=float(np.median(shares)),
+        dice_low=float(np.quantile(shares, 0.05)),
+        outer_rows=float(np.median(np.abs(error[0]))),
+        inner_rows=float(np.median(np.abs(error[1]))),
+        coverage=float((np.abs(error[2:]) < SDS_OF_90).mean()),
+        found=float(np.concatenate(right).mean()),
+    )
+
+
+def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the pixels of a frame that a network's wall covers, (row, column)."""
+    column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
+    outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
+    mask: NDArray[np.bool_] = (row >= outer) & (row < inner) & seen.there_at(column)
+    return mask
+
+
+def scene_dice(found: NDArray[np.bool_], scene: Scene) -> float:
+    """Return `mask_dice` of a mask (row, column) in a scene's judged columns."""
+    return mask_dice(found[:, scene.judged], scene.mask[:, scene.judged])
+
+
+def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
+    """Return twice the common area of two masks over the sum of theirs; 1 where both are empty.
+
+    >>> mask_dice(np.array([[True, True]]), np.array([[255, 0]], dtype=np.uint8))
+    0.6666666666666666
+    """
+    wall = true > 0
+    total = np.count_nonzero(found) + np.count_nonzero(wall)
+    return float(2.0 * np.count_nonzero(found & wall) / total) if total else 1.0
+
+
+def _wall_there(scene: Scene, seen: SeenWall) -> NDArray[np.bool_]:
+    there: NDArray[np.bool_] = np.isfinite(scene.outer_row[seen.frame_column])
+    return there
+
+
+def _errors(scene: Scene, seen: SeenWall, rows: int) -> NDArray[np.float64]:
+    """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
+    at, last = seen.frame_column, len(scene.frame) - 1.0
+    both = _wall_there(scene, seen) & seen.there
+    off = [
+        (np.clip(curve, 0.0, last) - np.clip(true[at], 0.0, last))[both]
+        for curve, true in ((seen.outer_row, scene.outer_row), (seen.inner_row, scene.inner_row))
+    ]
+    reduced = [each * rows / len(scene.frame) for each in off]
+    return np.stack([*reduced, off[0] / seen.outer_sd[both], off[1] / seen.inner_sd[both]])

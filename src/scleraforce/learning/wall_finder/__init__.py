@@ -1,1 +1,0 @@
-"""Training of the wall finder, on drawn scenes alone."""

@@ -1,0 +1,211 @@
+"""The reader's network and training: against NumPy and brute force, repeatable, and it learns."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+from analytic_library import analytic_library, solve_analytic
+
+from scleraforce.cli.main import run
+from scleraforce.errors import InputError
+from scleraforce.learning.reader import (
+    ReaderNetwork,
+    answer,
+    circle_depth,
+    fit_reader,
+    histogram,
+    log_density,
+    measure,
+    reader_bytes,
+    reader_loss,
+)
+from scleraforce.learning.samples import Source
+from scleraforce.learning.train import train_reader
+from scleraforce.library.build import build_library
+from scleraforce.reader import load_model
+from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, SliceStudy, Study, format_study
+
+TINY = Study(
+    reader=ReaderStudy(
+        channels=(6, 8),
+        hidden=(24,),
+        bins=16,
+        batch_size=100,
+        epochs=3,
+        samples_per_epoch=2000,
+        validation_samples=500,
+        interval_eyes=0,
+    ),
+    library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
+)
+CIRCLE_MM = 12.0 - np.sqrt(12.0**2 - 3.95**2)  # depth at column 30, 39.5 columns from the middle
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library(thicknesses=5, ratios=5, tips=24)
+
+
+@pytest.fixture(scope="module")
+def source(library) -> Source:
+    return Source.of(library, TINY.reader, TINY.slice)
+
+
+def network(seed: int = 1) -> ReaderNetwork:
+    torch.manual_seed(seed)
+    return ReaderNetwork(TINY.reader, TINY.slice, 12e-3).eval()
+
+
+def test_the_features_of_a_column_are_its_wall_and_how_far_that_lies_below_the_circle() -> None:
+    cut = np.zeros((1, 40, 140), dtype=np.float32)
+    cut[0, 7:13, 30] = 1.0  # 0.6 mm, in the middle at 1 mm
+    found = network().features(torch.from_numpy(cut)).numpy()[0]
+    np.testing.assert_allclose(found[:, 30], [1.0, 0.0, (1.0 - 2.0 - CIRCLE_MM) / 0.6], atol=1e-4)
+    assert not found[:, :30].any()
+    assert abs(circle_depth(SliceStudy(), 12e-3)[30] * 1e3 - CIRCLE_MM) < 1e-12
+
+
+def test_the_loss_is_likelihood_and_place_written_out() -> None:
+    rng = np.random.default_rng(2)
+    mixtures, places = rng.normal(size=(5, 9)), rng.normal(size=5)
+    forces, truth = rng.uniform(0.0, 1.0, 5), rng.normal(size=5)
+    expected = []
+    for row, place, force, true in zip(mixtures, places, forces, truth, strict=True):
+        weights = np.exp(row[:3]) / np.exp(row[:3]).sum()
+        z = (force - row[3:6]) / np.exp(np.clip(row[6:], -6.0, 1.0))
+        density = (weights / np.exp(np.clip(row[6:], -6.0, 1.0)) / (4.0 * np.cosh(z / 2.0) ** 2)).sum()
+        off = abs(place - true)
+        expected.append(-np.log(density) + 2.0 * (0.5 * off**2 if off < 0.2 else 0.2 * (off - 0.1)))
+    found = reader_loss(*(torch.tensor(values) for values in (mixtures, places, forces, truth)))
+    assert abs(float(found) - np.mean(expected)) < 1e-6
+
+
+def test_the_histogram_is_the_mixture_s_density_summed_up() -> None:
+    mixture = torch.tensor([[0.3, -0.2, 0.5, 0.2, 0.5, 0.9, -3.0, -2.0, -4.0]], dtype=torch.float64)
+    found = histogram(mixture, 16).numpy()[0]
+    fine = np.linspace(0.0, 1.0, 16 * 400, endpoint=False) + 0.5 / (16 * 400)
+    density = torch.exp(log_density(mixture.repeat(len(fine), 1), torch.from_numpy(fine))).numpy()
+    summed = density.reshape(16, 400).mean(axis=1) / 16
+    np.testing.assert_allclose(found[1:-1], summed[1:-1], atol=1e-5)
+    assert abs(found.sum() - 1.0) < 1e-6
+    assert found[-1] > summed[-1]  # has all that lies beyond
+
+
+def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
+    samples = source.chunk(5, 200)
+    net = network()
+    with torch.inference_mode():
+        wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
+        mixtures, place_mm = net(wall, torch.from_numpy(samples.given))
+        expected = histogram(mixtures, TINY.reader.bins).numpy()
+    content = reader_bytes(net, TINY.slice, {"seed": "7"})
+    session = onnxruntime.InferenceSession(content)
+    found, contact_m = session.run(["histogram", "contact_m"], {"slices": samples.slices, "given": samples.given})
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    np.testing.assert_allclose(contact_m, 1e-3 * place_mm.numpy(), atol=1e-8)
+    assert np.ptp(expected, axis=0).max() > 1e-3, "a network that answers always the same proves nothing"
+    assert content == reader_bytes(net, TINY.slice, {"seed": "7"})
+    assert [entry.value for entry in onnx.load_from_string(content).metadata_props] == ["7"]
+
+
+@pytest.mark.slow
+def test_training_learns_and_is_the_same_with_any_number_of_processes(source) -> None:
+    first, second = (fit_reader(TINY, source, workers) for workers in (1, 2))
+    assert first.training_loss == second.training_loss
+    assert first.metrics == second.metrics
+    for one, two in zip(first.network.parameters(), second.network.parameters(), strict=True):
+        assert torch.equal(one, two)
+    assert first.training_loss[-1] < first.training_loss[0] - 0.3
+    untrained = measure(network(), source.chunk(9, 500), TINY)
+    assert first.metrics.mae_n < 0.6 * untrained.mae_n
+
+
+def test_metrics_are_counted_as_by_hand(source) -> None:
+    samples = source.chunk(3, 100)
+    net = network()
+    metrics, answers = measure(net, samples, TINY), answer(net, samples, TINY.reader)
+    low, high = answers.forces.interval_n.T
+    inside = sum(a <= f <= b for a, f, b in zip(low, samples.force_n, high, strict=True))
+    assert metrics.coverage == inside / 100
+    assert metrics.mae_n == pytest.approx(np.mean(np.abs(answers.forces.median_n - samples.force_n)))
+    assert metrics.lateral_mae_m == pytest.approx(np.mean(np.abs(answers.lateral_m - samples.lateral_m)))
+    assert sum(map(sum, metrics.confusion)) == 100
+
+
+def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(library, tmp_path: Path) -> None:
+    study = replace(TINY, reader=replace(TINY.reader, epochs=1))
+    trained = train_reader(library, study, tmp_path / "model", workers=1)
+    model = load_model(tmp_path / "model")
+    assert model.kind == "reader"
+    assert model.study == study
+    assert model.record["metrics"]["mae_mn"] == pytest.approx(1e3 * trained.metrics.mae_n)
+    assert model.record["samples"] == {"training": 2000, "validation": 500}
+    assert {"training slices", "training loss"} <= set(model.record["fingerprint"])
+    card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
+    assert "0.15 to 0.65 MPa" in card
+    assert f"{1e3 * trained.metrics.mae_n:.2f} mN" in card
+    with np.load(tmp_path / "model/library.npz") as stored:
+        curves_m, stiffness = float(stored["curves_error_m"]), float(stored["stiffness_error"])
+    assert model.record["library"] == {"curves_m": curves_m, "stiffness": stiffness}
+    assert f"off by at most {1e6 * curves_m:.2g} µm" in card
+
+
+def test_a_library_of_another_eye_is_refused(library, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"radius 0\.012, the study has 0\.011"):
+        train_reader(library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys) -> None:
+    build_library(TINY, tmp_path / "library.zarr", workers=1, solve=solve_analytic)
+    (tmp_path / "study.toml").write_text(format_study(replace(TINY, reader=replace(TINY.reader, epochs=1))))
+    arguments = [
+        "--study",
+        str(tmp_path / "study.toml"),
+        "--kind",
+        "reader",
+        "--out",
+        str(tmp_path / "model"),
+        "--json",
+    ]
+    assert run(["train", str(tmp_path / "library.zarr"), *arguments]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["kind"] == "reader"
+    assert result["epochs"] == 1
+    for key in ("validation_accuracy", "mae_mn", "coverage", "seconds"):
+        assert result[key] > 0
+    assert run(["train", str(tmp_path / "library.zarr"), "--out", str(tmp_path / "other")]) == 2
+    assert "library" in capsys.readouterr().err
+
+
+def test_a_reader_is_not_trained_on_a_folder_of_slices(tmp_path: Path, capsys) -> None:
+    (tmp_path / "data.zarr").mkdir()
+    assert run(["train", str(tmp_path / "data.zarr"), "--kind", "reader", "--out", str(tmp_path / "model")]) == 2
+    assert "library" in capsys.readouterr().err
+    assert run(["train", str(tmp_path), "--kind", "reader", "--search", "--out", str(tmp_path / "model")]) == 2
+    assert "--search" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_loops")
+def test_a_training_ends_with_intervals_that_are_measured(library, tmp_path: Path) -> None:
+    study = replace(TINY, reader=replace(TINY.reader, epochs=1, interval_eyes=3))
+    counted: list[int] = []
+    train_reader(library, study, tmp_path / "model", workers=2, measured=counted.append)
+    model = load_model(tmp_path / "model")
+    intervals = model.record["intervals"]
+    assert "scores" in model.record["fingerprint"]
+    assert counted == [1, 1, 1]
+    assert 1 <= intervals["eyes"] <= 3
+    assert set(intervals["network"]) == {"own E", "other E"}
+    assert model.factors.network == intervals["network"]
+    assert model.factors.fit == intervals["fit"]
+    assert "measured on" in (tmp_path / "model" / "card.md").read_text()
+    train_reader(library, study, tmp_path / "again", workers=1)
+    assert load_model(tmp_path / "again").record["intervals"] == intervals

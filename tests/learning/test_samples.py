@@ -1,0 +1,272 @@
+"""Samples of the reader: what is told of an eye means what it says, and the slice shows its wall."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library, bulging
+from stiffened_library import made_up_library
+
+from scleraforce.errors import InputError
+from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
+from scleraforce.known.eye import SEALED, UNKNOWN
+from scleraforce.learning.samples import (
+    CHUNK,
+    TISSUE,
+    ReaderSamples,
+    Source,
+    chunks_ahead,
+    concatenated,
+    draw_eyes,
+    draw_samples,
+    library_of_tissue,
+)
+from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.reader.networks import GIVEN
+from scleraforce.section.plane import SliceWindow
+from scleraforce.section.slices import fill_section
+from scleraforce.study import ReaderStudy, SliceStudy, fixed
+
+READER, SLICE = ReaderStudy(), SliceStudy()
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library(thicknesses=5, ratios=5, tips=24)
+
+
+@pytest.fixture(scope="module")
+def eyes(library):
+    return draw_eyes(library, READER, 20_000, np.random.default_rng(1))
+
+
+def test_a_told_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes) -> None:
+    known = np.isfinite(eyes.told.modulus_pa)
+    assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
+    fitted_pa = eyes.told.modulus_pa.copy()
+    own = eyes.told.modulus_sd_fraction < 0.06  # calibrated with the thickness and IOP that are told
+    t, p = (np.nan_to_num(a / b, nan=1.0) for a, b in
+            ((eyes.told.thickness_m, eyes.thickness_m), (eyes.told.iop_pa, eyes.iop_pa)))  # fmt: skip
+    fitted_pa[own] *= (t**2 * p ** (1 / 3))[own]
+    error = (eyes.modulus_pa / fitted_pa - 1.0)[known] / eyes.told.modulus_sd_fraction[known]
+    sd = eyes.told.modulus_sd_fraction[known]
+    for part in (sd < 0.02, sd > 0.1):
+        assert abs(error[part].mean()) < 0.05
+        assert abs(error[part].std() - 0.96) < 0.05  # a normal distribution that ends at 2.5 standard deviations
+    low, high = READER.youngs_modulus_pa.bounds
+    assert (eyes.modulus_pa[~known] >= low).all()
+    assert (eyes.modulus_pa[~known] <= high).all()
+
+
+@pytest.mark.parametrize(("told", "true"), [("iop_pa", "iop"), ("thickness_m", "thickness"), ("gap_m", "gap")])
+def test_told_values_are_off_and_missing_as_often_as_stated(eyes, told: str, true: str) -> None:
+    values, truth = getattr(eyes.told, told), getattr(eyes, told)
+    known = np.isfinite(values)
+    assert abs((~known).mean() - getattr(READER, f"{true}_missing_fraction")) < 0.02
+    assert abs((values / truth - 1.0)[known].std() / getattr(READER, f"{true}_noise_fraction") - 1.0) < 0.05
+
+
+def test_globes_are_open_sealed_or_not_told_as_often_as_stated(eyes) -> None:
+    low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
+    is_open = high == 0.0
+    unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
+    assert abs(is_open.mean() - 0.3) < 0.01
+    assert abs(unknown.mean() - 0.15) < 0.01
+    assert abs(sealed.mean() - 0.55 * 0.3) < 0.01
+    assert not eyes.rigidity[is_open].any()
+    for which, globe in ((unknown, UNKNOWN), (sealed, SEALED)):
+        share = (eyes.rigidity[which] - globe.lowest) / (globe.highest - globe.lowest)
+        assert abs(share.mean() - 0.5) < 0.02
+        assert abs(share.std() - 12**-0.5) < 0.02
+    told = ~(is_open | unknown | sealed) & (low > 0.0) & (high < UNKNOWN.highest)
+    inside = (eyes.rigidity >= low) & (eyes.rigidity <= high)
+    assert abs(inside[told].mean() - 0.905) < 0.015  # a normal distribution that ends at 2.5 standard deviations
+
+
+def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_drawn(eyes, library) -> None:
+    some = slice(0, 300)
+    resting, size = eyes.iop_pa[some] / eyes.modulus_pa[some], eyes.size[some]
+    ratio, thickness = eyes.iop_ratio[some], eyes.thickness_m[some] / size
+    force = eyes.force_n[some] / (eyes.modulus_pa[some] * size**2)
+    volume = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force)) * size**3
+    rate = eyes.rigidity[some] / np.cbrt(eyes.modulus_pa[some])
+    assert (ratio < library.iop_ratio_ends(thickness)[1]).all()
+    np.testing.assert_allclose(ratio, (np.cbrt(resting) + rate * volume) ** 3, rtol=5e-3)
+    assert (ratio[eyes.rigidity[some] == 0.0] == resting[eyes.rigidity[some] == 0.0]).all()
+
+
+def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
+    ratio = eyes.iop_pa / eyes.modulus_pa
+    largest_n = library.largest_force_ratio(eyes.thickness_m / eyes.size, ratio) * eyes.modulus_pa * eyes.size**2
+    assert (eyes.force_n <= largest_n).all()
+    free = (largest_n > READER.max_force_n) & (eyes.rigidity == 0.0)  # a sealed one may run away before
+    expected = 0.15 + 0.85 * 8.0 / 70.0
+    assert abs((eyes.force_n[free] < READER.small_force_n).mean() - expected) < 0.01
+    upper = eyes.force_n[free & (eyes.force_n > READER.small_force_n)]
+    assert abs(upper.mean() - 0.5 * (READER.small_force_n + READER.max_force_n)) < 0.5e-3
+
+
+def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
+    plain = replace(
+        READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0),
+        lateral_m=fixed(0.4e-3), size=fixed(1.04), polar_angle_rad=fixed(0.0),
+    )  # fmt: skip
+    count = 60
+    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
+    rng = np.random.default_rng(8)
+    eyes = draw_eyes(library, plain, count, rng)
+    np.testing.assert_array_equal(eyes.force_n, drawn.force_n)
+    plain.lateral_m.sample(rng, count)
+    depth_m = plain.surface_depth_m.sample(rng, count)
+    agreeing = []
+    for n in range(count):
+        ratio = eyes.force_n[n] / (eyes.modulus_pa[n] * eyes.size[n] ** 2)
+        wall = library.curves(eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_ratio[n : n + 1], np.array([ratio]))
+        section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
+        expected = fill_section(section, SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=1e-4))
+        inner = slice(25, 115)  # sides and the bottom are lost as in a frame
+        top = slice(1, 38)
+        agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
+    assert np.median(agreeing) > 0.99
+    assert np.mean(agreeing) > 0.97
+
+
+def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole() -> None:
+    library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
+    plain = replace(
+        READER, plain_share=1.0, uneven_share=0.0, boundary_errors=0.0, lateral_m=fixed(0.4e-3),
+        surface_depth_m=fixed(0.5e-3), polar_angle_rad=fixed(0.7), gap_m=fixed(0.6e-3),
+    )  # fmt: skip
+    count = 60
+    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
+    eyes = draw_eyes(library, plain, count, np.random.default_rng(8))
+    agreeing, upright = [], []
+    for n in range(count):
+        unknown = np.zeros(len(NAMES))
+        thickness, ratio = eyes.thickness_m[n : n + 1], eyes.iop_ratio[n : n + 1]
+        unknown[TIP] = library.tips(thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n])[0]
+        unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
+        unknown[MODULUS], unknown[IOP] = np.log(eyes.modulus_pa[n]), np.log(ratio[0] * eyes.modulus_pa[n])
+        for pole, shares in ((pole_direction(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
+            unknown[POLE] = pole
+            placed = place_walls(Walls(library), unknown[None])[0]
+            depths = np.stack([np.interp(column_laterals(SLICE), *curve.T) for curve in placed])
+            expected = fill_boundaries(depths[None], SLICE)[0]
+            shares.append((expected[1:38, 25:115] == drawn.slices[n][1:38, 25:115]).mean())
+    assert np.median(agreeing) > 0.99
+    assert np.mean(agreeing) > np.mean(upright) + 0.01
+
+
+def test_polar_angle_and_direction_are_told_as_well_as_stated(eyes) -> None:
+    low, high = READER.polar_angle_rad.bounds
+    assert low <= eyes.polar_rad.min() < eyes.polar_rad.max() <= high
+    assert abs(eyes.direction_rad.mean()) < 0.05
+    assert abs(eyes.direction_rad.std() - np.pi / 3**0.5) < 0.03
+    for name, missing in (
+        ("polar_rad", READER.polar_missing_fraction),
+        ("direction_rad", READER.direction_missing_fraction),
+    ):
+        told, true = getattr(eyes.told, name), getattr(eyes, name)
+        known = np.isfinite(told)
+        assert abs((~known).mean() - missing) < 0.02
+        assert abs((told - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
+
+
+def test_a_polar_angle_is_never_told_below_zero(library) -> None:
+    near = replace(READER, polar_angle_rad=fixed(0.0), polar_missing_fraction=0.0)
+    told = draw_eyes(library, near, 200, np.random.default_rng(3)).told.polar_rad
+    assert told.min() >= 0.0
+    assert 0.5 < np.median(told) / READER.pole_noise_rad < 0.9  # of a normal number's size: 0.67
+
+
+def test_uneven_walls_are_drawn_as_often_as_stated(library) -> None:
+    slices = []
+    for share in (0.0, 0.5):
+        study = replace(READER, uneven_share=share, boundary_errors=0.0)
+        slices.append(draw_samples(library, study, SLICE, 400, np.random.default_rng(3)).slices)
+    differ = (slices[0] != slices[1]).any(axis=(1, 2)).mean()
+    assert differ == pytest.approx(0.5, abs=0.08)
+
+
+def test_the_stated_share_of_samples_is_plain(eyes) -> None:
+    plain = eyes.size == 1.0
+    assert abs(plain.mean() - READER.plain_share) < 0.02
+    for angle, bounds in ((eyes.tilt_rad, READER.tilt_rad.bounds), (eyes.rotation_rad, READER.rotation_rad.bounds)):
+        assert not angle[plain].any()
+        assert abs(angle[~plain].std() / ((bounds[1] - bounds[0]) / np.sqrt(12.0)) - 1.0) < 0.03
+
+
+def test_a_library_without_such_eyes_is_refused(library) -> None:
+    with pytest.raises(InputError, match="hardly any eye"):
+        draw_eyes(library, replace(READER, thickness_m=fixed(1.1e-3)), 10, np.random.default_rng(0))
+
+
+def test_tissue_stiffens_as_often_as_stated_and_evenly_in_the_logarithm() -> None:
+    held, rng = made_up_library(), np.random.default_rng(4)
+    drawn = np.log1p([library_of_tissue(held, READER, rng).stiffening for _ in range(4000)])
+    stiff = drawn[drawn > 0.0]
+    assert len(stiff) / len(drawn) == pytest.approx(READER.stiffening_share, abs=0.025)
+    places, counts = np.unique(np.round(stiff, 6), return_counts=True)
+    assert np.diff(places) == pytest.approx(np.diff(places)[0], abs=1e-5)
+    assert (places[0], places[-1]) == (pytest.approx(np.diff(places)[0], abs=1e-5), pytest.approx(np.log(31.0)))
+    assert counts == pytest.approx(counts.mean(), rel=0.25)
+
+
+@pytest.mark.parametrize("most", [10.0, 25.0, 30.0, 33.0, 40.0])
+def test_the_stiffest_tissue_that_is_drawn_is_the_stiffest_that_the_library_holds(most: float) -> None:
+    held, rng = made_up_library(most), np.random.default_rng(4)
+    always = replace(READER, stiffening_share=1.0)
+    assert max(library_of_tissue(held, always, rng).stiffening for _ in range(60)) == pytest.approx(most, rel=1e-12)
+
+
+def test_a_library_of_one_stiffening_has_no_other_tissue_to_draw(library) -> None:
+    rng, always = np.random.default_rng(4), replace(READER, stiffening_share=1.0)
+    assert all(library_of_tissue(library, always, rng) is library for _ in range(20))
+    held, never = made_up_library(), replace(READER, stiffening_share=0.0)
+    assert all(library_of_tissue(held, never, rng) is held for _ in range(20))
+
+
+def test_samples_are_joined_one_after_the_other(library) -> None:
+    one, other = (draw_samples(library, READER, SLICE, count, np.random.default_rng(count)) for count in (3, 5))
+    joined = concatenated([one, other])
+    assert len(joined) == 8
+    for item in fields(ReaderSamples):
+        values = getattr(joined, item.name)
+        np.testing.assert_array_equal(values[:3], getattr(one, item.name))
+        np.testing.assert_array_equal(values[3:], getattr(other, item.name))
+
+
+def test_each_part_of_a_chunk_is_of_one_tissue_and_told_so() -> None:
+    held, count = made_up_library(), 2 * TISSUE + 50
+    mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
+    told = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])
+    assert told.shape == (4, count)
+    parts = [told[:, :TISSUE], told[:, TISSUE : 2 * TISSUE], told[:, 2 * TISSUE :]]
+    assert all((part == part[:, :1]).all() for part in parts)
+    firsts = np.array([part[:, 0] for part in parts])
+    assert len(np.unique(firsts)) > 2
+    assert firsts.min() == 0.0
+    assert firsts.max() <= 1.0 + 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, workers: int) -> None:
+    source = Source.of(library, READER, SLICE)
+    found = list(chunks_ahead(source, range(3), workers))
+    assert [len(chunk) for chunk in found] == [CHUNK] * 3
+    for number in (0, 2):
+        again = source.chunk(number)
+        np.testing.assert_array_equal(found[number].slices, again.slices)
+        np.testing.assert_array_equal(found[number].given, again.given)
+    assert not np.array_equal(found[0].force_n, found[1].force_n)
+
+
+@pytest.mark.slow
+def test_what_raises_in_a_worker_raises_here(library) -> None:
+    source = Source.of(library, replace(READER, thickness_m=fixed(1.1e-3)), SLICE)
+    with pytest.raises(InputError, match="hardly any eye"):
+        list(chunks_ahead(source, range(2), 1))

@@ -1,0 +1,168 @@
+"""A wall finder learns from scenes alone; its model folder says what it was made of and runs without PyTorch."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from small_finder import SMALL_STUDY
+
+from scleraforce.errors import ModelError, SolverError
+from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.learning.train import TrainedFinder, train_wall_finder
+from scleraforce.learning.wall_finder import (
+    VALIDATION_SCENES,
+    WallFinderNetwork,
+    finder_bytes,
+    finder_loss,
+    fit_wall_finder,
+    mask_dice,
+    scene_batch,
+    scene_dice,
+)
+from scleraforce.models.session import network_session, run_network
+from scleraforce.reader.model import load_model, load_wall_finder
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL
+from scleraforce.study import Study, parse_study, study_hash
+
+FINDER = SMALL_STUDY.wall_finder
+JUDGED = torch.ones(1, 4, dtype=torch.bool)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, TrainedFinder]:
+    folder = tmp_path_factory.mktemp("finder") / "finder"
+    return folder, train_wall_finder(SMALL_STUDY, folder, workers=1)
+
+
+@pytest.mark.slow
+def test_it_finds_walls_of_easy_scenes_that_it_never_saw(trained: tuple[Path, TrainedFinder]) -> None:
+    assert trained[1].metrics.dice_mean > 0.85
+    assert trained[1].metrics.found > 0.95
+    assert trained[1].scenes == FINDER.batches * FINDER.batch_size
+
+
+@pytest.mark.slow
+def test_the_folder_holds_what_it_was_made_of(trained: tuple[Path, TrainedFinder]) -> None:
+    folder = trained[0]
+    record = json.loads((folder / "model.json").read_text())
+    assert record["kind"] == "wall-finder"
+    assert record["provenance"]["study_sha256"] == study_hash(SMALL_STUDY)
+    assert parse_study((folder / "study.toml").read_text()) == SMALL_STUDY
+    assert f"{trained[1].scenes} drawn scenes" in (folder / "card.md").read_text()
+    assert len(record["curves"]["training_loss"]) == 50
+    assert {"frames", "training loss"} <= set(record["fingerprint"])
+    assert record["curves"]["training_loss"][0] > record["curves"]["training_loss"][-1]
+
+
+@pytest.mark.slow
+def test_a_changed_network_is_refused(trained: tuple[Path, TrainedFinder], tmp_path: Path) -> None:
+    changed = tmp_path / "changed"
+    changed.mkdir()
+    for file in trained[0].iterdir():
+        content = file.read_bytes()
+        (changed / file.name).write_bytes(content[:-1] + b"x" if file.name == "model.onnx" else content)
+    with pytest.raises(ModelError, match=r"model\.onnx: SHA-256 .* was changed after training"):
+        load_wall_finder(changed)
+
+
+@pytest.mark.slow
+def test_a_wall_finder_reads_no_forces_and_says_so(trained: tuple[Path, TrainedFinder]) -> None:
+    with pytest.raises(ModelError, match="kind: found 'wall-finder', classifier, reader or raw-reader is needed here"):
+        load_model(trained[0])
+
+
+@pytest.mark.slow
+def test_a_network_of_another_size_than_its_study_is_refused(trained: tuple[Path, TrainedFinder]) -> None:
+    from scleraforce.segmentation.wall_finder import WallFinder
+
+    session = load_wall_finder(trained[0]).session
+    with pytest.raises(ModelError, match="place: inputs: found"):
+        WallFinder(session, Study().wall_finder, "place")
+
+
+@pytest.mark.slow
+def test_the_same_study_gives_the_same_weights_whatever_the_number_of_workers() -> None:
+    few = replace(FINDER, batches=3)
+    one, two = (fit_wall_finder(SMALL_STUDY.scenes, few, workers) for workers in (1, 2))
+    for name, value in one.network.state_dict().items():
+        assert torch.equal(value, two.network.state_dict()[name]), name
+    other = fit_wall_finder(SMALL_STUDY.scenes, replace(few, seed=1), 1)
+    assert not torch.equal(one.network.boundaries.weight, other.network.boundaries.weight)
+
+
+@pytest.mark.slow
+def test_a_descent_that_diverges_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = torch.tensor(float("nan"), requires_grad=True)
+    monkeypatch.setattr("scleraforce.learning.wall_finder.finder_loss", lambda *_: lost * 1.0)
+    with pytest.raises(SolverError, match=r"lower wall_finder\.learning_rate"):
+        fit_wall_finder(SMALL_STUDY.scenes, replace(FINDER, batches=3), 1)
+
+
+def test_the_graph_answers_as_the_network_does() -> None:
+    with torch.random.fork_rng():
+        torch.manual_seed(3)
+        network = WallFinderNetwork(FINDER)
+        frames = torch.rand(5, FINDER.rows, FINDER.columns)
+        network(frames)  # moves the running means away from 0
+    network.eval()
+    session = network_session(finder_bytes(network, {"kind": "test"}), "graph", 1)
+    rows, wall = run_network(session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph")
+    with torch.inference_mode():
+        row_logits, wall_logits = network(frames)
+    assert rows == pytest.approx(row_logits.softmax(dim=2).numpy(), abs=1e-5)
+    assert wall == pytest.approx(wall_logits.sigmoid().numpy(), abs=1e-5)
+
+
+def test_the_loss_is_least_where_the_truth_is_and_grows_with_the_distance() -> None:
+    row = torch.arange(FINDER.rows, dtype=torch.float32)
+    true = torch.full((1, 2, 4), 10.0)
+
+    def loss_at(place: float) -> float:
+        logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[None, None, :, None].expand(1, 2, -1, 4)
+        return finder_loss(logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows).item()
+
+    assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
+
+
+def test_columns_without_wall_count_for_the_wall_alone() -> None:
+    logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
+    seen, unseen = (
+        finder_loss(logits, torch.full((1, 4), value), nowhere, JUDGED, FINDER.target_rows).item()
+        for value in (5.0, -5.0)
+    )
+    assert unseen < 0.01 < 4.9 < seen
+
+
+def test_a_wall_that_nobody_can_see_counts_for_nothing() -> None:
+    logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
+    wall = torch.tensor([[-5.0, -5.0, 50.0, -50.0]])
+    hidden = torch.tensor([[True, True, False, False]])
+    assert finder_loss(logits, wall, nowhere, hidden, FINDER.target_rows).item() < 0.01
+
+
+def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
+    batch = scene_batch(SMALL_STUDY.scenes, FINDER, 2)
+    scene = draw_scene(SMALL_STUDY.scenes, 2 * FINDER.batch_size + 5)
+    middle = FINDER.columns // 4
+    nearest = round((middle + 0.5) * scene.frame.shape[1] / (FINDER.columns // 2) - 0.5)
+    expected = (scene.inner_row[nearest] + 0.5) * FINDER.rows / len(scene.frame) - 0.5
+    assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
+    assert batch.judged[5, middle] == scene.judged[nearest]
+    assert FINDER.batches * FINDER.batch_size < VALIDATION_SCENES
+
+
+def test_dice_counts_what_two_masks_share() -> None:
+    one, other = np.array([[True, True, False]]), np.array([[255, 0, 0]], dtype=np.uint8)
+    assert mask_dice(one, other) == pytest.approx(2 / 3)
+    assert mask_dice(one & False, other & 0) == 1.0
+
+
+def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
+    scene = draw_scene(SMALL_STUDY.scenes, 0)
+    half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
+    found = (scene.mask > 0) & half
+    assert scene_dice(found, replace(scene, judged=half)) == 1.0
+    assert scene_dice(found, replace(scene, judged=~half)) == 0.0
