@@ -17,7 +17,7 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "plain_text", "cluster", "processes", "whole_files", "compiled",
-    "stored_array", "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording",
+    "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording",
     "known", "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "scanner", "calibration",
     "dataset", "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip

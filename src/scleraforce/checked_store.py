@@ -4,28 +4,144 @@ Zarr writes a chunk to a temporary name and renames it, so a chunk that exists i
 do what is missing. At the end the SHA-256 of every chunk goes into the group's attributes, in the order of the chunks:
 a chunk that stands in the place of another one is found, which its own checksum cannot tell.
 
-Zarr itself never reads what somebody gives: files are read as regular ones within a size, checked, and then decoded
-from memory.
+Every chunk ends with its CRC-32C. Zarr itself never reads what somebody gives: files are read as regular ones within a
+size, checked, and then decoded from memory with the codecs that are expected, never with those that a file asks for,
+and only where it says to have the size of a chunk.
 """
 
+import json
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from hashlib import sha256
+from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.core.buffer.cpu import Buffer
+from zarr.storage import MemoryStore
 
 from scleraforce.errors import InputError
 from scleraforce.plain_json import parse_json
-from scleraforce.stored_array import METADATA_FILE, StoredArray
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
+METADATA_FILE = "zarr.json"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+FIXED = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs", "zarr_format", "node_type")
 HASHES = "sha256"  # the attribute with the hashes of an array's chunks, for each array
 MAX_ARRAY_SIZE = 8192 * MIB
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """What an array of a store is.
+
+    Attributes:
+        name: of its folder.
+        shape: of the array.
+        chunks: shape of a chunk.
+        dtype: NumPy's name of its type.
+        compressed: whether chunks are compressed (Zstandard).
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    chunks: tuple[int, ...]
+    dtype: str
+    compressed: bool = False
+
+    @property
+    def size(self) -> int:
+        """Bytes of all its values in memory."""
+        return prod(self.shape) * np.dtype(self.dtype).itemsize
+
+    @property
+    def chunk_size(self) -> int:
+        """Bytes of the values of a chunk in memory."""
+        return prod(self.chunks) * np.dtype(self.dtype).itemsize
+
+    @property
+    def max_file_size(self) -> int:
+        """A file of more bytes is no chunk of this array."""
+        return max(MIB, 2 * self.chunk_size)
+
+    @property
+    def grid(self) -> tuple[int, ...]:
+        """Number of chunks along each axis."""
+        return tuple(-(-size // chunk) for size, chunk in zip(self.shape, self.chunks, strict=True))
+
+    @property
+    def places(self) -> Iterable[tuple[int, ...]]:
+        """Indices of all chunks, the last fastest."""
+        return np.ndindex(self.grid)
+
+    def file(self, index: tuple[int, ...]) -> str:
+        """Return the file of a chunk within the store; indices that are left out are 0.
+
+        >>> StoredArray("slices", (465, 40, 140), (200, 40, 140), "uint8").file((1,))
+        'slices/c/1/0/0'
+        """
+        return "/".join([self.name, "c", *map(str, index), *["0"] * (len(self.shape) - len(index))])
+
+    def create(self, group: zarr.Group) -> zarr.Array[Any]:
+        """Create the array in a group, or replace it; chunks of zeros are written, too: what is missing is not done."""
+        return group.create_array(
+            self.name,
+            shape=self.shape,
+            chunks=self.chunks,
+            dtype=self.dtype,
+            filters=None,
+            compressors=[*([ZstdCodec(level=3)] if self.compressed else []), Crc32cCodec()],
+            config={"write_empty_chunks": True},
+            overwrite=True,
+        )
+
+    def difference(self, metadata: Any) -> str | None:
+        """Return what in the content of a `zarr.json` is not that of this array; None where all fits."""
+        if not isinstance(metadata, dict):
+            return "not an object"
+        for key in FIXED:
+            found, wanted = (json.dumps(record.get(key), sort_keys=True) for record in (metadata, self._metadata))
+            if found != wanted:
+                return f"{key} {found[:60]}, expected {wanted}"
+        return None
+
+    def decode(self, chunks: Mapping[tuple[int, ...], bytes]) -> NDArray[Any]:
+        """Return the array from the bytes of its chunks (those that are left out are zeros).
+
+        Raises:
+            Exception: whatever a codec raises where a chunk is damaged.
+        """
+        content: dict[str, Any] = {}
+        array = self.create(zarr.create_group(MemoryStore(content), zarr_format=3))
+        for index, data in chunks.items():
+            if self.compressed and _decoded_bytes(data) != self.chunk_size:
+                raise ValueError(f"a chunk of {self.chunk_size} bytes that would decode to {_decoded_bytes(data)}")
+            content[self.file(index)] = Buffer.from_bytes(data)
+        return np.asarray(array[:])
+
+    def decodes(self, data: bytes) -> bool:
+        """Return whether the bytes of a chunk can be decoded."""
+        try:
+            StoredArray(self.name, self.chunks, self.chunks, self.dtype, self.compressed).decode(
+                {(0,) * len(self.chunks): data}
+            )
+        except Exception:  # whatever a codec raises
+            return False
+        return True
+
+    @cached_property
+    def _metadata(self) -> dict[str, Any]:
+        content: dict[str, Any] = {}
+        self.create(zarr.create_group(MemoryStore(content), zarr_format=3))
+        metadata: dict[str, Any] = json.loads(content[f"{self.name}/{METADATA_FILE}"].to_bytes())
+        return metadata
 
 
 @dataclass(frozen=True)
@@ -75,14 +191,33 @@ class CheckedStore:
             raise self.error(f"{path}: not complete; the same `scleraforce {self.command}` completes it")
         return attributes
 
-    def begin(self, path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
-        """Create a store that is not complete, or open what a killed run with the same attributes has left."""
+    def begin(
+        self,
+        path: Path,
+        attributes: Mapping[str, Any],
+        arrays: Iterable[StoredArray],
+        known: Mapping[str, NDArray[Any]],
+    ) -> None:
+        """Create a store that is not complete, or take up what a killed run with the same attributes has left.
+
+        Args:
+            path: of the store.
+            attributes: that it has beside its schema.
+            arrays: of the store.
+            known: values of some of them by name, which are written at once: the same each time.
+        """
         with self.writing(path):
             if _occupied(path):
-                return self._continued(path, attributes)
-            path.mkdir(parents=True, exist_ok=True)
-            described = {"schema": self.schema, "complete": False, **attributes}
-            return zarr.create_group(path.absolute(), zarr_format=3, attributes=described)
+                group = self._continued(path, attributes)
+            else:
+                path.mkdir(parents=True, exist_ok=True)
+                described = {"schema": self.schema, "complete": False, **attributes}
+                group = zarr.create_group(path.absolute(), zarr_format=3, attributes=described)
+            for array in arrays:
+                if array.name in known:
+                    array.create(group)[:] = known[array.name]
+                elif array.name not in group:
+                    array.create(group)
 
     def write(self, path: Path, array: StoredArray, part: Any, values: NDArray[Any]) -> None:
         """Write a part of an array: whole chunks."""
@@ -90,8 +225,17 @@ class CheckedStore:
             found = zarr.open_array(path.absolute() / array.name, mode="r+", zarr_format=3)
             found.with_config({"write_empty_chunks": True})[part] = values  # what is missing is not done yet
 
-    def finish(self, path: Path, arrays: Sequence[StoredArray]) -> None:
-        """Mark a store as complete, with the hashes of its chunks, and clear what killed runs have left beside them."""
+    def finish(self, path: Path, arrays: Sequence[StoredArray], missing: int, parts: str) -> None:
+        """Mark a store as complete, with the hashes of its chunks, and clear what killed runs have left beside them.
+
+        Args:
+            path: of the store.
+            arrays: of the store.
+            missing: number of units that it lacks.
+            parts: of how many which units, for the message.
+        """
+        if missing:
+            raise self.error(f"{path}: {missing} of {parts} are missing; {self.verb} it again")
         hashes = {array.name: [sha256(self._chunk(path, array, at)).hexdigest() for at in array.places]
                   for array in arrays}  # fmt: skip
         with self.writing(path):
@@ -193,3 +337,20 @@ def _ordinary(path: Path) -> bool:
     except FileNotFoundError:  # a link to nowhere, or a temporary file that has gone
         return not path.is_symlink()
     return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
+
+
+def _decoded_bytes(data: bytes) -> int | None:
+    """Return the size that a Zstandard frame says to have when it is decoded (RFC 8878, section 3.1.1.1).
+
+    >>> _decoded_bytes(bytes.fromhex("28b52ffda00017110054"))
+    1120000
+    """
+    if data[:4] != ZSTD_MAGIC or len(data) < 5:
+        return None
+    descriptor = data[4]
+    single, flag = descriptor >> 5 & 1, descriptor >> 6
+    start = 5 + (1 - single) + (0, 1, 2, 4)[descriptor & 3]
+    width = (single, 2, 4, 8)[flag]
+    if not width:
+        return None
+    return int.from_bytes(data[start : start + width], "little") + (256 if width == 2 else 0)

@@ -11,9 +11,8 @@ from scleraforce.calibration.assimilation import eye_model
 from scleraforce.calibration.calibrate import stated_tissue
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.cli.main import run
-from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset
-from scleraforce.dataset.samples import SampleSimulator
+from scleraforce.dataset.samples import SampleSimulator, library_slices, near_library
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections

@@ -17,7 +17,7 @@ from numcodecs.checksum32 import CRC32C
 from rehash import rehash_store
 
 from scleraforce import processes
-from scleraforce.dataset import workers
+from scleraforce.dataset import generate
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import draft_plan, plan_dataset
@@ -326,7 +326,7 @@ def test_a_fault_in_a_worker_reaches_the_caller():
         study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(min=1.39, max=1.396))
     )
     with (
-        closing(workers.simulate_units(steep, MODULUS_PA, [0], 1)) as results,
+        closing(generate.simulate_units(steep, MODULUS_PA, [0], 1)) as results,
         pytest.raises(Exception, match="over the base"),
     ):
         next(results)
@@ -337,7 +337,7 @@ def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch):
     started = []
     start = processes._start
     monkeypatch.setattr(processes, "_start", lambda *args: started.append(start(*args)) or started[-1])
-    with closing(workers.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
+    with closing(generate.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
         next(results)
         started[0].process.kill()
         with pytest.raises(SolverError, match="worker ended"):

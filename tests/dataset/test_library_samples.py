@@ -8,8 +8,8 @@ import zarr
 from analytic_library import analytic_library
 
 from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset
+from scleraforce.dataset.samples import library_slices, near_library
 from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.library.sections import cut_surfaces

@@ -1,20 +1,30 @@
-"""Generate a data set on all cores or on a cluster: plan it, simulate what the store lacks, mark it complete."""
+"""Generate a data set on all cores or on a cluster: plan it, simulate what the store lacks, mark it complete.
 
-from collections.abc import Callable
+Workers of linear mechanics share their factored wall with the next unit.
+"""
+
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.cluster import ClusterWorkers
 from scleraforce.dataset.modulus import CalibratedModulus
-from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.plan import DatasetPlan, draft_plan, plan_dataset
+from scleraforce.dataset.samples import SampleSimulator, library_slices, near_library
 from scleraforce.dataset.store import complete_dataset, create_dataset, missing_dataset_units, write_dataset_unit
-from scleraforce.dataset.workers import draw_units, simulate_units
 from scleraforce.errors import DatasetError
 from scleraforce.library import Library
-from scleraforce.processes import available_cores
+from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
+
+Slices = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -85,3 +95,44 @@ def generate_dataset(
             report(len(images))
     complete_dataset(out, plan, study)
     return Generation(plan.images, missing, perf_counter() - start)
+
+
+def simulate_units(
+    study: Study, youngs_modulus_pa: float, units: Sequence[int], workers: int
+) -> Generator[tuple[int, Slices], None, None]:
+    """Simulate units of the study's plan by workers; yield (unit, slices) as they are done.
+
+    Raises:
+        ScleraforceError: what a worker raised; SolverError where a worker died.
+    """
+    return work_units(partial(_simulating, study, youngs_modulus_pa), units, workers)
+
+
+def draw_units(
+    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, units: Sequence[int], library: Library, workers: int
+) -> Generator[tuple[int, Slices], None, None]:
+    """Draw units of the study's plan from the library; yield (unit, slices) as they are done.
+
+    It is done by the workers of a cluster, or in this process: it takes less time than processes take to start.
+
+    Raises:
+        DatasetError: the library is one of another eye or needle.
+        InputError: a sample lies outside the library; names the value and the range.
+    """
+    prepare = partial(_drawing, study, youngs_modulus_pa, near_library(study, plan, library))
+    if isinstance(workers, ClusterWorkers):
+        return work_units(prepare, units, workers)
+    draw = prepare()
+    return ((unit, draw(unit)) for unit in units)
+
+
+def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
+    """Return what simulates a unit."""
+    draft, simulator = draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
+    return lambda unit: simulator.slices(draft.unit(unit))
+
+
+def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
+    """Return what draws a unit."""
+    draft = draft_plan(study)
+    return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)

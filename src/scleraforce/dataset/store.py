@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.checked_store import CheckedStore
+from scleraforce.checked_store import CheckedStore, StoredArray
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import DatasetPlan, unit_images
 from scleraforce.errors import DatasetError
-from scleraforce.stored_array import StoredArray
 from scleraforce.study import Study, format_study, parse_study, study_hash
 from scleraforce.units import from_si
 
@@ -174,13 +173,8 @@ def create_dataset(
     Raises:
         DatasetError: `path` holds something else, another run, or a complete data set.
     """
-    group = STORE.begin(path, _describe(study, youngs_modulus_pa, calibration, mechanics))
-    slices, *columns = _arrays(study)
-    with STORE.writing(path):
-        for array in columns:  # the same bytes each time, so a run killed right here does no harm
-            array.create(group)[:] = plan.columns[array.name]
-        if slices.name not in group:
-            slices.create(group)
+    described = _describe(study, youngs_modulus_pa, calibration, mechanics)
+    STORE.begin(path, described, _arrays(study), plan.columns)
 
 
 def missing_dataset_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
@@ -205,9 +199,8 @@ def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
     Raises:
         DatasetError: units are missing.
     """
-    if missing := missing_dataset_units(path, plan, study):
-        raise DatasetError(f"{path}: {len(missing)} of {plan.units} parts are missing; generate it again")
-    STORE.finish(path, _arrays(study))
+    missing = len(missing_dataset_units(path, plan, study))
+    STORE.finish(path, _arrays(study), missing, f"{plan.units} parts")
 
 
 def _describe(

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.checked_store import CheckedStore
+from scleraforce.checked_store import CheckedStore, StoredArray
 from scleraforce.errors import InputError
 from scleraforce.library.base_plane import base_stiffness
 from scleraforce.library.family import library_of
 from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
-from scleraforce.stored_array import StoredArray
 
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
@@ -42,13 +41,7 @@ def create_library(path: Path, plan: LibraryPlan) -> None:
     Raises:
         InputError: `path` holds something else, another library, or a complete one.
     """
-    group = STORE.begin(path, _describe(plan))
-    with STORE.writing(path):
-        for array in _arrays(plan).values():
-            if array.name in AXES:  # the same bytes each time, so a run killed right here does no harm
-                array.create(group)[:] = getattr(plan, array.name)
-            elif array.name not in group:
-                array.create(group)
+    STORE.begin(path, _describe(plan), _arrays(plan).values(), {name: getattr(plan, name) for name in AXES})
 
 
 def missing_library_units(path: Path, plan: LibraryPlan) -> list[int]:
@@ -91,9 +84,8 @@ def complete_library(path: Path, plan: LibraryPlan) -> None:
     Raises:
         InputError: paths are missing.
     """
-    if missing := missing_library_units(path, plan):
-        raise InputError(f"{path}: {len(missing)} of {plan.units} load paths are missing; make it again")
-    STORE.finish(path, tuple(_arrays(plan).values()))
+    missing = len(missing_library_units(path, plan))
+    STORE.finish(path, tuple(_arrays(plan).values()), missing, f"{plan.units} load paths")
 
 
 def open_library(path: str | PathLike[str]) -> Library:
