@@ -17,7 +17,7 @@ OPTIONS = (
                  "volume; of pictures frame,lateral,depth where A-scans lie along the rows."),
     click.option("--array", help="Name of the array in a .npz."),
     click.option("--width-mm", type=Possible("width_mm"), help="Width of the frames; by default their own."),
-    click.option("--depth-mm", type=Possible("width_mm"), help="Depth of the frames, as stored; by default their own."),
+    click.option("--depth-mm", type=Possible("depth_mm"), help="Depth of the frames, as stored; by default their own."),
     click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="By which depth is stretched; 1 "
                  "where the scanner has corrected it."),
     click.option("--bits", type=click.IntRange(8, 16), help="Bits of a 16-bit pixel that are used."),
