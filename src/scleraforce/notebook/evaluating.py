@@ -51,7 +51,7 @@ def evaluate(
     each = opened(recordings)
     summary = None if calibration is None else summary_of_calibration(calibration)
     with (counting or counting_for("frames", progress))("frames", sum(len(one.frames) for one in each)) as advance:
-        return evaluate_recordings(model, [one.path for one in each], summary, advance)
+        return evaluate_recordings(model, each, summary, advance)
 
 
 def opened(given: Given | Sequence[Given]) -> list[Recording]:
