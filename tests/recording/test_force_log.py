@@ -63,6 +63,29 @@ def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_r
     assert [parse_column(answer) for answer in answers] == list(columns)
 
 
+@pytest.mark.parametrize("count", ["1,000", "1,000,000", "1 000 000", "1.000.000", "1'000", '"1,000,000"', "1..0"])
+@pytest.mark.parametrize("field", ["Counts per Unit Force", "RDT Sample Rate"])
+def test_a_setting_with_marks_between_its_thousands_is_refused_and_never_cut_short(
+    tmp_path: Path, field: str, count: str
+) -> None:
+    text = (
+        ATI.replace("Force: 1000.0", f"Force: {count}") if "Force" in field else ATI.replace("500\n", f"{count}\n", 1)
+    )
+    with pytest.raises(RecordingError, match=f"{field}: .* is not a number"):
+        log_of(tmp_path, text)
+
+
+def test_a_setting_may_have_a_decimal_comma_and_columns_behind_it(tmp_path: Path) -> None:
+    for count in ("1000,0", "1e3", "1000,,,", "1.0E+03", "1000 counts"):
+        log, _ = log_of(tmp_path, ATI.replace("Force: 1000.0", f"Force: {count}"))
+        assert log.wrench_sc[0, 2] == pytest.approx(-0.04)
+
+
+def test_a_setting_of_no_counts_is_asked_about(tmp_path: Path) -> None:
+    with pytest.raises(UnansweredError):
+        log_of(tmp_path, ATI.replace("Force: 1000.0", "Force: 0"))
+
+
 def test_samples_that_an_ati_sensor_calls_saturated_are_no_forces(tmp_path: Path) -> None:
     log, _ = log_of(tmp_path, ATI)
     assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [False, False, True, False]
@@ -86,7 +109,9 @@ def test_numbers_that_are_no_counts_under_a_header_with_counts_are_asked_about_w
     assert any("Fz: read in mN (--column), where the log states 1000/mN" in note for note in log.notes)
 
 
-@pytest.mark.parametrize("line", ["Scale Factor: 0.001", "Gain;1000", "Sensitivity (N/V): 2.5", "Counts per N: 1e6"])
+@pytest.mark.parametrize(
+    "line", ["Scale Factor: 0.001", "Gain;1000", "Gain;1,000", "Sensitivity (N/V): 2.5", "Counts per N: 1e6"]
+)
 @pytest.mark.parametrize("name", ["Fz [N]", "Fz"])
 def test_a_factor_above_the_header_that_is_not_applied_is_asked_about(tmp_path: Path, line: str, name: str) -> None:
     text = f"Force Unit: N\n{line}\nTime (s);{name}\n0.00;1\n0.01;2\n"

@@ -26,7 +26,17 @@ from scleraforce.recording.log_text import (
     unit_factor,
 )
 from scleraforce.recording.scan import UnansweredError
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, Table, checked_samples, decimal_mark, gap_notes
+from scleraforce.recording.tables import (
+    FORCE_COLUMNS,
+    GROUPED,
+    PLAIN_NUMBERS,
+    ForceLog,
+    Table,
+    checked_samples,
+    decimal_mark,
+    gap_notes,
+    number,
+)
 
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
@@ -292,20 +302,22 @@ def _ours(word: str) -> str | None:
 
 # What ATI's Net F/T demo and its relatives write above the header.
 STATED = {quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)" for quantity in (FORCE, TORQUE)}
+# A number with all that may stand between its thousands, so that "1,000" is not taken for 1.
+WHOLE_NUMBER = r"\d(?:[\d.,'\u2019\s]*\d)?\.?(?:[eE][-+]?\d+)?"
 COUNTS = {
-    quantity: rf"(?i)counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity}\"?\s*[:=,;\t]+\s*\"?([\d.eE+]+)"
+    quantity: rf"(?i)(counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity})\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
     for quantity in (FORCE, TORQUE)
 }
-SAMPLE_RATE = r"RDT Sample Rate\"?\s*[:=,;\t]+\s*\"?([\d.]+)"
+SAMPLE_RATE = rf"(RDT Sample Rate)\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
 COUNTER = "RDT Sequence"
 # A factor between the numbers of a log and forces, which is not applied.
 GAIN = re.compile(
     r"(?i)\b(?<!full[ -])"
     r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)[ _-]?(?:factor|constant)|"
-    r"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
+    rf"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?(?:{WHOLE_NUMBER}|\.\d+))"
 )
 RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)")
-FORCE_IN_TEXT = re.compile(r"(?i)([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b")
+FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
 def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
@@ -321,8 +333,8 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
     """
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
-    if (rate := _first(SAMPLE_RATE, text.above)) and COUNTER in text.names:  # ATI's own clock has whole seconds
-        by_header = [LogColumn("time_s", COUNTER, f"{rate}Hz"), *(c for c in by_header if c.ours != "time_s")]
+    if COUNTER in text.names and (rate_hz := _stated_number(SAMPLE_RATE, text)):  # ATI's own clock has whole seconds
+        by_header = [LogColumn("time_s", COUNTER, f"{rate_hz:.12g}Hz"), *(c for c in by_header if c.ours != "time_s")]
     elif not any(column.ours == "time_s" for column in (*by_header, *given)):
         by_header += _clock_column(text)
     answered = _of_each_kind(text.path, by_header, given)
@@ -352,8 +364,8 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
 def _stated_units(text: Table) -> dict[str, str]:
     """Return the units of force and torque by the lines above the header; of counts, how many are one unit."""
     units = {quantity: unit for quantity, pattern in STATED.items() if (unit := _first(pattern, text.above))}
-    counts = {quantity: _first(pattern, text.above) for quantity, pattern in COUNTS.items()}
-    return {quantity: f"{float(count):.12g}/{unit}" if (count := counts[quantity]) else unit
+    counts = {quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()}
+    return {quantity: f"{count:.12g}/{unit}" if (count := counts[quantity]) is not None else unit
             for quantity, unit in units.items()}  # fmt: skip
 
 
@@ -376,7 +388,7 @@ def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, st
     for nth, line in enumerate(text.above, start=1):
         found = GAIN.search(line)
         applied = any(re.search(COUNTS[quantity], line) for quantity in counted)
-        if forces and found and not applied and float(found[2]) != 1.0:
+        if forces and found and not applied and number(found[2]) != 1.0:
             said = f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied to {forces[0].name!r}"
             raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
 
@@ -404,7 +416,8 @@ def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogCol
 def _range_n(text: Table) -> float | None:
     """Return the largest force of the sensor by the lines above the header, None where they do not state it."""
     stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
-    return max((float(size) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated), default=0.0) or None
+    sizes_n = [(number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated]
+    return max(sizes_n, default=0.0) or None
 
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
@@ -430,6 +443,21 @@ def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tu
 
 def _first(pattern: str, lines: Sequence[str]) -> str | None:
     return next((found[1] for line in lines if (found := re.search(pattern, line))), None)
+
+
+def _stated_number(pattern: str, text: Table) -> float | None:
+    """Return the number that a line above the header states, None where there is no such line.
+
+    Raises:
+        RecordingError: it can be read in two ways, as "1,000", or not at all.
+    """
+    for nth, line in enumerate(text.above, start=1):
+        if found := re.search(pattern, line):
+            value = None if GROUPED.fullmatch(found[2]) else number(found[2], ",")
+            if value is None:
+                raise RecordingError(f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number; {PLAIN_NUMBERS}")
+            return value
+    return None
 
 
 def _clock_column(text: Table) -> list[LogColumn]:
