@@ -517,6 +517,14 @@ def test_ome_states_scale_and_the_time_of_each_plane(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.times.time_s, [0.0, 0.1, 0.3, 0.4, 0.7])
 
 
+def test_a_step_of_time_that_the_times_of_planes_contradict_is_said(tmp_path: Path) -> None:
+    metadata = {"axes": "TYX", "TimeIncrement": 0.1, "Plane": {"DeltaT": [0.0, 0.2, 0.4, 0.6, 0.8]}}
+    tifffile.imwrite(tmp_path / "a.ome.tif", FRAMES, metadata=metadata)
+    scan = read_tiff(tmp_path / "a.ome.tif")
+    np.testing.assert_allclose(scan.times.time_s, [0.0, 0.2, 0.4, 0.6, 0.8])
+    assert any("TimeIncrement is 0.1 s, DeltaT has 0.2 s" in note for note in scan.notes)
+
+
 def test_ome_states_the_step_of_time(tmp_path: Path) -> None:
     metadata = {"axes": "TYX", "TimeIncrement": 40.0, "TimeIncrementUnit": "ms"}
     tifffile.imwrite(tmp_path / "a.ome.tif", FRAMES, metadata=metadata)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from io import BytesIO
-from math import isfinite
+from math import isclose, isfinite
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import unpack
@@ -67,17 +67,19 @@ def _ome_size(stated: dict[str, str], axis: str) -> float | None:
     return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
 
 
-def _ome_times(xml: str, count: int) -> Times | None:
+def _ome_times(path: Path, xml: str, count: int, notes: list[str]) -> Times | None:
     """Return the times of planes, else even ones by the increment of time; None where neither is stated."""
+    stated = next(iter(_ome_pixels(xml)), {})
+    step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(stated.get("TimeIncrementUnit", "s"), 0.0)
     planes = [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Plane"]
     if len(planes) == count and all("DeltaT" in plane for plane in planes):
         units_s = [SECONDS.get(plane.get("DeltaTUnit", "s")) for plane in planes]
         if None not in units_s:
             time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(units_s, dtype=np.float64)
+            if step_s and count > 1 and not isclose(found_s := float(np.diff(time_s).mean()), step_s, rel_tol=0.01):
+                notes.append(f"{path}: OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts")
             return Times(time_s, "OME's DeltaT") if rising(time_s) else None
-    stated = next(iter(_ome_pixels(xml)), {})
-    unit_s = SECONDS.get(stated.get("TimeIncrementUnit", "s"))
-    return even_times(count, float(stated.get("TimeIncrement", "0")) * (unit_s or 0.0), "OME's TimeIncrement")
+    return even_times(count, step_s, "OME's TimeIncrement")
 
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
@@ -112,6 +114,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         pages = _frame_pages(file)
         orientation = _orientation(path, pages)
         sizes, notes = _pixel_sizes(path, file, pages, rows, columns)
+        times = _times(path, file, count, notes)
         depth, lateral, scale_fault = one_size(path, sizes)
         kinds = {page.photometric for page in pages}
         if len(pages) < len(file.pages) or any(page.subifds for page in pages):
@@ -130,7 +133,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             bits=8 if file.series[0].dtype == np.uint8 else None,
             depth_pixel_m=depth,
             lateral_pixel_m=lateral,
-            times=_times(file, count),
+            times=times,
             notes=tuple(notes),
             scale_fault=scale_fault,
         )
@@ -382,10 +385,10 @@ def _step_m(axis: Any, size: int) -> float | None:
     return abs(step) * unit_m if step and np.allclose(steps, step, rtol=0.01) else None
 
 
-def _times(file: "tifffile.TiffFile", count: int) -> Times | None:
+def _times(path: Path, file: "tifffile.TiffFile", count: int, notes: list[str]) -> Times | None:
     """Return times of frames from ImageJ's frame interval, or OME's planes or increment."""
     if file.ome_metadata:
-        return _ome_times(file.ome_metadata, count)
+        return _ome_times(path, file.ome_metadata, count, notes)
     interval = (file.imagej_metadata or {}).get("finterval")
     unit_s = SECONDS.get(str((file.imagej_metadata or {}).get("tunit", "sec")))
     if not isinstance(interval, int | float) or unit_s is None:
