@@ -305,6 +305,22 @@ def test_a_comma_that_may_part_thousands_is_refused_with_both_readings(
         log_of(tmp_path, text + "\n")
 
 
+@pytest.mark.parametrize("separator", [";", "\t", ",", " "])
+def test_a_point_that_may_part_thousands_is_refused_with_both_readings(tmp_path: Path, separator: str) -> None:
+    rows = "".join(f"{10 * k}{separator}{force}\n" for k, force in enumerate(("0", "-998", "-1.021", "-15.000")))
+    with pytest.raises(RecordingError, match=r"log\.csv:4: fz_uN: '-1\.021' is -1\.021 .* or -1021 with one between"):
+        log_of(tmp_path, f"time_ms{separator}fz_uN\n{rows}")
+
+
+@pytest.mark.parametrize("forces", [("1.000", "2.021", "1.500"), ("0", "1.021", "1.5"), ("0", "0.998", "1.021")])
+def test_three_digits_behind_a_point_are_decimals_where_the_log_shows_it(
+    tmp_path: Path, forces: tuple[str, ...]
+) -> None:
+    rows = "".join(f"{10 * k};{force}\n" for k, force in enumerate(forces))
+    log, _ = log_of(tmp_path, f"time_ms;fz_mN\n{rows}")
+    np.testing.assert_allclose(log.force_n("fz"), [1e-3 * float(force) for force in forces])
+
+
 @pytest.mark.parametrize("separator", ["\t", ";", " "])
 def test_a_comma_is_decimal_where_the_log_shows_it(tmp_path: Path, separator: str) -> None:
     text = "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", separator)  # no thousands begin with 0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
 from scleraforce.recording.scan import SECONDS
-from scleraforce.recording.tables import Table, decimal_mark, fields_of, is_number, number, without_cut
+from scleraforce.recording.tables import PLAIN_NUMBERS, Table, decimal_mark, fields_of, is_number, number, without_cut
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -265,6 +265,8 @@ def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]
 
 SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; any number of spaces is one separator
 SEARCHED_LINES = 100  # for the header
+# A point that may part thousands; "0.250" cannot.
+POINT_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 
 
 def read_log_text(path: Path, least: int = 2) -> Table:
@@ -314,7 +316,10 @@ def numbers_of(
         )
     except ValueError:
         found = np.array([_row(text, line, places, gaps, mark) for line in range(len(text.lines))])
-    return np.asarray(found, dtype=np.float64)
+    values_sc: NDArray[np.float64] = np.asarray(found, dtype=np.float64)
+    if mark == ".":
+        _check_points(text, places, values_sc)
+    return values_sc
 
 
 def texts_of(text: Table, name: str) -> NDArray[np.str_]:
@@ -417,6 +422,29 @@ def _fields(line: str, separator: str) -> tuple[str, ...]:
     if separator == SPACES:
         return tuple(line.split())
     return fields_of(line.rstrip(f" {separator}"), separator, "") if line.count('"') % 2 == 0 else ()
+
+
+def _check_points(text: Table, places: Sequence[int], values_sc: NDArray[np.float64]) -> None:
+    """Refuse a column whose points may part thousands: -15.000 beside 998, and no point without three digits behind it.
+
+    Raises:
+        RecordingError: naming both readings.
+    """
+    for place, values in zip(places, values_sc.T, strict=True):
+        size = np.abs(values[np.isfinite(values)])
+        whole = size == np.rint(size)
+        if whole.all() or not whole.any() or size.max() >= 1000.0 or (size[~whole] < 1.0).any():
+            continue
+        texts = [_fields(line, text.separator)[place] for line in text.lines]
+        pointed = [line for line, field in enumerate(texts) if "." in field]
+        if len(pointed) == len(texts) or not all(POINT_GROUPED.fullmatch(texts[line]) for line in pointed):
+            continue
+        field = texts[pointed[0]]
+        raise RecordingError(
+            f"{text.place(pointed[0])}: {text.names[place]}: {field!r} is {float(field):g} with a decimal point, or "
+            f"{field.replace('.', '')} with one between thousands (every point has three digits behind it, and other "
+            f"numbers have none); {PLAIN_NUMBERS}"
+        )
 
 
 def _row(text: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str) -> list[float]:
