@@ -16,7 +16,7 @@ from scleraforce.learning.raw_reader import (
 )
 from scleraforce.learning.samples import chunks_ahead
 from scleraforce.reader.networks import GIVEN
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, fixed
 
 STUDY = Study(raw_reader=RawReaderStudy(rows=80, columns=144, row_m=50e-6, column_m=100e-6))

@@ -8,7 +8,7 @@ from analytic_library import analytic_library, bulging
 from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
-from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.known.eye import SEALED, UNKNOWN
 from scleraforce.learning.samples import (
@@ -22,7 +22,7 @@ from scleraforce.learning.samples import (
     draw_samples,
     library_of_tissue,
 )
-from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.base import pole_direction
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.reader.networks import GIVEN

@@ -108,7 +108,6 @@ def _bits(path: Path, frame: "ScaledFrame", given: int | None) -> int:
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
     """Return a frame with its wall."""
-    from scleraforce.notebook.frames import wall_in
     from scleraforce.scanner.imaged_eye import ImagedEye
 
     rows, columns = frame.pixels.shape

@@ -53,7 +53,7 @@ from scleraforce.models.session import network_session
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, TOLD, OnnxRawNetwork, given_inputs, told_modulus
 from scleraforce.reader.verdicts import read_by_fit
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
 from scleraforce.units import from_si

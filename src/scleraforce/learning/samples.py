@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.known.eye import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
 from scleraforce.library import Library
-from scleraforce.library.base_bulge import pole_directions
-from scleraforce.library.section_motion import section_motion
+from scleraforce.library.base import pole_directions
+from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
-from scleraforce.library.under_force import iop_ratio_under_force
+from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.processes import work_in_order
 from scleraforce.reader.networks import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
@@ -369,5 +368,4 @@ def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int
 def _drawing(source: ChunkSource[Drawn], compiled: bool) -> Callable[[int], Drawn]:
     """Return what draws a chunk, in its process."""
     if compiled:
-        use_compiled_loops()
     return source.chunk
