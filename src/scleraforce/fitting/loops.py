@@ -165,7 +165,14 @@ def _add_motion(
     x, y, z = at[0] - along * axis[0], at[1] - along * axis[1], at[2] - along * axis[2]
     norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
     angle = min(max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1])
-    node = min(max(np.searchsorted(angles, angle) - 1, 0), len(angles) - 2)
+    # Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
+    node, after = 0, len(angles) - 1
+    while after - node > 1:
+        middle = (node + after) // 2
+        if angles[middle] < angle:
+            node = middle
+        else:
+            after = middle
     share = (angle - angles[node]) / (angles[node + 1] - angles[node])
     outwards = sign * (meridian[node, 0] + share * (meridian[node + 1, 0] - meridian[node, 0])) / norm
     up = sign * (meridian[node, 1] + share * (meridian[node + 1, 1] - meridian[node, 1]))
