@@ -127,6 +127,7 @@ def _segment_frame(
     from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
+    from scleraforce.segmentation.wall import find_wall
 
     usual = OctStudy()
     assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)

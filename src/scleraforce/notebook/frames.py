@@ -29,9 +29,8 @@ from scleraforce.reader.answer import Answer, Reader
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import RecordingInfo, ScaledFrame, Scanner, read_scaled_frame, recording_of
 from scleraforce.recording.pixels import Pixels, Sourced
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity
 
