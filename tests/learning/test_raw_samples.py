@@ -37,7 +37,7 @@ def study_with(**raw: object) -> Study:
 @pytest.mark.slow
 def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
     here = source.chunk(3, FRAMES_TOGETHER)
-    (there,) = chunks_ahead(source, [3], workers=1, compiled=False)
+    (there,) = chunks_ahead(source, [3], workers=1)
     assert len(here) == FRAMES_TOGETHER
     for name in ("frames", "boundary_rows", "given", "force_n", "modulus_pa", "lateral_m"):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))

@@ -337,7 +337,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
     """Yield the training's batches, each of frames of its own."""
     frames = raw.batches * raw.batch_size
     left: RawSamples | None = None
-    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers, compiled=False)) as chunks:
+    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers)) as chunks:
         for _ in range(raw.batches):
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)
