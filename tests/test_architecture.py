@@ -221,8 +221,13 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
 
 
 def test_processes_that_read_no_frame_do_not_import_numba(tmp_path: Path) -> None:
-    study = tmp_path / "study.toml"
-    commands = [["--help"], ["init", str(study)], ["show", str(study)], ["simulate", "--thickness-um", "600"]]
+    folder = tmp_path / "study"
+    commands = [
+        ["--help"],
+        ["init", str(folder)],
+        ["show", str(folder / "study.toml")],
+        ["simulate", "--thickness-um", "600"],
+    ]
     commands[-1] += ["--force-mn", "10", "--json"]
     script = (
         "import sys\n"
