@@ -351,7 +351,7 @@ def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "log.csv").write_text("\n".join(["when,pull", *lines]) + "\n")
     answers = [
         "frame,depth,lateral",
-        "when:s",
+        "time=when:s",  # as the question writes it
         "pull:N",
         "10",
         "4",

@@ -440,10 +440,10 @@ def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(tmp_
     assert any("frames 2 (from 0) are left out" in note for note in scan.notes)
 
 
-def test_times_of_plus_that_do_not_rise_are_noted_and_left_open(tmp_path: Path) -> None:
+def test_times_of_plus_that_do_not_rise_are_a_contradiction(tmp_path: Path) -> None:
     scan = read_metaimage(mha(tmp_path / "a.mha", **plus_fields([1, 2, 3, 2.5, 4])), IJK)
     assert scan.times is None
-    assert any("does not rise: 3 (frame 2) and 2.5 (frame 3)" in note for note in scan.notes)
+    assert "does not rise: 3 (frame 2) and 2.5 (frame 3)" in str(scan.times_fault)
 
 
 def test_a_sequence_of_plus_with_other_frames_or_none_that_is_valid_is_refused(tmp_path: Path) -> None:

@@ -49,10 +49,16 @@ def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOption
         return replace(answers, by_arrival=click.confirm("by arrival", abort=True, err=True))
     if open_point.forms:
         shorts = [form.partition("=")[0] for form in open_point.forms]
-        columns = [f"{short}={click.prompt(f'{short} (NAME:UNIT)', err=True)}" for short in shorts]
+        columns = [_column(short) for short in shorts]
         return replace(answers, columns=(*answers.columns, *columns))
     answer: dict[str, Any] = {name: click.prompt(open_point.option, err=True)}
     return replace(answers, **answer)
+
+
+def _column(short: str) -> str:
+    """Ask for a column; the question shows answers that begin with its name, so both forms are taken."""
+    answer = click.prompt(f"{short} (NAME:UNIT)", err=True)
+    return f"{short}={answer.strip().removeprefix(f'{short}=')}"
 
 
 def _answer(name: str, question: Question, kind: "click.ParamType[Any]") -> Any:

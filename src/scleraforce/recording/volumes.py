@@ -123,7 +123,7 @@ def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
     if not rising(time_s):
         at = next(nth for nth in range(len(kept)) if not rising(time_s[: nth + 1]))
         pair = " and ".join(f"{times[nth]} (frame {nth})" for nth in kept[max(0, at - 1) : at + 1])
-        return replace(scan, notes=(*scan.notes, f"{path}: Seq_FrameNNNN_Timestamp does not rise: {pair}; not used"))
+        return replace(scan, times_fault=f"{path}: Seq_FrameNNNN_Timestamp does not rise: {pair}")
     return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
 
 
