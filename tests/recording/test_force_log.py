@@ -568,6 +568,7 @@ def test_what_a_header_leaves_open_is_asked_for_with_its_names() -> None:
     "header",
     [
         "# time [s] Fz [mN]", "% time [s] Fz [mN]", "time [s] Fz [mN]", "#time (s) Fz (mN)", "%% time_s fz_mN",
+        "# time Fz\n# [s] [mN]",
         "% time_s,fz_mN",
     ],
 )  # fmt: skip

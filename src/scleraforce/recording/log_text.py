@@ -288,7 +288,7 @@ def read_log_text(path: Path, least: int = 2) -> Table:
     else:
         nth, separator, names = _header(path, lines, least)
         units, top = _units_line(lines, nth, separator, names)
-        names = _fields(lines[top], separator) if units else names
+        names = _fields(_unmarked(lines[top]), separator) if units else names
         text = _below(path, lines, top, nth + 1, separator, names, units)
     _check_counts(text)
     return text if whole.endswith(("\n", "\r")) else without_cut(text)
