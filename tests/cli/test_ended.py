@@ -5,9 +5,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from format_frames import told
+
+from scleraforce.cli import main as entry
 
 
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
@@ -23,3 +28,16 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     _, error = child.communicate(timeout=300)
     assert (child.returncode, error.strip()) == (130, "error: interrupted")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+
+
+def test_an_interruption_that_reaches_a_library_only_is_no_internal_fault(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def compile_(*_: object, **__: object) -> None:  # as Numba does when LLVM's callback was interrupted
+        entry._note_interruption(SimpleNamespace(exc_type=KeyboardInterrupt))
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(entry, "interrupted", Event())
+    monkeypatch.setattr(entry.cli, "main", compile_)
+    assert entry.run(["doctor"]) == 130
+    assert capsys.readouterr().err == "error: interrupted\n"

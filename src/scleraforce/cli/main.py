@@ -10,6 +10,7 @@ import signal
 import sys
 from importlib import import_module
 from keyword import iskeyword
+from threading import Event
 
 import click
 
@@ -17,6 +18,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
 INTERRUPTED = 130
+interrupted = Event()  # by a signal that reached a callback of a library only
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
 # Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`; `import`
@@ -114,10 +116,19 @@ def main() -> None:
     os.environ.pop("MPLBACKEND", None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.unraisablehook = _note_interruption
     code = run(sys.argv[1:])
     if code == INTERRUPTED:  # what zarr's own loop leaves unfinished is no news to the user
         logging.getLogger("asyncio").disabled = True
     sys.exit(code)
+
+
+def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
+    """Note an interruption that a callback could not pass on: LLVM's, which then fails to compile."""
+    if issubclass(fault.exc_type, KeyboardInterrupt):
+        interrupted.set()
+    else:
+        sys.__unraisablehook__(fault)
 
 
 def run(arguments: list[str]) -> int:
@@ -144,6 +155,8 @@ def run(arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as fault:
+        if interrupted.is_set():
+            return fail("interrupted", INTERRUPTED)
         if os.environ.get("SCLERAFORCE_TRACEBACK"):
             raise
         if isinstance(fault, OSError) and (fault.filename or fault.errno in FULL_DISK):
