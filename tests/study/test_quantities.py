@@ -9,7 +9,7 @@ from calibration_file import calibration_text
 
 import scleraforce as sf
 from scleraforce.cli.main import COMMANDS, cli, run
-from scleraforce.cli.options import Possible
+from scleraforce.cli.options import Quantity
 from scleraforce.errors import CalibrationError, InputError, RecordingError, StudyError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.recording.folder import read_info
@@ -84,7 +84,7 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
         (command, option.name)
         for command in COMMANDS
         for option in cli.get_command(context, command).params
-        if option.name in names and isinstance(option.type, Possible)
+        if option.name in names and isinstance(option.type, Quantity)
     }
     stated = {
         (command, option.name)

@@ -19,20 +19,22 @@ PATH: Final[click.Path] = click.Path(path_type=Path)
 STUDY_FILE = "study file"  # in the meta of click's context
 
 
-class Possible(click.FloatRange):
+class Quantity(click.FloatRange):
     """A number that a quantity can have, in the unit of its key; another one is refused with what may have been meant.
 
-    >>> Possible("thickness_um").convert("650", None, None)
+    >>> Quantity("thickness_um").convert("650", None, None)
+    0.00065
+    >>> Quantity("thickness_um", in_si=False).convert("650", None, None)
     650.0
     """
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, key: str, *, in_si: bool = True) -> None:
         bounds = allowed(key)
         super().__init__(bounds.low, bounds.high)
-        self._key = key
+        self._key, self._in_si = key, in_si
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number."""
+        """Return the number, in SI unless it stays in the unit of its key."""
         try:
             number = float(value)
             check_quantity(self._key, number)
@@ -40,20 +42,8 @@ class Possible(click.FloatRange):
             self.fail(f"{value!r} is not a valid float.", param, ctx)
         except StudyError as fault:
             self.fail(str(fault).partition(": ")[2], param, ctx)
-        return number
-
-
-class Quantity(Possible):
-    """The same, converted to SI.
-
-    >>> Quantity("thickness_um").convert("650", None, None)
-    0.00065
-    """
-
-    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number in SI."""
         name = next(name for name in QUANTITIES if self._key.startswith(name))
-        return QUANTITIES[name].to_si(super().convert(value, param, ctx))
+        return QUANTITIES[name].to_si(number) if self._in_si else number
 
 
 class _Globe(click.Choice[str]):

@@ -1,4 +1,4 @@
-"""How wide a reader's intervals have to be: its scores (`reader.interval_scores`) on whole virtual eyes.
+"""How wide a reader's intervals have to be: its scores (`reader.intervals`) on whole virtual eyes.
 
 The factors of a reading's traits, by which intervals are stretched, come from these scores by quantile regression
 (Koenker and Bassett 1978): the logarithm of what 90 % of the scores stay below is a sum over the traits. At its

@@ -132,7 +132,7 @@ class _Reads(torch.nn.Module):
 
 
 def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model; `reader.raw_network` says what goes in and comes out."""
+    """Return the network as an ONNX model; `reader.networks` says what goes in and comes out."""
     sees = network.sees_wall
     inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), TOLD: torch.zeros(2, len(GIVEN))}
     return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)

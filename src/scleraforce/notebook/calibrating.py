@@ -148,7 +148,7 @@ def recalibrate_intervals(
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
     Each eye is calibrated on some of its frames; the others are read, and their scores stretch the intervals.
-    Few eyes only widen them (`reader.interval_scores.FEW_EYES`).
+    Few eyes only widen them (`reader.intervals.FEW_EYES`).
 
     Args:
         model: folder of a reader.
