@@ -13,7 +13,7 @@ from scleraforce.cli.output import count_bar, print_json, say
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def _as_given(key: str) -> Quantity:
+def _given(key: str) -> Quantity:
     """Return the type of a number that stays in the unit of its key, for `import.json` and `--like`."""
     return Quantity(key, in_si=False)
 
@@ -22,8 +22,8 @@ OPTIONS = (
     click.option("--axes", metavar="NAME,NAME,...", help="Order of the axes frame, depth and lateral in an array or "
                  "volume; of pictures frame,lateral,depth where A-scans lie along the rows."),
     click.option("--array", help="Name of the array in a .npz."),
-    click.option("--width-mm", type=_as_given("width_mm"), help="Width of the frames; by default their own."),
-    click.option("--depth-mm", type=_as_given("depth_mm"), help="Depth of the frames, as stored; by default their own."),
+    click.option("--width-mm", type=_given("width_mm"), help="Width of the frames; by default their own."),
+    click.option("--depth-mm", type=_given("depth_mm"), help="Depth of the frames, as stored; by default their own."),
     click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="By which depth is stretched; 1 "
                  "where the scanner has corrected it."),
     click.option("--bits", type=click.IntRange(8, 16), help="Bits of a 16-bit pixel that are used."),
@@ -44,13 +44,13 @@ OPTIONS = (
     click.option("--by-arrival", is_flag=True, help="Take the times at which a bag's messages arrived, where they have "
                  "no capture stamp."),
     click.option("--eye", help="Name of the eye."),
-    click.option("--thickness-um", type=_as_given("thickness_um"), help="Thickness of its wall, where it was measured."),
-    click.option("--iop-mmhg", type=_as_given("iop_mmhg"), help="Its pressure at rest, where it was measured."),
+    click.option("--thickness-um", type=_given("thickness_um"), help="Thickness of its wall, where it was measured."),
+    click.option("--iop-mmhg", type=_given("iop_mmhg"), help="Its pressure at rest, where it was measured."),
     click.option("--globe", type=GLOBE, help="Whether it is infused or vented, or sealed; unknown by "
                  "default."),
     click.option("--gauge", type=click.IntRange(10, 36), help="Gauge of the needle."),
-    click.option("--gap-mm", type=_as_given("gap_mm"), help="B-scan plane to needle axis."),
-    click.option("--polar-angle-deg", type=_as_given("polar_angle_deg"), help="Contact, from the pole, where it is "
+    click.option("--gap-mm", type=_given("gap_mm"), help="B-scan plane to needle axis."),
+    click.option("--polar-angle-deg", type=_given("polar_angle_deg"), help="Contact, from the pole, where it is "
                  "known."),
 )  # fmt: skip
 
