@@ -143,7 +143,8 @@ class _Steps:
         found = self._as_before(counts, is_bytes, scale)
         if found is not None:
             return found
-        self._brightest, self._dark = np.empty(frame.shape[1], np.uint16), np.empty(frame.shape[1], np.bool_)
+        if len(self._dark) != frame.shape[1]:
+            self._brightest, self._dark = np.empty(frame.shape[1], np.uint16), np.empty(frame.shape[1], np.bool_)
         left, after, lit, brightest = find_lit(counts, self._brightest, self._dark)
         if lit < LEAST_SHAPE:
             return without_wall(frame.shape, "the frame is empty: all pixels are alike")
@@ -180,7 +181,8 @@ class _Steps:
     def _as_before(self, frame: Counts, is_bytes: bool, scale: PixelScale) -> Segmentation | None:
         """Return the wall in a frame that is imaged where the one before is, None where the steps are needed."""
         size = (*frame.shape, scale)
-        if self._before is None or self._before[0] != size:
+        # A frame without light, in between, may have left scratch of another size.
+        if self._before is None or self._before[0] != size or len(self._dark) != frame.shape[1]:
             return None
         _, before, workplace = self._before
         rows = np.empty((2, frame.shape[1]))
