@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from analytic_library import analytic_library, bulging
+from library_arrays import reached_tips
 from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
@@ -91,7 +92,7 @@ def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_draw
     resting, size = eyes.iop_pa[some] / eyes.modulus_pa[some], eyes.size[some]
     ratio, thickness = eyes.iop_ratio[some], eyes.thickness_m[some] / size
     force = eyes.force_n[some] / (eyes.modulus_pa[some] * size**2)
-    volume = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force)) * size**3
+    volume = library.displaced_m3(thickness, ratio, reached_tips(library, thickness, ratio, force)) * size**3
     rate = eyes.rigidity[some] / np.cbrt(eyes.modulus_pa[some])
     assert (ratio < library.iop_ratio_ends(thickness)[1]).all()
     np.testing.assert_allclose(ratio, (np.cbrt(resting) + rate * volume) ** 3, rtol=5e-3)
