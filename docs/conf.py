@@ -22,7 +22,7 @@ nitpicky = True  # a reference to what no page documents is an error
 nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|os)\..*|PathLike"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
-    ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
+    ("py:class", r"scleraforce\.library\.(spline_weights|stiffened)\..*"),
 ]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]

@@ -1,0 +1,150 @@
+"""Compiled loops: forces and tangents of a solid of revolution, one element at a time (`solid`, their oracle).
+
+A node's radial motion enters three of the deformation gradient's entries, its motion along the axis two. So the loops
+keep (d/dr, d/dz, N/R) of each shape function instead of the gradient operator with its zeros, and sum one triangle of
+each tangent, which is symmetric.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MOST_EXPONENT = 300.0  # of b Q, as of `stiffening.growth`
+
+
+class ElementTables(NamedTuple):
+    """What the loops know of a solid: shapes, and its material.
+
+    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18);
+    `lambda_ep`, `mu_ep` (element, point): Lamé's constants times the point's volume; `stiffening`: b; `lame_ratio`:
+    lambda/mu.
+    """
+
+    shapes_epgn: Floats
+    unknowns_en: Integers
+    lambda_ep: Floats
+    mu_ep: Floats
+    stiffening: float
+    lame_ratio: float
+
+
+@compiled
+def nodal_forces(tables: ElementTables, u: Floats, found: Floats) -> None:
+    """Write the nodal forces that hold a displacement u, both (all unknowns,)."""
+    found[:] = 0.0
+    F, H, P = np.empty(5), np.empty(5), np.empty(5)
+    away, along = np.empty(9), np.empty(9)
+    elements, points = tables.mu_ep.shape
+    for element in range(elements):
+        unknowns = tables.unknowns_en[element]
+        away[:] = 0.0
+        along[:] = 0.0
+        for point in range(points):
+            shapes = tables.shapes_epgn[element, point]
+            log_ratio = _deformation(shapes, unknowns, u, F, H)
+            factor = _growth(tables, F, log_ratio)
+            _stress(tables.lambda_ep[element, point], tables.mu_ep[element, point], F, H, log_ratio, P)
+            for node in range(9):
+                radial = P[0] * shapes[0, node] + P[1] * shapes[1, node] + P[4] * shapes[2, node]
+                away[node] += factor * radial
+                along[node] += factor * (P[2] * shapes[0, node] + P[3] * shapes[1, node])
+        for node in range(9):
+            found[unknowns[2 * node]] += away[node]
+            found[unknowns[2 * node + 1]] += along[node]
+
+
+@compiled
+def element_tangents(tables: ElementTables, u: Floats, found: Floats) -> None:
+    """Write the derivative of the forces of every element, (element, 18, 18)."""
+    F, H, P = np.empty(5), np.empty(5), np.empty(5)
+    A, by_motion, triangle = np.empty((5, 5)), np.empty((5, 18)), np.empty((18, 18))
+    elements, points = tables.mu_ep.shape
+    for element in range(elements):
+        unknowns = tables.unknowns_en[element]
+        triangle[:] = 0.0
+        for point in range(points):
+            shapes = tables.shapes_epgn[element, point]
+            log_ratio = _deformation(shapes, unknowns, u, F, H)
+            factor = _growth(tables, F, log_ratio)
+            lame_lambda, lame_mu = tables.lambda_ep[element, point], tables.mu_ep[element, point]
+            _stress(lame_lambda, lame_mu, F, H, log_ratio, P)
+            _elasticity(lame_lambda, lame_mu, H, log_ratio, A)
+            rise = 2.0 * tables.stiffening / lame_mu
+            for i in range(5):
+                for j in range(5):
+                    A[i, j] = factor * (A[i, j] + rise * P[i] * P[j])
+                for node in range(9):
+                    radial = A[i, 0] * shapes[0, node] + A[i, 1] * shapes[1, node] + A[i, 4] * shapes[2, node]
+                    by_motion[i, 2 * node] = radial
+                    by_motion[i, 2 * node + 1] = A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
+            for node in range(9):
+                r, z, around = shapes[0, node], shapes[1, node], shapes[2, node]
+                for other in range(2 * node + 2):
+                    radial = r * by_motion[0, other] + z * by_motion[1, other] + around * by_motion[4, other]
+                    triangle[2 * node, other] += radial
+                    triangle[2 * node + 1, other] += r * by_motion[2, other] + z * by_motion[3, other]
+        for row in range(18):
+            for column in range(row + 1):
+                found[element, row, column] = found[element, column, row] = triangle[row, column]
+
+
+@compiled
+def _deformation(shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Floats) -> float:
+    """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number where J <= 0."""
+    rr = rz = zr = zz = around = 0.0
+    for node in range(9):
+        away, along = u[unknowns[2 * node]], u[unknowns[2 * node + 1]]
+        rr += shapes[0, node] * away
+        rz += shapes[1, node] * away
+        around += shapes[2, node] * away
+        zr += shapes[0, node] * along
+        zz += shapes[1, node] * along
+    rr, zz, around = rr + 1.0, zz + 1.0, around + 1.0
+    plane = rr * zz - rz * zr
+    F[0], F[1], F[2], F[3], F[4] = rr, rz, zr, zz, around
+    if not (plane > 0.0 and around > 0.0):
+        H[:] = np.nan
+        return np.nan
+    H[0], H[1], H[2], H[3], H[4] = zz / plane, -zr / plane, -rz / plane, rr / plane, 1.0 / around
+    return float(np.log(plane * around))
+
+
+@compiled
+def _growth(tables: ElementTables, F: Floats, log_ratio: float) -> float:
+    """Return the factor of the stiffening on the stress (`stiffening.growth`)."""
+    if tables.stiffening == 0.0:
+        return 1.0
+    squares = F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4]
+    strain = squares - 3.0 - 2.0 * log_ratio + tables.lame_ratio * log_ratio * log_ratio
+    exponent = tables.stiffening * strain
+    return float(np.exp(exponent)) if exponent <= MOST_EXPONENT else np.nan
+
+
+@compiled
+def _stress(lame_lambda: float, lame_mu: float, F: Floats, H: Floats, log_ratio: float, P: Floats) -> None:
+    """Write the stress of b = 0 times the volume, (5,)."""
+    along_H = lame_lambda * log_ratio - lame_mu
+    for entry in range(5):
+        P[entry] = lame_mu * F[entry] + along_H * H[entry]
+
+
+@compiled
+def _elasticity(lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats) -> None:
+    """Write the elasticity of b = 0 times the volume, (5, 5): see `SolidOfRevolution.tangents`."""
+    exchanged = lame_mu - lame_lambda * log_ratio
+    for i in range(5):
+        for j in range(5):
+            A[i, j] = lame_lambda * H[i] * H[j]
+        A[i, i] += lame_mu
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                for m in range(2):
+                    A[2 * i + j, 2 * k + m] += exchanged * H[2 * i + m] * H[2 * k + j]
+    A[4, 4] += exchanged * H[4] * H[4]
