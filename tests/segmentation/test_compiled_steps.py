@@ -179,3 +179,15 @@ def test_frames_of_changing_size_leave_nothing_behind(compiled_steps: Steps) -> 
     for columns in range(300, 340):
         find_wall_by(compiled_steps, frame[:, :columns], SCALE)
     assert_alike(find_wall_by(compiled_steps, frame, SCALE), first)
+
+
+@pytest.mark.parametrize("columns", [16, 120])
+def test_an_empty_frame_of_another_size_in_between_leaves_no_scratch_to_overrun(
+    compiled_steps: Steps, columns: int
+) -> None:
+    frame = draw_frames(1)[0]
+    first = find_wall_by(compiled_steps, frame, SCALE)
+    empty = find_wall_by(compiled_steps, np.zeros((64, columns), np.uint16), SCALE)
+    assert empty.reason.startswith("the frame is empty")
+    assert compiled_steps.at_once(frame, SCALE) is None
+    assert_alike(find_wall_by(compiled_steps, frame, SCALE), first)

@@ -38,7 +38,8 @@ class CompiledSteps:
     def at_once(self, frame: Pixels, scale: PixelScale) -> Segmentation | None:
         """Return the wall in a frame that is imaged where the one before is, None where the steps are needed."""
         size = (*frame.shape, scale)
-        if self._before is None or self._before[0] != size:
+        # A frame without light, in between, may have left scratch of another size, which the loops would overrun.
+        if self._before is None or self._before[0] != size or len(self._dark) != frame.shape[1]:
             return None
         _, before, workplace = self._before
         rows = np.empty((2, frame.shape[1]))
