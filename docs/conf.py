@@ -20,8 +20,9 @@ default_role = "code"  # `name` in a docstring
 nitpicky = True  # a reference to what no page documents is an error
 # What other packages document (their inventories would have to be fetched), and types of ours that are no user's.
 nitpick_ignore_regex = [
-    ("py:class", r"(numpy|dataclasses|pathlib|collections|os)\..*|PathLike"),
+    ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
+    ("py:class", r"scleraforce\.monitor\.events\.Verdict"),
     ("py:class", r"scleraforce\.library\.(spline_weights|stiffened)\..*"),
 ]
 

@@ -45,7 +45,7 @@ class Block:
     def find_spec(self, name, path=None, target=None):
         if name in {sorted(MODULES - {"posix"})!r}:
             raise ModuleNotFoundError("not on this system", name=name)
-import multiprocessing, subprocess, numpy, cv2, onnxruntime, click  # theirs is no affair of ours
+import multiprocessing, subprocess, numpy, cv2, onnxruntime, click, numba, platformdirs  # theirs is no affair of ours
 for name in {sorted(MODULES - {"posix"})!r}:
     sys.modules.pop(name, None)
 sys.meta_path.insert(0, Block())

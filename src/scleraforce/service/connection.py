@@ -17,7 +17,6 @@ from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status,
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import FrameAssembler
 
-STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
 NOT_READ = Verdict(predicted=0, probabilities=None, usable=False, reason=None, force_n=None, interval_n=None)
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read

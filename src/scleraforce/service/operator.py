@@ -6,7 +6,7 @@ from time import monotonic, time
 
 from scleraforce.errors import InputError, ProtocolError
 from scleraforce.openigtlink import Decoder, Received, Text, encode
-from scleraforce.service.connection import RESET_DEVICE
+from scleraforce.service.stamp import RESET_DEVICE
 
 ANSWER_S = 2.0
 PIECE = 65536

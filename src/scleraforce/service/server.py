@@ -39,9 +39,6 @@ from scleraforce.service.companions.messages import (
     WrongTokens,
 )
 from scleraforce.service.connection import (
-    READING_DEVICE,
-    RESET_DEVICE,
-    STATUS_DEVICE,
     Connection,
     Outgoing,
     RateLimiter,
@@ -50,6 +47,7 @@ from scleraforce.service.connection import (
 )
 from scleraforce.service.reset_token import ResetToken, token_digest
 from scleraforce.service.session import Frame, Session
+from scleraforce.service.stamp import READING_DEVICE, RESET_DEVICE, STATUS_DEVICE
 from scleraforce.units import from_si
 
 TICK_S = 0.01

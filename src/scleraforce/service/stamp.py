@@ -1,7 +1,8 @@
-"""The time in the header of an encoded OpenIGTLink message; of the standard library only, for the watchdog."""
+"""Device names and the time in the header of an OpenIGTLink message; of the standard library only, on any system."""
 
 from struct import Struct
 
+STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
 TIME = slice(34, 42)  # of a header, in any version
 FIXED = Struct(">Q")  # seconds since 1970, in 2^-32 s
 

@@ -19,7 +19,8 @@ from scleraforce.service.companions.watchdog import (
     WatchdogMessage,
     pack_for_watchdog,
 )
-from scleraforce.service.connection import STATUS_DEVICE, Connection
+from scleraforce.service.connection import Connection
+from scleraforce.service.stamp import STATUS_DEVICE
 
 BEAT_LOOKS = 0.5  # 10 ms
 SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
