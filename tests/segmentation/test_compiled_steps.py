@@ -181,6 +181,7 @@ def test_frames_of_changing_size_leave_nothing_behind(compiled_steps: Steps) -> 
     assert_alike(find_wall_by(compiled_steps, frame, SCALE), first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [16, 120])
 def test_an_empty_frame_of_another_size_in_between_leaves_no_scratch_to_overrun(
     compiled_steps: Steps, columns: int
