@@ -101,6 +101,7 @@ clean:  ## remove .venv and what the tools left; out/ stays
 	rm -rf .venv && $$python -m venv .venv && $(PIP) install -r requirements.lock && touch $@
 
 .venv/installed: .venv/locked pyproject.toml
-	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
+	@$(PIP) install --no-deps --no-build-isolation -e .
+	@.venv/bin/python -c "from scleraforce.installation import compile_loops; compile_loops()" && touch $@
 
 .PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model paper dist sbom size wheels lock clean docs gallery

@@ -19,7 +19,7 @@ from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 from scleraforce.study.fields import fixed

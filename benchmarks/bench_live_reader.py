@@ -27,7 +27,7 @@ from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus
@@ -28,7 +28,7 @@ from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study

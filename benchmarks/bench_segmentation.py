@@ -3,27 +3,22 @@
     python benchmarks/bench_segmentation.py [--frames 24] [--rounds 40]
 
 Frames are drawn from the study's phantom ranges. Beside it: how long the crudest segmentation takes on this machine at
-this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared. The
-steps by NumPy and the compiled ones take each frame in turn.
+this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared.
 """
 
 import argparse
 from collections.abc import Callable
-from functools import partial
 from time import perf_counter, sleep
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import can_compile
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics, sample_pose
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.numpy_steps import NumpySteps
-from scleraforce.segmentation.steps import Steps
-from scleraforce.segmentation.wall import find_wall_by
+from scleraforce.segmentation.wall import find_first_wall
 from scleraforce.study import Study
 
 REPEATS = 8  # in a row
@@ -81,14 +76,7 @@ def main() -> None:
     rounds = max(given.rounds, REPEATS)
     cv2.setNumThreads(1)
     frames = draw_frames(given.frames)
-    ways: dict[str, Steps] = {"by NumPy": NumpySteps()}
-    if can_compile():
-        # Imported here: tests take frames from this module, and need no Numba.
-        from scleraforce.segmentation.compiled_steps import CompiledSteps
-
-        ways["compiled"] = CompiledSteps()
-    work: dict[str, Work] = {"crudest": crudest}
-    work |= {name: partial(_segment, steps) for name, steps in ways.items()}
+    work: dict[str, Work] = {"crudest": crudest, "find_first_wall": _segment}
     for one in work.values():  # the first two frames compile
         for frame in frames[:2]:
             one(frame)
@@ -99,8 +87,8 @@ def main() -> None:
             print(f"{f'{name}, {kind}':24}{shares}")
 
 
-def _segment(steps: Steps, frame: Frame) -> None:
-    find_wall_by(steps, frame, SCALE)
+def _segment(frame: Frame) -> None:
+    find_first_wall(frame, SCALE)
 
 
 if __name__ == "__main__":

@@ -29,10 +29,9 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame
-from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy
@@ -73,7 +72,7 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
     errors: dict[str, list[tuple[float, float]]] = {"find_wall": [], "together": []}
     usable = []
     for frame, scale, true, judged in cases:
-        classical, checked = find_wall(frame, scale), find_checked_wall(frame, scale, finder)
+        classical, checked = find_wall(frame, scale), find_wall(frame, scale, finder=finder)
         masks = (classical.mask > 0, seen_mask(finder.find(frame), frame.shape), checked.mask > 0)
         for key, mask in zip(shares, masks, strict=True):
             shares[key].append(mask_dice(mask[:, judged], true[:, judged]))
@@ -126,7 +125,7 @@ def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> 
         "reduced_frame": lambda: reduced_frame(frame, rows, columns),
         "network alone": lambda: finder.session.run([FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}),
         "WallFinder.find": lambda: finder.find(frame),
-        "find_checked_wall": lambda: find_checked_wall(frame, scale, finder),
+        "find_wall, checked": lambda: find_wall(frame, scale, finder=finder),
     }
     print(f"\n{'':22}{'least':>8}{'median':>8}{'CPU':>8}  ms")
     for name, part in parts.items():
@@ -146,7 +145,7 @@ def write_sheet(path: Path, finder: WallFinder) -> None:
     for file in found:
         frame = read_frame(file)
         scale = PixelScale(lateral_m=STUDY.oct.width_m / frame.shape[1], depth_m=STUDY.oct.depth_m / frame.shape[0])
-        seen, checked = finder.find(frame), find_checked_wall(frame, scale, finder)
+        seen, checked = finder.find(frame), find_wall(frame, scale, finder=finder)
         print(f"{file.name:24}{checked.reason or 'usable'}")
         walls = (find_wall(frame, scale), _as_found(seen, frame.shape), checked)
         pictures = [draw_overlay(frame, wall, CELL) for wall in walls]

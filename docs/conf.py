@@ -23,7 +23,7 @@ nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
     ("py:class", r"scleraforce\.monitor\.events\.Verdict"),
-    ("py:class", r"scleraforce\.library\.(spline_weights|stiffened)\..*"),
+    ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]

@@ -218,3 +218,22 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     )
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_processes_that_read_no_frame_do_not_import_numba(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    commands = [
+        ["--help"],
+        ["init", str(folder)],
+        ["show", str(folder / "study.toml")],
+        ["simulate", "--thickness-um", "600"],
+    ]
+    commands[-1] += ["--force-mn", "10", "--json"]
+    script = (
+        "import sys\n"
+        "from scleraforce.cli.main import run\n"
+        f"assert [run(command) for command in {commands!r}] == [0] * {len(commands)}\n"
+        "assert 'numba' not in sys.modules\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

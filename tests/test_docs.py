@@ -21,7 +21,6 @@ from notebook_folder import write_notebook_folder
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
-from scleraforce.compiled import SWITCH
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -103,7 +102,7 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    environment = os.environ | {"PATH": path, "COLUMNS": "80", SWITCH: "1"}  # compiled, as a reader's commands are
+    environment = os.environ | {"PATH": path, "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     checker = doctest.OutputChecker()
     for example in examples(page):

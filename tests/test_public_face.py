@@ -44,7 +44,7 @@ def test_a_study_needs_no_numerics() -> None:
 def test_frames_are_read_by_the_small_runtime_alone() -> None:
     loaded = loaded_after("import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording")
     assert {"cv2", "onnxruntime"} <= loaded
-    assert not loaded & {"torch", "scipy", "zarr", "matplotlib", "click", "tqdm"}
+    assert not loaded & {"torch", "zarr", "matplotlib", "click", "tqdm"}
 
 
 @pytest.mark.slow

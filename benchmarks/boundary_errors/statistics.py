@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import shining
+from scleraforce.fitting.prediction import shining
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import SliceStudy
 

@@ -20,8 +20,7 @@ from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.library import Library
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 

@@ -21,7 +21,7 @@ import numpy as np
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, Transform, encode
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.overlay import draw_overlay
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si
 
 VIEW, BAR, WORDS = "ForceView", "ForceBar", "ForceText"
@@ -150,7 +150,7 @@ def shown(image: Image) -> Image:
     pixels = np.asarray(image.pixels[0])
     lateral_mm, depth_mm = (float(np.linalg.norm(image.matrix[3 * n : 3 * n + 3])) for n in (0, 1))
     scale = PixelScale(lateral_m=lateral_mm * MM, depth_m=depth_mm * MM, refractive_index=1.0)
-    picture = draw_overlay(pixels, find_sclera(pixels, scale))
+    picture = draw_overlay(pixels, find_wall(pixels, scale))
     return Image(np.ascontiguousarray(picture[None, ..., ::-1]), image.matrix)
 
 

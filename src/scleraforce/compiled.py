@@ -1,84 +1,101 @@
-"""Loops compiled by Numba (the extra `fast`), where it is installed and SCLERAFORCE_COMPILED is not 0.
+"""Loops over arrays that Numba compiles: once for a user, at installation or when they are first called.
 
-The machine code is cached for the user under a hash of the sources of all packages with such loops: another version
-finds none of this one's.
-Modules with such loops are imported only by who reads many frames, as the import of Numba takes 0.3 s.
+The machine code is cached under a hash of the sources: another version finds none of this one's. Modules with such
+loops are imported only by what reads frames, fits or solves load paths, as the import of Numba takes 0.2 s.
 """
 
-import os
+import re
+import sys
 from collections.abc import Callable
 from functools import cache
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
-from scleraforce.whole_files import hash_sources
-
-SWITCH = "SCLERAFORCE_COMPILED"
-PACKAGES = ("eye", "fitting", "library", "mechanics", "section", "segmentation")  # with compiled loops
 KEY_LETTERS = 32  # of the hash, in a file name
+ROOT = Path(__file__).parent
+# Imports of what may decide machine code: modules of the packages with loops.
+IMPORT = re.compile(
+    r"^from scleraforce\.((?:eye|fitting|library|mechanics|section|segmentation)[\w.]*) import (.+)$", re.M
+)
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
 
-_in_use = False  # of this process: see `use_compiled_loops`
-
-
-def can_compile() -> bool:
-    """Return whether `compiled` compiles."""
-    return os.environ.get(SWITCH) != "0" and _numba_is_there()
-
-
-@cache
-def _numba_is_there() -> bool:
-    try:
-        import_module("numba")
-    except ImportError:  # not installed, or not for this NumPy
-        return False
-    return True
-
 
 def compiled(loops: Loops) -> Loops:
-    """Return a function of loops over arrays as machine code; as it is where that cannot be had.
+    """Return a function of loops over arrays as machine code.
 
-    It is compiled when it is first called with arguments of some types, which takes seconds, and kept for all later
+    It is compiled when it is first called with arguments of some types, which takes seconds, and cached for all later
     processes. It runs without the lock of the interpreter, and rounds as the plain function does.
     """
-    if not can_compile():
-        return loops
     from numba import njit
     from numba.core import config
 
+    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy")(loops)
     before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(_code_cache(loops.__module__))  # type: ignore[attr-defined]
+    config.CACHE_DIR = str(_code_cache(loops.__module__.removeprefix("scleraforce.")))  # type: ignore[attr-defined]
     try:
-        return cast(Loops, njit(cache=True, nogil=True, fastmath=False, error_model="numpy")(loops))
+        dispatcher._cache = _code_file()(loops)
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
-
-
-def use_compiled_loops() -> None:
-    """Have the fit and the library of this process use compiled loops from now on, where they can."""
-    global _in_use
-    _in_use = can_compile()
-
-
-def loops_are_compiled() -> bool:
-    """Return whether this process uses compiled loops where it has others, too."""
-    return _in_use
-
-
-def code_is_kept(module: str) -> bool:
-    """Return whether a process before this one has left the code of a module."""
-    return _code_cache(module).is_dir()
-
-
-def _code_cache(module: str) -> Path:
-    """Return the folder for the code of a module; Numba does not notice a change of one that it imports."""
-    from platformdirs import user_cache_path  # imported here: who compiles nothing need not wait for it
-
-    return user_cache_path("scleraforce") / "compiled" / _sources()[:KEY_LETTERS] / module
+    return cast(Loops, dispatcher)
 
 
 @cache
-def _sources() -> str:
-    return hash_sources(*PACKAGES)
+def _code_file() -> Any:
+    """Return the class of a function's machine code on disk, which is loaded without what compiling it takes.
+
+    Numba would import its implementations of all functions first, which takes longer than the import of Numba.
+    """
+    event, caching, runtime = (_untyped(f"numba.core.{name}") for name in ("event", "caching", "runtime"))
+
+    class CodeFile(caching.FunctionCache):  # type: ignore[misc, name-defined]  # Numba has hardly any types
+        def load_overload(self, signature: Any, target_context: Any) -> Any:
+            runtime.rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(signature, target_context)
+
+    class Notice(event.Listener):  # type: ignore[misc, name-defined]
+        """The first compilation of this process says so."""
+
+        said = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ARG002 - as Numba calls it
+            if not self.said:
+                sys.stderr.write("compiling, once: half a minute\n")
+                sys.stderr.flush()
+            self.said = True
+
+        def on_end(self, event: Any) -> None:
+            """Do nothing."""
+
+    event.register("numba:compile", Notice())
+    return CodeFile
+
+
+def _untyped(module: str) -> Any:
+    return import_module(module)
+
+
+@cache
+def _code_cache(module: str) -> Path:
+    """Return the folder for the machine code of a module."""
+    from platformdirs import user_cache_path  # imported here: what compiles nothing need not wait for it
+
+    content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
+    return user_cache_path("scleraforce") / "compiled" / f"{module}-{sha256(content).hexdigest()[:KEY_LETTERS]}"
+
+
+def _deciding(module: str) -> set[Path]:
+    """Return the sources that decide a module's machine code: Numba does not notice a change of a called function."""
+    found: set[Path] = set()
+    waiting = [module]
+    while waiting:
+        file = ROOT.joinpath(*waiting.pop().split(".")).with_suffix(".py")
+        if file.is_file() and file not in found:
+            found.add(file)
+            for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
+                waiting.append(imported)
+                waiting += (f"{imported}.{part.strip()}" for part in names.split(","))  # of a package: its modules
+    return found

@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from packaging.requirements import Requirement
 from platformdirs import user_cache_path
 
@@ -188,6 +189,15 @@ def tried(name: str) -> Finding:
     return replace(found, found=f"{found.found}, {perf_counter() - start:.1f} s") if found.state == "ok" else found
 
 
+def compile_loops() -> None:
+    """Run what frames and load paths need once, so that no later process has to compile it."""
+    _path()
+    frame, scale, known = _frame()
+    for reading in (_reader().read, _reader().read_live):
+        for eye in (known, Known()):
+            reading(frame, scale, eye)
+
+
 def _solve() -> Finding:
     """Follow a load path and compare it with the library of the shipped reader, which other machines have solved."""
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
@@ -200,13 +210,8 @@ def _solve() -> Finding:
 
 
 def _read() -> Finding:
-    """Draw a frame of that wall and read it."""
-    study, path, rng = Study(), _path(), np.random.default_rng(0)
-    section = Pose(lateral_m=0.0, depth_m=DEPTH_M, tilt_rad=0.0).place(cut_surfaces(path.curves_sbnc[-1], GAP_M))
-    frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame
-    scale = PixelScale(lateral_m=study.oct.width_m / study.oct.columns, depth_m=study.oct.depth_m / study.oct.rows)
-    known = Known(modulus=Modulus.stated(MODULUS_PA), iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=GAP_M, globe=OPEN)
-    answer, true_n = _reader().read(frame, scale, known), float(path.force_ratio_m2[-1]) * MODULUS_PA
+    """Read a frame of that wall."""
+    answer, true_n = _reader().read(*_frame()), float(_path().force_ratio_m2[-1]) * MODULUS_PA
     if answer.force_n is None:
         return Finding(READ, "failed", f"a frame of {from_si(true_n, 'mn'):.1f} mN: {answer.reason}", AGAIN)
     words = f"{from_si(answer.force_n, 'mn'):.1f} mN read of {from_si(true_n, 'mn'):.1f} mN"
@@ -234,6 +239,17 @@ def _train() -> Finding:
 @cache
 def _reader() -> ForceReader:
     return load_force_reader(SHIPPED_READER)
+
+
+@cache
+def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
+    """Draw a frame of the wall of the load path; return what is known of its eye, too."""
+    study, path, rng = Study(), _path(), np.random.default_rng(0)
+    section = Pose(lateral_m=0.0, depth_m=DEPTH_M, tilt_rad=0.0).place(cut_surfaces(path.curves_sbnc[-1], GAP_M))
+    frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame
+    scale = PixelScale(lateral_m=study.oct.width_m / study.oct.columns, depth_m=study.oct.depth_m / study.oct.rows)
+    known = Known(modulus=Modulus.stated(MODULUS_PA), iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=GAP_M, globe=OPEN)
+    return frame, scale, known
 
 
 @cache

@@ -9,8 +9,8 @@ from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
 from scleraforce.calibration import known_forces
 from scleraforce.calibration.known_forces import read_again, settled
-from scleraforce.fitting.fit_prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus

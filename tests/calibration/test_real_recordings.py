@@ -16,7 +16,6 @@ RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.usefixtures("compiled_loops"),
     pytest.mark.real,
     pytest.mark.skipif(not RECORDINGS.exists(), reason="no real recordings here"),
 ]

@@ -26,7 +26,7 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import LibraryStudy, Range, Study
 from scleraforce.units import SI_PER_UNIT
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_loops")]
+pytestmark = pytest.mark.slow
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 STUDY = replace(

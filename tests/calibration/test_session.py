@@ -28,9 +28,7 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
@@ -171,9 +169,9 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
 
     def below(frame: Any, scale: Any, *more: Any) -> Any:
         told.append(more)
-        return replace(find_sclera(frame, scale), usable=False, reason="under a layer")
+        return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(one_tissue, "find_sclera", below)
+    monkeypatch.setattr(one_tissue, "find_wall", below)
     finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=finder)
@@ -200,10 +198,10 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
 
     def shallow(pixels: Any, *asked: Any) -> Any:
         is_deep = any(np.array_equal(pixels, frame) for frame in deep)
-        return replace(find_sclera(pixels, *asked), usable=not is_deep, reason="deep")
+        return replace(find_wall(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(one_tissue, "find_sclera", shallow)
+    monkeypatch.setattr(one_tissue, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts

@@ -341,7 +341,6 @@ EXACT = Study(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_loops")
 @pytest.mark.parametrize(("stiffening", "seed"), [(0.0, 1), (3.0, 1), (9.0, 2), (20.0, 1)])
 def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_read_right(
     stiffening: float, seed: int, monkeypatch: pytest.MonkeyPatch

@@ -12,7 +12,6 @@ from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ScenesStudy, format_study
 
@@ -56,7 +55,7 @@ def test_the_shipped_wall_finder_looks_unless_told_otherwise(tmp_path) -> None:
     scene, path = draw_scene(ScenesStudy(seed=3), 6), tmp_path / "scene.png"
     cv2.imwrite(str(path), scene.frame)
     scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
-    checked = find_checked_wall(scene.frame, scale, load_wall_finder(SHIPPED_WALL_FINDER))
+    checked = find_wall(scene.frame, scale, finder=load_wall_finder(SHIPPED_WALL_FINDER))
     assert not np.array_equal(checked.mask, find_wall(scene.frame, scale).mask)
     assert np.array_equal(mask_of(path, tmp_path / "a"), checked.mask)
     assert np.array_equal(mask_of(path, tmp_path / "b", "--wall-finder", SHIPPED_WALL_FINDER), checked.mask)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import zarr
 from folder_contents import contents
-from machine_code import compiled_again
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
 from rehash import rehash_store
@@ -20,8 +19,7 @@ from scleraforce import processes
 from scleraforce.dataset import generate
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
-from scleraforce.dataset.plan import draft_plan, plan_dataset
-from scleraforce.dataset.samples import SampleSimulator
+from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import (
     complete_dataset,
     create_dataset,
@@ -30,11 +28,9 @@ from scleraforce.dataset.store import (
     write_dataset_unit,
 )
 from scleraforce.errors import DatasetError, SolverError
-from scleraforce.eye import locate, locate_loops
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section import fill_loops, slices
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane
 from scleraforce.section.slices import fill_section, slice_window
@@ -117,18 +113,6 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
         window = slice_window(study.slice, resting.outer[:, 1].min(), row["framing_lateral_m"], row["framing_depth_m"])
         wrong = np.count_nonzero(fill_section(pushed, window) != dataset.slices[sample])
         assert wrong <= 3  # pixels whose centres the curve passes within the micrometres between two sets of stations
-
-
-def test_compiled_loops_change_no_byte(monkeypatch):
-    study = small_study()
-    plan = draft_plan(study).samples(slice(0, 60))
-    monkeypatch.setattr(locate, "MANY", 1)
-    with compiled_again(locate_loops, fill_loops):
-        drawn = [SampleSimulator(study, MODULUS_PA).slices(plan)]
-    monkeypatch.setattr(locate, "can_compile", lambda: False)
-    monkeypatch.setattr(slices, "can_compile", lambda: False)
-    drawn.append(SampleSimulator(study, MODULUS_PA).slices(plan))
-    np.testing.assert_array_equal(*drawn)
 
 
 def test_metadata_is_complete_and_is_the_plan(made):

@@ -1,11 +1,8 @@
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
-from machine_code import compiled_again
 
 from scleraforce.errors import InputError
-from scleraforce.eye import locate as locate_module, locate_loops
+from scleraforce.eye import locate as locate_module
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate, surface_weights
 
 R, T = 12e-3, 0.5e-3
@@ -91,16 +88,9 @@ def test_a_direction_that_misses_the_half_sphere_is_an_input_error(ray: list[flo
         locate(mesh, np.array([[0.0, 0.0, 1.0], ray]))
 
 
-@pytest.fixture
-def machine_code() -> Iterator[None]:
-    with compiled_again(locate_loops):
-        yield
-
-
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("kind", KINDS)
 def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Recordings and data sets are then the same with Numba and without."""
+    """Few directions and many give the same recordings and data sets."""
     rays = directions(20_000)
     rays[:50, 2] = 0.0
     found = []
@@ -112,7 +102,6 @@ def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: py
     np.testing.assert_array_equal(local_compiled, local)
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_compiled_loops_take_over_where_directions_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh, taken = build_mesh(R, T, divisions=4, level=1), []
     compiled = mesh.locator._locate_compiled

@@ -8,13 +8,13 @@ import pytest
 from analytic_library import RADIUS_M
 from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
-from scleraforce.fitting.fit_prediction import Walls, cut_by_plane, force_n, predict_wall
 from scleraforce.fitting.library_fit import POLE_STRIDE, _step, fit_boundaries
+from scleraforce.fitting.prediction import Walls, cut_by_plane, force_n, predict_wall
 from scleraforce.fitting.prior import SHINE_MEAN_M, SHINE_SD_M, form_size, prior_of
-from scleraforce.fitting.resting_form import FORMS
 from scleraforce.fitting.unknowns import (
     DEPTH,
     FORM,
+    FORMS,
     GAP,
     INNER_OFFSET,
     IOP,

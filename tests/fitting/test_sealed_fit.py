@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
-from scleraforce.fitting.fit_prediction import Walls, force_n, predict_wall
-from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.library_fit import BoundaryFit, _Problem, fit_boundaries
+from scleraforce.fitting.prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
+from scleraforce.fitting.starts import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, PRESSURE, SHINE, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_globe
 from scleraforce.library import Library

@@ -20,7 +20,7 @@ from scleraforce.laboratory.light import (
 from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import Study, fixed
 
 STUDY = Study()

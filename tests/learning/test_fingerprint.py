@@ -23,7 +23,6 @@ from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import Study, parse_study
 
-pytestmark = pytest.mark.usefixtures("compiled_loops")
 INTERVALS = {"calibrated tissue", "scores", "traits", "factors"}
 
 

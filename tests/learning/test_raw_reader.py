@@ -17,7 +17,7 @@ from scleraforce.library import Library
 from scleraforce.models.session import network_session
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import GIVEN
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import RawReaderStudy, ReaderStudy, Study, parse_study, study_hash
 
 TINY = Study(

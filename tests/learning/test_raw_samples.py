@@ -16,7 +16,7 @@ from scleraforce.learning.raw_reader import (
 )
 from scleraforce.learning.samples import chunks_ahead
 from scleraforce.reader.networks import GIVEN
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, fixed
 
 STUDY = Study(raw_reader=RawReaderStudy(rows=80, columns=144, row_m=50e-6, column_m=100e-6))
@@ -37,7 +37,7 @@ def study_with(**raw: object) -> Study:
 @pytest.mark.slow
 def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
     here = source.chunk(3, FRAMES_TOGETHER)
-    (there,) = chunks_ahead(source, [3], workers=1, compiled=False)
+    (there,) = chunks_ahead(source, [3], workers=1)
     assert len(here) == FRAMES_TOGETHER
     for name in ("frames", "boundary_rows", "given", "force_n", "modulus_pa", "lateral_m"):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))

@@ -193,7 +193,6 @@ def test_a_reader_is_not_trained_on_a_folder_of_slices(tmp_path: Path, capsys) -
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_loops")
 def test_a_training_ends_with_intervals_that_are_measured(library, tmp_path: Path) -> None:
     study = replace(TINY, reader=replace(TINY.reader, epochs=1, interval_eyes=3))
     counted: list[int] = []

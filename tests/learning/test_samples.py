@@ -5,10 +5,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from analytic_library import analytic_library, bulging
+from library_arrays import reached_tips
 from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
-from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.known.eye import SEALED, UNKNOWN
 from scleraforce.learning.samples import (
@@ -22,7 +23,7 @@ from scleraforce.learning.samples import (
     draw_samples,
     library_of_tissue,
 )
-from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.base import pole_direction
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.reader.networks import GIVEN
@@ -91,7 +92,7 @@ def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_draw
     resting, size = eyes.iop_pa[some] / eyes.modulus_pa[some], eyes.size[some]
     ratio, thickness = eyes.iop_ratio[some], eyes.thickness_m[some] / size
     force = eyes.force_n[some] / (eyes.modulus_pa[some] * size**2)
-    volume = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force)) * size**3
+    volume = library.displaced_m3(thickness, ratio, reached_tips(library, thickness, ratio, force)) * size**3
     rate = eyes.rigidity[some] / np.cbrt(eyes.modulus_pa[some])
     assert (ratio < library.iop_ratio_ends(thickness)[1]).all()
     np.testing.assert_allclose(ratio, (np.cbrt(resting) + rate * volume) ** 3, rtol=5e-3)

@@ -244,7 +244,6 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_loops")
 @pytest.mark.parametrize("drift", [-0.25, 0.25])
 def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
     eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
@@ -332,7 +331,7 @@ def eye_of_shipped_walls(number: int) -> tuple[VirtualEye, Known, tuple[VirtualF
     return found
 
 
-@pytest.mark.usefixtures("_drawn_as_then", "compiled_loops")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [133, 175])
 def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_as_a_small_one(number: int) -> None:
@@ -346,7 +345,7 @@ def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_
     assert all(fit is not None and fit.interval_n[1] > 30e-3 for fit in fits)
 
 
-@pytest.mark.usefixtures("_drawn_as_then", "compiled_loops")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() -> None:
     """Without starts at higher pressures and at the forces that are known, it comes out 38 % too high."""
@@ -355,7 +354,7 @@ def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() 
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.12)
 
 
-@pytest.mark.usefixtures("_drawn_as_then", "compiled_loops")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     """With an E that is 28 % too high, a fit that is not begun there ends at a third of it and lies far worse."""

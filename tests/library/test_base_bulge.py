@@ -11,11 +11,11 @@ from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, 
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
-from scleraforce.fitting.fit_prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
+from scleraforce.fitting.prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP
 from scleraforce.known.eye import Known
-from scleraforce.library.base_bulge import base_bulge, base_push, pole_direction, undented_motion
+from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library

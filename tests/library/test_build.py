@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from analytic_library import no_solution, no_worker, solve_analytic, whether_loops_are_compiled
+from analytic_library import no_solution, no_worker, solve_analytic
 from folder_contents import contents
 from rehash import rehash_store
 
-from scleraforce.compiled import SWITCH, can_compile
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
@@ -60,13 +59,6 @@ def test_what_is_read_is_what_was_solved(made):
         assert np.array_equal(of_tissue.curves_tpdbnc[place], curves_dbnc)
         assert np.array_equal(of_tissue.undented_tpbnc[place], curves_dbnc[0])
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
-
-
-@pytest.mark.parametrize("switch", ["0", "1"])
-def test_processes_solve_by_compiled_loops_where_they_can(switch, tmp_path, monkeypatch):
-    monkeypatch.setenv(SWITCH, switch)
-    with pytest.raises(SolverError, match=f"compiled loops: {can_compile()}"):
-        build_library(STUDY, tmp_path / "library.zarr", workers=1, solve=whether_loops_are_compiled)
 
 
 @pytest.mark.slow

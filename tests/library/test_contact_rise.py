@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library
 
-from scleraforce.library.contact_rise import contact_rises, rise_slope
+from scleraforce.library.base import contact_rises, rise_slope
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from scleraforce.library.crossing import first_crossing
+from scleraforce.library.splines import first_crossing
 
 TIP = 7e-3 * np.linspace(0.0, 1.0, 25) ** 1.5
 

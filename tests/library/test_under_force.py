@@ -1,33 +1,20 @@
 """The pressure of sealed eyes under a force, against the pressure at the dent that the force makes."""
 
-from collections.abc import Iterator
-
+import library_arrays
 import numpy as np
 import pytest
 from analytic_library import analytic_library, draw_walls
-from machine_code import compiled_again, loops_in_use
+from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.library import compiled_pressures, compiled_states
-from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.library.under_force import iop_ratio_under_force
+from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 LIBRARY = analytic_library()
 WALL = (np.array([0.65e-3]), np.array([9e-4]))
-
-
-@pytest.fixture(scope="module", params=["arrays", "loops"], autouse=True)
-def way(request: pytest.FixtureRequest) -> Iterator[None]:
-    """All that is claimed holds for arrays and for compiled loops."""
-    if request.param == "arrays":
-        yield
-        return
-    with compiled_again(compiled_states, compiled_pressures), loops_in_use():
-        yield
 
 
 def sealed_eyes(law: str, count: int = 200) -> tuple[np.ndarray, np.ndarray, np.ndarray, Globe]:
@@ -46,7 +33,7 @@ def test_the_pressure_is_that_at_the_dent_which_the_force_makes(law: str) -> Non
     stays = np.isfinite(expected)
     walls, rate = (thickness[stays], resting[stays]), np.asarray(globe.rate)[stays]
     forces = LIBRARY.forces(walls[0], expected[stays], dents[stays])
-    first = np.isclose(LIBRARY.reached_tips(walls[0], expected[stays], forces), dents[stays], rtol=1e-9)
+    first = np.isclose(reached_tips(LIBRARY, walls[0], expected[stays], forces), dents[stays], rtol=1e-9)
     found = iop_ratio_under_force(LIBRARY, *walls, forces, Globe(law, rate))
     assert first.sum() > 60
     assert np.median(expected[stays][first] / walls[1][first]) > 1.2
@@ -92,14 +79,8 @@ def test_a_wall_outside_the_library_is_refused() -> None:
         iop_ratio_under_force(LIBRARY, np.array([2e-3]), WALL[1], np.array([5e-8]), sealed_globe(PER_UL))
 
 
-def test_where_a_force_is_more_than_a_wall_carries_the_deepest_dent_counts() -> None:
-    largest = LIBRARY.largest_force_ratio(*WALL)
-    assert LIBRARY.reached_tips(*WALL, 0.5 * largest) == pytest.approx(LIBRARY.tips(*WALL, 0.5 * largest))
-    assert LIBRARY.reached_tips(*WALL, 100.0 * largest) == LIBRARY.tip_m[-1]
-
-
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_loops_find_the_pressures_that_arrays_find(law: str) -> None:
+def test_pressures_are_those_of_root_finding(law: str) -> None:
     rng = np.random.default_rng(8)
     thickness, resting, _, _ = sealed_eyes(law)
     globe = sealed_globe(
@@ -107,8 +88,7 @@ def test_loops_find_the_pressures_that_arrays_find(law: str) -> None:
     ).over(0.4e6)
     forces = rng.uniform(0.0, 1.2, len(thickness)) * LIBRARY.largest_force_ratio(thickness, resting)
     found = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
-    with loops_in_use(False):
-        expected = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
+    expected = library_arrays.iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
     highest = LIBRARY.iop_ratio_ends(thickness)[1]
     assert np.count_nonzero(expected > (1.0 - 1e-9) * highest) > 5
     assert np.count_nonzero(expected < resting) > 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scleraforce.known.eye import OPEN, UNKNOWN, known_globe
-from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.base import pole_direction
 from scleraforce.reader.networks import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.study import ReaderStudy
 from scleraforce.units import to_si

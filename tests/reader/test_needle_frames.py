@@ -13,7 +13,7 @@ from scleraforce.fitting.unknowns import GAP
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.reader import intervals, load_model
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import find_wall
 
 FORCE_N = 0.02
 SHAFT = replace(STEEL, angle_rad=0.3, above_m=0.5e-3)
@@ -99,7 +99,7 @@ def test_the_fits_interval_is_as_much_wider_as_was_measured_beside_a_needle_or_u
         monkeypatch.setattr(intervals, "NEEDLE_STRETCH", stretch)
         widths.append(dict(force_reader().read(crossed, SCALE, NEAR).readings)["fit"].width_n)
     assert widths[1] == pytest.approx(1.5 * widths[0])
-    wall = find_sclera(crossed, SCALE)
+    wall = find_wall(crossed, SCALE)
     trained = STUDY.reader
     both = intervals.frame_stretch(replace(wall, conjunctiva_m=1e-4), NEAR, trained)
     assert both == pytest.approx(1.5 * intervals.CONJUNCTIVA_STRETCH)

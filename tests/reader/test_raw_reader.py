@@ -23,7 +23,7 @@ from scleraforce.reader.intervals import IntervalFactors
 from scleraforce.reader.networks import OnnxRawNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import SliceStudy, Study
 
 

@@ -1,13 +1,10 @@
 import math
-from contextlib import nullcontext
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from machine_code import compiled_again
 
-from scleraforce.section import fill_loops, slices
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import WALL, fill_section, fill_sections, slice_contours, slice_window
 from scleraforce.study import SliceStudy
@@ -171,14 +168,6 @@ def test_slice_contours_finds_the_wall_and_its_hole():
     assert (hole.min(0).tolist(), hole.max(0).tolist()) == ([19, 9], [50, 20])
 
 
-@pytest.fixture(params=[False, True], ids=["NumPy", "compiled"])
-def compiled_or_not(request, monkeypatch):
-    monkeypatch.setattr(slices, "can_compile", lambda: request.param)
-    with compiled_again(fill_loops) if request.param else nullcontext():
-        yield
-
-
-@pytest.mark.usefixtures("compiled_or_not")
 def test_many_sections_are_drawn_as_each_alone():
     x = np.linspace(-10, 150, 161)
     sections = [
@@ -192,7 +181,6 @@ def test_many_sections_are_drawn_as_each_alone():
     assert images.any(axis=(1, 2)).tolist() == [True, True, True, True, False, False]
 
 
-@pytest.mark.usefixtures("compiled_or_not")
 @settings(max_examples=100)
 @given(st.lists(st.tuples(*[st.one_of(st.floats(-20, 160), st.integers(-5, 45).map(lambda n: n + 0.5))] * 2),
                 min_size=8, max_size=8))  # fmt: skip

@@ -12,13 +12,10 @@ from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import PhantomStudy, Study
-from scleraforce.study.fields import fixed
+from scleraforce.study import PhantomStudy, Study, fixed
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)
@@ -134,9 +131,6 @@ def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_th
     shipped = load_wall_finder(SHIPPED_WALL_FINDER)
     for seed in range(3):
         made = bscan(layer(thickness_m, seed), seed)
-        for found in (
-            find_sclera(made.frame, SCALE, WALL_M, shipped),
-            find_checked_wall(made.frame, SCALE, shipped, WALL_M),
-        ):
+        for found in (find_wall(made.frame, SCALE, WALL_M, shipped),):
             assert found.usable, found.reason
             assert rows_off(found, made) < 3.0

@@ -1,23 +1,20 @@
 """Linear displays are told from pairs of counts, and only their walls are looked for in logarithms."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
+import wall_arrays
 from drawn_eyes import SCANNER, drawn_counts
 from hypothesis import given, strategies as st
-from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.checked_wall import find_checked_wall
-from scleraforce.segmentation.display import NOT_LOGARITHMIC, as_logarithmic, pair_contrast
-from scleraforce.segmentation.kernels import contrast, ranks
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.light import NOT_LOGARITHMIC, as_logarithmic, pair_contrast
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 
 SCALE = PixelScale(lateral_m=SCANNER.width_m / SCANNER.columns, depth_m=SCANNER.depth_m / SCANNER.rows)
@@ -29,25 +26,12 @@ def shipped() -> WallFinder:
     return load_wall_finder(SHIPPED_WALL_FINDER)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def loops() -> Iterator[None]:
-    with compiled_again(ranks, contrast):
-        yield
-
-
-@pytest.fixture(params=[False, True], ids=["arrays", "loops"])
-def by(request: pytest.FixtureRequest) -> Iterator[None]:
-    with walls_by_loops(request.param):
-        yield
-
-
 def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:
     """Intensities whose mean falls from row to row, by 20 dB."""
     mean = np.logspace(0.0, -2.0, shape[0])[:, None]
     return mean * np.random.default_rng(seed).exponential(size=shape)
 
 
-@pytest.mark.usefixtures("by")
 @pytest.mark.parametrize(("largest", "dtype"), [(200.0, np.uint8), (4000.0, np.uint16), (60000.0, np.uint16)])
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.5), (0.5, 2.0 - np.sqrt(3.0))])
 def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dtype, power, expected) -> None:
@@ -56,7 +40,6 @@ def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dty
     assert pair_contrast(frame) == pytest.approx(expected, abs=0.04)
 
 
-@pytest.mark.usefixtures("by")
 def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
     """Written down once more, pair by pair."""
     frame = (speckle(2, (96, 120)) * 500.0).astype(np.uint16)
@@ -72,17 +55,15 @@ def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([3, 255, 4095, 65535]), st.sampled_from([0.0, 0.3, 0.99]))
-def test_both_ways_tell_the_same_contrast(seed: int, largest: int, black: float) -> None:
+def test_the_contrast_is_that_of_the_oracle(seed: int, largest: int, black: float) -> None:
     """To the last bit, in frames of any size and light."""
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(16, 300, 2).tolist())
     frame = rng.integers(0, largest + 1, shape).astype(np.uint8 if largest < 256 else np.uint16)
     frame[rng.random(shape) < black] = 0
-    by_arrays, by_loops = by_arrays_and_loops(lambda: pair_contrast(frame), walls_by_loops)
-    assert by_arrays == by_loops
+    assert pair_contrast(frame) == wall_arrays.pair_contrast(frame)
 
 
-@pytest.mark.usefixtures("by")
 @pytest.mark.parametrize("display", ["logarithmic", "root"])
 def test_other_displays_stay_as_they_are(display: str) -> None:
     for seed in range(7201, 7205):
@@ -90,7 +71,6 @@ def test_other_displays_stay_as_they_are(display: str) -> None:
         assert as_logarithmic(frame) is frame
 
 
-@pytest.mark.usefixtures("by")
 def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
     frame = np.zeros((64, 64), dtype=np.uint16)
     assert as_logarithmic(frame) is frame
@@ -98,7 +78,6 @@ def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
     assert as_logarithmic(frame) is frame
 
 
-@pytest.mark.usefixtures("by")
 def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not() -> None:
     frame = np.zeros((24, 16), dtype=np.uint16)
     frame.reshape(24, 2, 8)[:, :, :] = [[[100], [300]]]
@@ -128,15 +107,14 @@ def test_walls_of_linear_frames_are_found_as_those_of_logarithmic_ones(shipped: 
     """In the counts themselves both ways to find one differ in most of these frames, which are then not usable."""
     for seed in range(7210, 7216):
         frame, logarithmic = drawn_counts(seed, **LINEAR), drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
-        expected = find_sclera(logarithmic, SCALE, finder=shipped)
+        expected = find_wall(logarithmic, SCALE, finder=shipped)
         assert expected.usable
         shown = as_logarithmic(frame)
-        for way in (find_sclera, partial(find_checked_wall, finder=shipped)):
+        for way in (find_wall, partial(find_wall, finder=shipped)):
             np.testing.assert_array_equal(way(frame, SCALE).inner_row, way(shown, SCALE).inner_row)
         for found in (
-            find_sclera(frame, SCALE),
-            find_sclera(frame, SCALE, finder=shipped),
-            find_checked_wall(frame, SCALE, shipped),
+            find_wall(frame, SCALE),
+            find_wall(frame, SCALE, finder=shipped),
         ):
             assert found.usable, found.reason
             assert np.nanmedian(np.abs(found.outer_row - expected.outer_row)) < 1.0

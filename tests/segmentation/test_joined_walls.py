@@ -6,9 +6,9 @@ from math import nan
 import numpy as np
 import pytest
 
-from scleraforce.segmentation.joined_walls import joined_walls
+from scleraforce.segmentation.checked_wall import joined_walls
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.steps import Segmentation
 
 ROWS, COLUMNS = 200, 120
 STEP = 4.0  # rows

@@ -17,7 +17,7 @@ from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.needle import needle_entry
-from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study

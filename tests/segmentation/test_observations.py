@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries, observe_points, roughness
-from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.observations import Boundaries, observe_points, roughness, segmented_boundaries
 
 LATERAL = (np.arange(500) - 249.5) * 30e-6
 

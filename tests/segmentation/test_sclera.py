@@ -11,11 +11,10 @@ from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.checked_wall import doubt
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns
-from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.steps import Segmentation
-from scleraforce.segmentation.two_ways import two_ways_doubt
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import ScenesStudy
@@ -37,7 +36,7 @@ def same(one: Segmentation, other: Segmentation) -> bool:
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
 def test_a_network_that_sees_the_same_wall_changes_nothing(force_mn: int, shipped: WallFinder) -> None:
     frame = image(wall_section(tip_of(force_mn / 1e3)))
-    alone, checked = find_sclera(frame, SCALE), find_sclera(frame, SCALE, finder=shipped)
+    alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
     assert alone.usable
     assert checked.usable, checked.reason
     assert same(alone, find_wall(frame, SCALE))
@@ -51,24 +50,25 @@ def test_a_network_that_sees_the_same_wall_changes_nothing(force_mn: int, shippe
         (None, None, "the network sees no wall where the other way finds one"),
     ],
 )
-def test_where_it_sees_another_wall_or_none_the_wall_stays_and_is_not_usable(outer, inner, said) -> None:
+def test_where_it_sees_another_wall_that_is_shown_and_is_not_usable(outer, inner, said) -> None:
     frame = image(wall_section(tip_of(0.015)))
     rows = (np.full(HALF, np.nan if row is None else row) for row in (outer, inner))
-    checked = find_sclera(frame, SCALE, finder=told_finder(*rows, sd=0.3))
+    checked = find_wall(frame, SCALE, finder=told_finder(*rows, sd=0.3))
     assert not checked.usable
     assert checked.reason.startswith(said)
-    assert same(checked, find_wall(frame, SCALE))
+    if outer is None:
+        assert same(checked, find_wall(frame, SCALE))
+    else:
+        assert np.nanmedian(checked.outer_row) == pytest.approx(4.0 * (outer + 0.5) - 0.5, abs=4.0)
 
 
 def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
-    """The network is not asked."""
     noise = np.random.default_rng(0).integers(0, 4095, (512, 512)).astype(np.uint16)
     finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
-    finder.session = None
-    alone, checked = find_sclera(noise, SCALE), find_sclera(noise, SCALE, finder=finder)
+    alone, checked = find_wall(noise, SCALE), find_wall(noise, SCALE, finder=finder)
     assert not alone.usable
     assert checked.reason == alone.reason
-    assert same(checked, alone)
+    assert not checked.usable
 
 
 @pytest.mark.slow
@@ -81,11 +81,11 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
     for number in range(100):
         scene = draw_scene(ScenesStudy(seed=11), number)
         scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
-        alone = find_sclera(scene.frame, scale)
+        alone = find_wall(scene.frame, scale)
         off = np.abs(alone.outer_row - scene.outer_row)
         if not alone.usable or (np.isfinite(off).any() and np.nanmedian(off) < 0.05 * len(scene.frame)):
             continue
-        refused += not find_sclera(scene.frame, scale, finder=shipped).usable
+        refused += not find_wall(scene.frame, scale, finder=shipped).usable
         passed += 1
     assert passed >= 8
     assert refused >= 0.7 * passed
@@ -102,6 +102,6 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
     outer_row[slice(*hidden)] = np.nan
     without = replace(found, outer_row=outer_row)
     needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=hidden)
-    assert "one sees wall where the other does not" in two_ways_doubt(without, seen)
-    assert two_ways_doubt(replace(without, needle=needle), seen) == ""
-    assert two_ways_doubt(found, seen) == ""
+    assert "one sees wall where the other does not" in doubt(without, seen)
+    assert doubt(replace(without, needle=needle), seen) == ""
+    assert doubt(found, seen) == ""

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from scleraforce.segmentation.path import best_path
+from scleraforce.segmentation.loops import best_path
 
 
 @pytest.mark.parametrize("reach", [1, 2, 5])

@@ -1,30 +1,22 @@
-"""A frame's wall drawn into slices, by arrays and by compiled loops alike."""
+"""A frame's wall drawn into slices."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import wall_arrays
 from hypothesis import given, strategies as st
-from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import fill_section
-from scleraforce.segmentation.kernels import across, slices
-from scleraforce.segmentation.slice import boundary_slice, boundary_slices
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.slice import boundary_depths, boundary_slice, boundary_slices
 from scleraforce.study import SliceStudy
 
 SLICE = SliceStudy()
 SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
 WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e-3)
-
-
-@pytest.fixture(autouse=True, scope="module", params=[False, True], ids=["arrays", "loops"])
-def by(request: pytest.FixtureRequest) -> Iterator[None]:
-    with compiled_again(across, slices), walls_by_loops(request.param):
-        yield
 
 
 def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:
@@ -89,7 +81,7 @@ def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_b
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
-def test_both_ways_draw_the_same(seed: int, missing: float):
+def test_slices_and_depths_are_those_of_the_oracle(seed: int, missing: float):
     """Any boundaries, of any scanner, with holes in each of them."""
     rng = np.random.default_rng(seed)
     columns = int(rng.integers(16, 700))
@@ -100,6 +92,8 @@ def test_both_ways_draw_the_same(seed: int, missing: float):
         lateral_m=rng.uniform(5e-6, 90e-6), depth_m=rng.uniform(3e-6, 30e-6), refractive_index=rng.uniform(1.0, 1.5)
     )
     found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
-    drawn = by_arrays_and_loops(lambda: boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3)), walls_by_loops)
-    np.testing.assert_array_equal(*drawn)
-    assert drawn[0].shape == (3, 40, 140)
+    drawn = boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3))
+    depths_m = wall_arrays.boundary_depths(found, scale, SLICE)
+    np.testing.assert_array_equal(boundary_depths(found, scale, SLICE), depths_m)
+    middle_m = (np.arange(40)[:, None] + 0.5 + np.array([0.0, 0.3, -0.3])[:, None, None]) * SLICE.pixel_m
+    np.testing.assert_array_equal(drawn, 255 * ((middle_m >= depths_m[0]) & (middle_m < depths_m[1])))

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from scleraforce.segmentation.smooth_path import smooth_path
+from scleraforce.segmentation.wall_finder import smooth_path
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -16,7 +16,7 @@ from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics, sampl
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study
 

@@ -11,12 +11,11 @@ from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation import checked_wall
-from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.checked_wall import checked_by, refined_wall
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
-from scleraforce.segmentation.steps import Segmentation
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall import find_wall, lit_part
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
@@ -115,14 +114,19 @@ def test_answers_that_are_not_finite_are_an_error() -> None:
         finder.find(FRAME)
 
 
+def refined(frame: np.ndarray, finder: WallFinder, scale: PixelScale = SCALE) -> Segmentation:
+    """The network's wall, moved to the edges of the frame."""
+    part = lit_part(frame, scale)
+    assert part is not None
+    return refined_wall(part, finder.find(frame))
+
+
 @pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 2.0e-3])
 @pytest.mark.parametrize("thickness_m", [0.45e-3, 0.8e-3])
 def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m: float) -> None:
     bscan = phantom(thickness_m, dent_m, seed=3)
     finder = told_finder(*true_rows(bscan), sd=1.0)
-    checked, other = find_checked_wall(bscan.frame, SCALE, finder), find_wall(bscan.frame, SCALE)
-    assert checked.usable, checked.reason
-    assert checked.reason == ""
+    checked, other = refined(bscan.frame, finder), find_wall(bscan.frame, SCALE)
     assert checked.inner_found
     assert dice(checked.mask, bscan.truth_mask) > max(0.97, dice(other.mask, bscan.truth_mask) - 0.003)
     assert checked.thickness_m == pytest.approx(other.thickness_m, rel=0.06)
@@ -131,20 +135,20 @@ def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m
 def test_where_both_ways_agree_the_wall_is_that_of_the_other_way() -> None:
     bscan = phantom(seed=3)
     outer, inner = true_rows(bscan)
-    checked, other = find_checked_wall(bscan.frame, SCALE, told_finder(outer, inner)), find_wall(bscan.frame, SCALE)
+    checked, other = find_wall(bscan.frame, SCALE, finder=told_finder(outer, inner)), find_wall(bscan.frame, SCALE)
     assert checked.usable, checked.reason
     assert np.array_equal(checked.outer_row, other.outer_row, equal_nan=True)
     assert np.array_equal(checked.inner_row, other.inner_row, equal_nan=True)
 
 
-def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_shown() -> None:
     needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=(250, 300))
     bscan = phantom(seed=3)
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
-    monkeypatch.setattr(checked_wall, "find_walls", lambda *_: (found, found))
     outer, inner = true_rows(bscan)
     for shift in (0.0, 6.0):
-        assert find_checked_wall(bscan.frame, SCALE, told_finder(outer + shift, inner + shift)).needle == needle
+        finder = told_finder(outer + shift, inner + shift)
+        assert checked_by(finder, bscan.frame, SCALE, found, found).needle == needle
 
 
 def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most() -> None:
@@ -152,9 +156,7 @@ def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_m
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
     left = np.arange(HALF) < HALF // 2
-    checked = find_checked_wall(
-        bscan.frame, SCALE, told_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0)
-    )
+    checked = refined(bscan.frame, told_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     off = checked.inner_row - true
     assert np.nanmedian(np.abs(off[60:220])) < 2.0
@@ -165,7 +167,7 @@ def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
     """Its surface is told 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer - 3.0, inner, sd=0.5))
+    checked = find_wall(bscan.frame, SCALE, finder=told_finder(outer - 3.0, inner, sd=0.5))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
     assert np.nanmedian((checked.outer_row - true)[60:450]) == pytest.approx(-12.0, abs=3.0)
     assert not checked.usable
@@ -176,7 +178,7 @@ def test_a_wall_that_goes_on_beyond_the_frame_ends_a_millimetre_below_its_surfac
     outer, _ = true_rows(bscan)
     below = np.full(HALF, STUDY.rows - 1.0)
     finder = told_finder(outer, np.where(np.isfinite(outer), below, np.nan))
-    checked = find_checked_wall(bscan.frame, SCALE, finder)
+    checked = refined(bscan.frame, finder)
     assert not checked.inner_found
     assert np.isnan(checked.thickness_m)
     deep = checked.inner_row - checked.outer_row
@@ -188,7 +190,7 @@ def test_a_wall_that_leaves_the_frame_goes_on_as_thick_as_it_is() -> None:
     bscan = phantom(0.6e-3, 0.0)
     outer, inner = true_rows(bscan)
     middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
+    checked = refined(bscan.frame, told_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     assert np.nanmedian(np.abs(checked.inner_row - true)) < 3.0
     assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
@@ -201,17 +203,19 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
     def told(end: np.ndarray) -> Segmentation:
         rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
         finder = WallFinder(ToldSession(rows, np.isfinite(outer).astype(float)), STUDY, "told")
-        return find_checked_wall(bscan.frame, SCALE, finder)
+        return find_wall(bscan.frame, SCALE, finder=finder)
 
     assert told(inner + 5.0).reason.startswith("the network does not know where the wall ends, in ")
     assert told(inner).usable
 
 
-def test_a_network_that_is_a_little_off_is_moved_to_the_edges() -> None:
+def test_a_network_that_is_a_little_off_changes_nothing() -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer + 1.5, inner - 1.5, sd=1.2))
+    alone = find_wall(bscan.frame, SCALE)
+    checked = find_wall(bscan.frame, SCALE, finder=told_finder(outer + 1.5, inner - 1.5, sd=1.2))
     assert checked.usable, checked.reason
+    np.testing.assert_array_equal(checked.mask, alone.mask)
     assert dice(checked.mask, bscan.truth_mask) > 0.97
 
 
@@ -220,7 +224,7 @@ def test_a_network_that_is_a_little_off_is_moved_to_the_edges() -> None:
 def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[float, float], what: str) -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer + shift[0], inner + shift[1]))
+    checked = find_wall(bscan.frame, SCALE, finder=told_finder(outer + shift[0], inner + shift[1]))
     assert not checked.usable
     assert checked.reason.startswith(f"two ways to find the wall differ: {what}")
 
@@ -228,14 +232,14 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[
 def test_a_network_that_is_unsure_does_not_contradict() -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
-    assert find_checked_wall(bscan.frame, SCALE, told_finder(outer, inner + 6.0, sd=4.0)).usable
+    assert find_wall(bscan.frame, SCALE, finder=told_finder(outer, inner + 6.0, sd=4.0)).usable
 
 
 def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
     half = np.where(np.arange(HALF) < HALF // 2, np.nan, outer)
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(half, inner))
+    checked = find_wall(bscan.frame, SCALE, finder=told_finder(half, inner))
     assert not checked.usable
     assert "one sees wall where the other does not" in checked.reason
     assert np.isnan(checked.outer_row[100])
@@ -244,7 +248,7 @@ def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None
 def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
     bscan = phantom()
     nowhere = np.full(HALF, np.nan)
-    checked = find_checked_wall(bscan.frame, SCALE, told_finder(nowhere, nowhere))
+    checked = find_wall(bscan.frame, SCALE, finder=told_finder(nowhere, nowhere))
     assert not checked.usable
     assert checked.reason == "the network sees no wall where the other way finds one"
     assert np.array_equal(checked.outer_row, find_wall(bscan.frame, SCALE).outer_row, equal_nan=True)
@@ -253,7 +257,7 @@ def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
 def test_an_empty_frame_stays_one_without_wall() -> None:
     wall = np.full(HALF, 20.0)
     for finder in (told_finder(wall, wall + 20), told_finder(wall + np.nan, wall + np.nan)):
-        checked = find_checked_wall(FRAME, SCALE, finder)
+        checked = find_wall(FRAME, SCALE, finder=finder)
         assert not checked.usable
         assert checked.reason == "the frame is empty: all pixels are alike"
         assert not checked.mask.any()
@@ -269,7 +273,7 @@ def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
     below = np.arange(512)[:, None] > top + 0.3e-3 / SCALE.depth_m
     noise = np.random.default_rng(0).integers(0, 400, frame.shape, dtype=np.uint16)
     frame = np.where(below, noise, frame)
-    checked = find_checked_wall(frame, SCALE, told_finder(outer, inner, sd=0.6))
+    checked = refined(frame, told_finder(outer, inner, sd=0.6))
     there = np.isfinite(checked.inner_row)
     expected = np.interp(column, reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     assert np.nanmedian(np.abs(checked.inner_row - expected)[there]) < 6.0
@@ -279,7 +283,7 @@ def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
 def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float) -> None:
     bscan = phantom(0.6e-3, 0.0)
     size = PixelScale(lateral_m=SCALE.lateral_m * scale, depth_m=SCALE.depth_m * scale)
-    checked = find_checked_wall(bscan.frame, size, told_finder(*true_rows(bscan), sd=1.0))
+    checked = refined(bscan.frame, told_finder(*true_rows(bscan), sd=1.0), size)
     assert dice(checked.mask, bscan.truth_mask) > 0.95
     assert checked.thickness_m == pytest.approx(0.6e-3 * scale, rel=0.1)
 

@@ -6,7 +6,7 @@ from math import log
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan

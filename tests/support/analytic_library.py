@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.build import SolvedPath
@@ -114,11 +113,6 @@ def solve_slowly(plan, number):
 def no_solution(plan, number):
     """A path that cannot be followed."""
     raise SolverError(f"path {number} of {plan.units}: no equilibrium")
-
-
-def whether_loops_are_compiled(_plan, _number):
-    """What a process says of its loops, as its fault."""
-    raise SolverError(f"compiled loops: {loops_are_compiled()}")
 
 
 def no_worker(_plan, _number):

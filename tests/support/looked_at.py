@@ -9,7 +9,7 @@ from frame_answers import frame_answer
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.frames import AnsweredFrame, look_at_all
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import find_wall
 
 __all__ = ["looked_at_frames"]
 
@@ -40,7 +40,7 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     recording = read_recording(folder)
     scale = PixelScale.of(recording.info.oct)
     return look_at_all(
-        frame_answer(recording=str(folder), file=entry.file, segmentation=find_sclera(recording.frame(entry), scale))
+        frame_answer(recording=str(folder), file=entry.file, segmentation=find_wall(recording.frame(entry), scale))
         for entry in recording.frames
     )
 

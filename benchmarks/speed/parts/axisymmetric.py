@@ -4,7 +4,6 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.eye.contact import Contact
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
@@ -31,7 +30,6 @@ def measure(run: Run) -> Table:
     study = run.study
     even = replace(study, library=replace(study.library, stiffenings=1))
     plan, whole = plan_library(even), plan_library(study)
-    use_compiled_loops()
     solve_path(plan, 0)
     some = run.count(PATHS_AT_ONCE, 2)
     units = [plan.units * number // some for number in range(some)]

@@ -9,7 +9,6 @@ from time import perf_counter, sleep
 import cv2
 import numpy as np
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Modulus, known_of_recording
@@ -17,8 +16,7 @@ from scleraforce.reader import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.compiling import compile_wall
-from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 from speed.eyes import DrawnEye, draw_eyes, shipped_reader
 from speed.parts.recording import made_recording
@@ -49,9 +47,6 @@ Work = Callable[[int], object]
 def measure(run: Run) -> Table:
     """Time a frame's steps, cold and in a row."""
     reader = shipped_reader()
-    # As the monitor and its second opinion do before they say that they are ready.
-    compile_wall()
-    use_compiled_loops()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
     for do in work.values():

@@ -5,7 +5,7 @@ wall is clamped all around at 90 degrees from the needle; the eye's base is a pl
 that does not push on the pole the eye gives way less on the near side: the dent moves and turns by up to 0.1 mm. Along
 the section that is a pose, and registration sees to it; across the plane it is a gap that is not the stated one, which
 costs E 3 to 7 %. `mechanics.polar` has that motion, in proportion to the force (`base_moves`); what the pressure adds
-is `library.base_bulge`. Gravity is neglected.
+is `library.base`. Gravity is neglected.
 
 The eye is an even sphere. Where a cornea is in view, or the wall grows thicker along the section, the fit of the frame
 says what that adds to the boundaries, whatever E is; `without_form` takes it off before the filter sees the frame.
@@ -33,13 +33,12 @@ from scleraforce.calibration.eye_model import (
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
-from scleraforce.fitting.resting_form import form_depths
-from scleraforce.fitting.unknowns import FORM
+from scleraforce.fitting.unknowns import FORM, form_depths
 from scleraforce.known.eye import Modulus
 from scleraforce.library import Library
-from scleraforce.library.base_bulge import pole_direction, section_places
+from scleraforce.library.base import pole_direction, section_places
+from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import cut_rings
-from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
 from scleraforce.segmentation.observations import Boundaries
@@ -214,7 +213,7 @@ class LibraryEye:
 
     @cached_property
     def _places(self) -> Array:
-        """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base_bulge` takes them."""
+        """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base` takes them."""
         radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
         return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
 

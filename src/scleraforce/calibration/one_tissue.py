@@ -32,9 +32,8 @@ from scleraforce.library import Library
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import dent, segmented_boundaries
-from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.observations import Boundaries, dent, segmented_boundaries
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -85,7 +84,7 @@ class FrameWalls:
         if sha256 in self.used:
             return None
         scale = PixelScale.of(info.oct)
-        found = find_sclera(pixels, scale, info.eye.thickness_m, self.finder)
+        found = find_wall(pixels, scale, info.eye.thickness_m, self.finder)
         wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
         return SeenFrame(sha256, wall)
 

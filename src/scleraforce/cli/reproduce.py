@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar, say
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.models.folder import model_name
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
@@ -68,7 +67,6 @@ def reproduce(out: Path, study_path: Path | None, train: bool, workers: int | No
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     refuse_unused(study, "reproduce", file=study_path)
-    use_compiled_loops()
     run = open_run(out, study, workers or available_cores(), train=train, study_file=study_path)
     say(f"reads walls of finite strain with {_reader_words(run)}", err=True)
     found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))

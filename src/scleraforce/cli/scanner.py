@@ -108,13 +108,13 @@ def _bits(path: Path, frame: "ScaledFrame", given: int | None) -> int:
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
     """Return a frame with its wall."""
-    from scleraforce.notebook.frames import wall_in
     from scleraforce.scanner.imaged_eye import ImagedEye
+    from scleraforce.segmentation.wall import find_wall
 
     rows, columns = frame.pixels.shape
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
-    found = wall_in(frame, finder)
+    found = find_wall(frame.pixels, frame.scale, finder=finder)
     if not found.usable:
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:

@@ -123,16 +123,18 @@ def _segment_frame(
     source: _Source, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
 ) -> dict[str, Any]:
     """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
-    from scleraforce.notebook.frames import scaled, wall_in
+    from scleraforce.notebook.frames import scaled
     from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
+    from scleraforce.segmentation.wall import find_wall
 
     usual = OctStudy()
     assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
     frame = scaled(source.frame, size, assumed, ASSUMED, transpose)
     try:
-        found = wall_in(frame, finder, None if frame.info is None else frame.info.eye.thickness_m)
+        thickness_m = None if frame.info is None else frame.info.eye.thickness_m
+        found = find_wall(frame.pixels, frame.scale, thickness_m, finder)
     except ValueError as fault:
         raise FrameError(f"{source.frame}: {fault}") from fault
     _write(source.mask, found.mask.T if transpose else found.mask, force)

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from scleraforce.compiled import can_compile
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.shapes import shape_monomials
 
@@ -63,7 +62,7 @@ class SurfaceLocator:
     def _locate_batch(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         quads = self._seeds[self._cell(directions_dc)]
         self._located += len(quads)
-        if self._located >= MANY and can_compile():
+        if self._located >= MANY:
             return self._locate_compiled(quads, directions_dc)
         local = self._newton(quads, directions_dc)
         for _ in range(CROSSINGS):

@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import loops_are_compiled
 from scleraforce.eye.globe import Globe
-from scleraforce.fitting.fit_prediction import Walls, displaced_m3
+from scleraforce.fitting.loops import Law, off_the_laws
+from scleraforce.fitting.prediction import Walls, displaced_m3
 from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.known.eye import KnownGlobe
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -66,15 +66,7 @@ def _laws(known: KnownGlobe) -> tuple[Globe, Globe]:
 def _off(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
     """Return how far level(P) is off its mean and its standard deviation, (sample,) each."""
     mean, spread = _laws(walls.globe)
-    if loops_are_compiled():
-        from scleraforce.fitting.compiled_prediction import Law, off_the_laws
-
-        off, sd = np.empty(len(unknown_su)), np.empty(len(unknown_su))
-        law = Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
-        off_the_laws(walls.library.tables, law, unknown_su, off, sd)
-        return off, sd
-    volume = displaced_m3(walls, unknown_su)
-    pressure, resting = np.exp(unknown_su[:, PRESSURE]), np.exp(unknown_su[:, IOP])
-    off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
-    sd = np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)
+    off, sd = np.empty(len(unknown_su)), np.empty(len(unknown_su))
+    law = Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
+    off_the_laws(walls.library.tables, law, unknown_su, off, sd)
     return off, sd

@@ -16,15 +16,25 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import HIGHEST_POLE, Walls, force_n, formed_wall, predict_wall
-from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.globe_term import keep_within, law_slope, off_the_law
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
-from scleraforce.fitting.limbus_start import limbus_starts, one_sided_starts
 from scleraforce.fitting.placement import Placed, Places
+from scleraforce.fitting.prediction import HIGHEST_POLE, Walls, force_n, formed_wall, predict_wall
 from scleraforce.fitting.prior import HEAVY, Prior
-from scleraforce.fitting.resting_form import FORM_ENDS
-from scleraforce.fitting.unknowns import FORM, GAP, LATERAL, MODULUS, NAMES, POLE, PRESSURE, SIZE, THICKNESS, TIP
+from scleraforce.fitting.starts import LARGEST_N, bearing_start, higher_start, limbus_starts, one_sided_starts, starts
+from scleraforce.fitting.unknowns import (
+    FORM,
+    FORM_ENDS,
+    GAP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    POLE,
+    PRESSURE,
+    SIZE,
+    THICKNESS,
+    TIP,
+)
 from scleraforce.library.responses import Library
 
 Array = NDArray[np.float64]

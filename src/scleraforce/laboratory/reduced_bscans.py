@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.bscan import DrawnShaft
 from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Conjunctiva, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
-from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import OctStudy
 
 Floats = NDArray[np.floating]

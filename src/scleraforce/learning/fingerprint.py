@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.errors import CalibrationError
@@ -88,7 +87,6 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
         study: of the reader.
         library: of the reader, as its folder has it.
     """
-    use_compiled_loops()
     reader, source = study.reader, Source.of(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
@@ -119,7 +117,6 @@ def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fing
         library: of the reader, as its folder has it.
         network: of the reader, as ONNX.
     """
-    use_compiled_loops()
     scores_of = measuring(study, replace(library, stiffened=None), network)
     scores = next(filter(None, map(scores_of, range(EYE, LAST_EYE))), [])
     rng = np.random.default_rng(0)  # one eye makes no factors: scores of its traits are drawn for many

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import CalibrationError, SolverError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
@@ -112,7 +111,6 @@ def intervals_of(
 
 def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return what scores an eye, in its process."""
-    use_compiled_loops()
     reads_slices = slice_network(network, study)
 
     def scores_of(number: int) -> list[Score]:

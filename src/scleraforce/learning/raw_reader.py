@@ -53,7 +53,7 @@ from scleraforce.models.session import network_session
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, TOLD, OnnxRawNetwork, given_inputs, told_modulus
 from scleraforce.reader.verdicts import read_by_fit
-from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
 from scleraforce.units import from_si
@@ -337,7 +337,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
     """Yield the training's batches, each of frames of its own."""
     frames = raw.batches * raw.batch_size
     left: RawSamples | None = None
-    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers, compiled=False)) as chunks:
+    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers)) as chunks:
         for _ in range(raw.batches):
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)

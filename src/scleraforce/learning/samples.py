@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.known.eye import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
 from scleraforce.library import Library
-from scleraforce.library.base_bulge import pole_directions
-from scleraforce.library.section_motion import section_motion
+from scleraforce.library.base import pole_directions
+from scleraforce.library.sealed import iop_ratio_under_force
+from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
-from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.processes import work_in_order
 from scleraforce.reader.networks import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
@@ -348,17 +347,15 @@ class ChunkSource(Protocol[Drawn]):
         """Draw a chunk: the same for the same number."""
 
 
-def chunks_ahead(
-    source: ChunkSource[Drawn], numbers: Sequence[int], workers: int, compiled: bool = True
-) -> Generator[Drawn, None, None]:
-    """Draw chunks in `workers` processes, with compiled loops or not; yield them in the order of `numbers`.
+def chunks_ahead(source: ChunkSource[Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
+    """Draw chunks in `workers` processes; yield them in the order of `numbers`.
 
     A few are drawn ahead. The processes end when the generator is closed.
 
     Raises:
         InputError: what drawing raises; SolverError where a worker died.
     """
-    return work_in_order(partial(_drawing, source, compiled), numbers, workers, ahead=AHEAD * workers)
+    return work_in_order(partial(_drawing, source), numbers, workers, ahead=AHEAD * workers)
 
 
 def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int) -> list[Samples]:
@@ -366,8 +363,6 @@ def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int
     return [draw(VALIDATION_CHUNK + n, min(size, count - n * size)) for n in range(-(-count // size))]
 
 
-def _drawing(source: ChunkSource[Drawn], compiled: bool) -> Callable[[int], Drawn]:
+def _drawing(source: ChunkSource[Drawn]) -> Callable[[int], Drawn]:
     """Return what draws a chunk, in its process."""
-    if compiled:
-        use_compiled_loops()
     return source.chunk

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import shining
+from scleraforce.fitting.prediction import shining
 from scleraforce.fitting.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import SliceStudy

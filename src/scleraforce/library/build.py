@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import complete_library, create_library, missing_library_units, write_library_unit
@@ -78,7 +77,7 @@ def build_library(
     create_library(out, plan)
     todo = missing_library_units(out, plan)
     report(plan.units - len(todo))
-    prepare = partial(_prepared, partial(solve or solve_path, plan))
+    prepare = partial(partial, solve or solve_path, plan)
     with closing(work_units(prepare, todo, workers or available_cores())) as results:
         for unit, path in results:
             write_library_unit(out, plan, unit, *path)
@@ -120,9 +119,3 @@ def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m:
     slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
     beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
     return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
-
-
-def _prepared(work: Callable[[int], SolvedPath]) -> Callable[[int], SolvedPath]:
-    """Return what solves a path, in its process."""
-    use_compiled_loops()
-    return work

@@ -1,7 +1,7 @@
 """What a library holds: its axes, and the load paths that make it.
 
 There is a path for each stiffening of the tissue, thickness and tension, p R/(E t), and forces alone for some walls of
-the first stiffening with the support nearer to the needle axis or farther from it (`library.base_plane` needs them).
+the first stiffening with the support nearer to the needle axis or farther from it (`library.base` needs them).
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The response library: what the needle does to any eye, from stored load paths (NumPy only).
+"""The response library: what the needle does to any eye, from stored load paths.
 
 Without gravity, the deformed shape depends on Young's modulus E, force F and pressure IOP only through F/E ("force
 ratio", m^2) and IOP/E ("IOP ratio"), for a given thickness, radius, needle and Poisson's ratio. So paths over thickness
@@ -8,8 +8,8 @@ force falls; a force is turned into a tip afterwards. Interpolation is a tensor 
 tension and tip.
 
 The paths are those of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
-side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`), and
-the dent displaces less, because the contact rises less under the pressure (`library.contact_rise`).
+side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base`), and
+the dent displaces less, because the contact rises less under the pressure (`library.base`).
 """
 
 from collections import OrderedDict
@@ -19,18 +19,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import InputError
-from scleraforce.library.arrays import check_arrays
-from scleraforce.library.axes import SLACK, check_inside, check_tension, inside_ends, weight_products
-from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
-from scleraforce.library.contact_rise import contact_rises, rise_slope
-from scleraforce.library.crossing import first_crossing
-from scleraforce.library.spline_weights import SplineWeights, gathered_curves
-from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
-from scleraforce.library.states import Responses
+from scleraforce.library.axes import SLACK, check_arrays, check_inside, check_tension, inside_ends, weight_products
+from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
+from scleraforce.library.splines import (
+    CubicSpline,
+    SplineWeights,
+    first_crossing,
+    tensor_coefficients,
+    values_and_slopes,
+)
+from scleraforce.library.states import Responses, SplineTables, curves_of, values_at
 from scleraforce.library.stiffened import StiffenedWalls
-from scleraforce.library.tables import SplineTables
 from scleraforce.units import from_si
 
 Floats = NDArray[np.float64]
@@ -148,7 +148,7 @@ class Library:
             thickness_m: wall thickness (sample,), m.
             iop_ratio: pressure over E (sample,).
             places_sbpc: unit vectors to the places at rest, of one sample or of each.
-            pole_s2: where the eye's pole lies; see `base_bulge.base_bulge`, also for the result.
+            pole_s2: where the eye's pole lies; see `base.base_bulge`, also for the result.
 
         Raises:
             InputError: a wall lies outside the library.
@@ -174,7 +174,7 @@ class Library:
         Raises:
             InputError: one does not; names the value and the range.
         """
-        self._walls(thickness_m, iop_ratio)
+        self._check_walls(thickness_m, iop_ratio)
 
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and the highest IOP ratio (sample,) that the library has of walls."""
@@ -184,15 +184,6 @@ class Library:
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
         return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
-
-    def reached_tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
-        """Return the tips of `tips`, and the library's deepest one where loading never reaches the force.
-
-        Raises:
-            InputError: a wall lies outside the library.
-        """
-        tips = first_crossing(self.tip_m, *self._paths(self._walls(thickness_m, iop_ratio)), np.asarray(force_ratio))
-        return np.where(np.isnan(tips), self.tip_m[-1], tips)
 
     def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
@@ -280,7 +271,7 @@ class Library:
 
     @cached_property
     def tables(self) -> SplineTables:
-        """What compiled loops interpolate; it shares the library's arrays."""
+        """Tables that the loops of `states` interpolate; they share the library's arrays."""
         thickness, tension, tip = (spline.pieces for spline in self._splines)
         return SplineTables(
             thickness=thickness,
@@ -319,15 +310,8 @@ class Library:
     def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        if loops_are_compiled():
-            from scleraforce.library.compiled_states import values_at
-
-            self._check_walls(thickness_m, iop_ratio)
-            return values_at(self.tables, coefficients, *np.broadcast_arrays(thickness_m, iop_ratio, tip_m))
-        walls = self._walls(thickness_m, iop_ratio)
-        rows, weights = self._states(walls, tip_m)
-        values: Floats = (coefficients[rows] * weights).sum(axis=1)
-        return values
+        self._check_walls(thickness_m, iop_ratio)
+        return values_at(self.tables, coefficients, *_samples(thickness_m, iop_ratio, tip_m))
 
     @cached_property
     def _force_coefficients(self) -> Floats:
@@ -357,24 +341,11 @@ class Library:
 
     def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
         """Curves of states whose tips lie in the library, after a check that their walls do."""
-        if loops_are_compiled():
-            from scleraforce.library.compiled_states import curves_of
-
-            self._check_walls(thickness_m, iop_ratio)
-            found = np.empty((len(tip_m), *self.curves_tpdbnc.shape[3:]), dtype=np.float32)
-            thickness, ratio, tip = np.broadcast_arrays(thickness_m, iop_ratio, tip_m)
-            curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
-            return found
-        rows, weights = self._states(self._walls(thickness_m, iop_ratio), tip_m)
-        return gathered_curves(self._weights.of_curves, rows, weights).reshape(-1, *self.curves_tpdbnc.shape[3:])
-
-    def _states(self, walls: Walls, tip_m: Floats) -> Walls:
-        """Return where states of walls stand between those of the library (t p d)."""
-        rows, weights = walls
-        first, along_tip = self._splines[2].weights(inside_ends(tip_m, self.tip_m))
-        rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
-        weights = weights[:, :, None] * along_tip[:, None]
-        return rows.reshape(len(rows), SUPPORT**3), weights.reshape(len(rows), SUPPORT**3)
+        self._check_walls(thickness_m, iop_ratio)
+        found = np.empty((len(tip_m), *self.curves_tpdbnc.shape[3:]), dtype=np.float32)
+        thickness, ratio, tip = _samples(thickness_m, iop_ratio, tip_m)
+        curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
+        return found
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
@@ -396,3 +367,8 @@ class Library:
     @staticmethod
     def _ends(axis: Floats) -> tuple[float, float]:
         return float(axis[0]), float(axis[-1])
+
+
+def _samples(*values: Floats) -> list[Floats]:
+    """Return values (sample,) each, of the one type that the loops are compiled for."""
+    return [np.ascontiguousarray(value, dtype=np.float64) for value in np.broadcast_arrays(*values)]

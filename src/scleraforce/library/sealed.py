@@ -3,14 +3,26 @@
 A sealed globe at a dent is the open one at the pressure P with level(P) = level(P0) + rate dV, and dV the volume that
 the library knows of each state (`eye.globe`, docs/library.md). Of several solutions the lowest counts: loading meets it
 first. All pressures stand over E, all arguments are arrays (sample,) that broadcast.
+
+Compiled loops: the pressure in sealed globes under a force, one eye at a time (`library.sealed`).
+Under a force a higher pressure leaves a shallower dent, which displaces less. So what the law misses rises with the
+pressure, by jumps where a wall snaps through: the root is found by bisection, and between the last two pressures by a
+straight line.
+
+Sealed globes under a force: the state of the library whose pressure solves the globe's law (`library.sealed`).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import compiled
 from scleraforce.eye.globe import Globe
-from scleraforce.library.crossing import first_crossing
 from scleraforce.library.responses import Library
+from scleraforce.library.splines import CONVERGED, MOST_STEPS, SUPPORT, first_crossing
+from scleraforce.library.states import SplineTables, spline_weights, state_weights, value_at
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]
 
@@ -39,3 +51,217 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
     rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
     log_tension = first_crossing(np.log(library.tension), missing, rise, globe.level(iop_ratio))
     return np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
+
+
+SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
+
+
+class SealedEyes(NamedTuple):
+    """Sealed eyes under forces, (sample,) each: walls, resting pressures over E, F/E, and rates of their globes.
+
+    `lowest` and `highest` are the library's pressures over E of these walls.
+    """
+
+    thickness_m: Floats
+    resting: Floats
+    force_ratio: Floats
+    rate: Floats
+    lowest: Floats
+    highest: Floats
+
+
+@compiled
+def pressures_under_forces(
+    tables: SplineTables, eyes: SealedEyes, is_logarithmic: bool, tolerance: float, found: Floats
+) -> None:
+    """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm."""
+    columns = tables.paths.shape[1]
+    along, path = np.empty((tables.tensions, columns)), np.empty(columns)
+    for eye in range(len(found)):
+        _paths_of_thickness(tables, eyes.thickness_m[eye], along)
+        found[eye] = _pressure(tables, eyes, eye, is_logarithmic, tolerance, along, path)
+
+
+@compiled
+def _pressure(
+    tables: SplineTables,
+    eyes: SealedEyes,
+    eye: int,
+    is_logarithmic: bool,
+    tolerance: float,
+    along: Floats,
+    path: Floats,
+) -> float:
+    resting, rate = eyes.resting[eye], eyes.rate[eye]
+    most = _displaced(tables, eyes, eye, resting, along, path)
+    bound = _pressure_of_level(level_of(resting, is_logarithmic) + rate * (1.0 + SPARE) * most, is_logarithmic)
+    if rate > 0.0:
+        low, high, below = np.log(resting), np.log(min(max(bound, resting), eyes.highest[eye])), -rate * most
+    else:
+        low, high = np.log(eyes.lowest[eye]), np.log(resting)
+        below = _missing(tables, eyes, eye, low, is_logarithmic, along, path)
+    above = _missing(tables, eyes, eye, high, is_logarithmic, along, path)
+    if above <= 0.0:
+        high = np.log(eyes.highest[eye])
+        above = _missing(tables, eyes, eye, high, is_logarithmic, along, path)
+    if below >= 0.0:
+        return float(np.exp(low))
+    if above <= 0.0:
+        return float(np.exp(high))
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        missing = _missing(tables, eyes, eye, middle, is_logarithmic, along, path)
+        if missing < 0.0:
+            low, below = middle, missing
+        else:
+            high, above = middle, missing
+    return float(np.exp(low - below * (high - low) / (above - below)))
+
+
+@compiled
+def _missing(
+    tables: SplineTables,
+    eyes: SealedEyes,
+    eye: int,
+    log_ratio: float,
+    is_logarithmic: bool,
+    along: Floats,
+    path: Floats,
+) -> float:
+    """Return what the law misses at a pressure."""
+    ratio = np.exp(log_ratio)
+    risen = level_of(ratio, is_logarithmic) - level_of(eyes.resting[eye], is_logarithmic)
+    return float(risen - eyes.rate[eye] * _displaced(tables, eyes, eye, ratio, along, path))
+
+
+@compiled
+def _displaced(tables: SplineTables, eyes: SealedEyes, eye: int, ratio: float, along: Floats, path: Floats) -> float:
+    """Return the volume that the force displaces at a pressure over E, m^3."""
+    weights = np.empty(SUPPORT)
+    first = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eyes.thickness_m[eye]), weights)
+    path[:] = 0.0
+    for number in range(SUPPORT):
+        for column in range(len(path)):
+            path[column] += weights[number] * along[first + number, column]
+    tip = _reached_tip(tables.tip_m, path, eyes.force_ratio[eye])
+    rows, of_rows = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
+    state_weights(tables, eyes.thickness_m[eye], ratio, tip, rows, of_rows)
+    return value_at(tables.volumes, rows, of_rows)
+
+
+@compiled
+def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats) -> None:
+    """Write the weights over the tension of a wall's paths (p, 2 d)."""
+    weights = np.empty(SUPPORT)
+    first = spline_weights(tables.thickness, np.log(thickness_m), weights)
+    along[:] = 0.0
+    for number in range(SUPPORT):
+        for tension in range(tables.tensions):
+            row = tables.paths[(first + number) * tables.tensions + tension]
+            for column in range(len(row)):
+                along[tension, column] += weights[number] * row[column]
+
+
+@compiled
+def _reached_tip(tip_m: Floats, path: Floats, wanted: float) -> float:
+    """Return where loading first reaches a force; the deepest tip where it never does (`crossing.first_crossing`)."""
+    tips = len(tip_m)
+    if path[0] >= wanted:
+        return float(tip_m[0])
+    for tip in range(tips - 1):
+        step = tip_m[tip + 1] - tip_m[tip]
+        start, end = path[tips + tip] * step, path[tips + tip + 1] * step
+        rise = path[tip + 1] - path[tip]
+        cubic = path[tip], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+        place, peak = _peak(cubic)
+        if max(peak, path[tip + 1]) >= wanted:
+            return float(tip_m[tip] + step * _rising_root(cubic, wanted, place))
+    return float(tip_m[-1])
+
+
+@compiled
+def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Return place and value of the largest force of an interval (`crossing._peaks`)."""
+    _, b, c, d = cubic
+    end = _value(cubic, 1.0)
+    under = c * c - 3.0 * b * d
+    if under > 0.0:
+        divisor = np.sqrt(under) - c
+        if divisor > 0.0:
+            place = b / divisor
+            if 0.0 < place < 1.0 and _value(cubic, place) > end:
+                return place, _value(cubic, place)
+    return 1.0, end
+
+
+@compiled
+def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
+    """Return where a cubic reaches a value from below (`crossing._rising_root`)."""
+    low, place = 0.0, 0.5 * high
+    for _ in range(MOST_STEPS):
+        over = _value(cubic, place) - wanted
+        if over < 0.0:
+            low = place
+        else:
+            high = place
+        slope = (3.0 * cubic[3] * place + 2.0 * cubic[2]) * place + cubic[1]
+        step = place - over / slope if slope != 0.0 else np.inf
+        following = step if low <= step <= high else 0.5 * (low + high)
+        moved = abs(following - place)
+        place = following
+        if moved < CONVERGED:
+            break
+    return place
+
+
+@compiled
+def _value(cubic: tuple[float, float, float, float], x: float) -> float:
+    return ((cubic[3] * x + cubic[2]) * x + cubic[1]) * x + cubic[0]
+
+
+@compiled
+def level_of(pressure: float, is_logarithmic: bool) -> float:
+    """Return what of the pressure is linear in the volume (`eye.globe`)."""
+    return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
+
+
+@compiled
+def _pressure_of_level(level: float, is_logarithmic: bool) -> float:
+    return np.exp(level) if is_logarithmic else max(level, 0.0) ** 3
+
+
+def iop_ratio_under_force(
+    library: Library,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    force_ratio: Floats,
+    globe: Globe,
+    tolerance: float = 1e-7,
+) -> Floats:
+    """Return the pressure over E under forces (sample,); the library's highest where it rises beyond.
+
+    Under a force a higher pressure leaves a shallower dent, which displaces less: one pressure solves the law.
+
+    Args:
+        library: of responses.
+        thickness_m: wall thickness, m.
+        iop_ratio: pressure without the needle over E.
+        force_ratio: F/E, m^2; where it is more than a wall carries, the dent counts as the library's deepest.
+        globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+        tolerance: of the logarithm of the pressure.
+
+    Raises:
+        InputError: a wall lies outside the library.
+    """
+    walls = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio, globe.rate)
+    found: Floats = walls[1].astype(np.float64)
+    (sealed,) = np.nonzero((walls[3] != 0.0) & (walls[2] > 0.0))
+    if not len(sealed):
+        return found
+    thickness, resting, force, rate = (np.asarray(values[sealed], dtype=np.float64) for values in walls)
+    library.check_walls(thickness, resting)
+    pressures = np.empty_like(resting)
+    eyes = SealedEyes(thickness, resting, force, rate, *library.iop_ratio_ends(thickness))
+    pressures_under_forces(library.tables, eyes, globe.law == RIGIDITY_LAWS[1], tolerance, pressures)
+    found[sealed] = pressures
+    return found

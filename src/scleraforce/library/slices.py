@@ -1,5 +1,11 @@
-"""Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
+"""Boundaries at the columns of slices, for many sections at once.
 
+`sections.cut_rings` gives X^2 and Y of each ring. Y is taken first at evenly spaced X, the *stations*, for all sections
+together; a place between two stations is then found without a search. A section that is turned in its plane meets a
+column where X cos(turn) - Y(X) sin(turn) has the column's value: Newton's method finds it. A boundary that folds over
+is done alone. What the base's nearness moves (`library.sections`) moves the stations.
+
+Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
 The picture is that of `section.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
 wall. Boundaries come separately, so that errors like those of a segmentation can be added before they are filled.
 """
@@ -10,14 +16,168 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.columns import depths_at_columns
-from scleraforce.library.section_motion import SectionMotion
-from scleraforce.library.sections import cut_rings, cut_surfaces
+from scleraforce.library.sections import ACROSS, ALONG, DOWN, SectionMotion, cut_rings, cut_surfaces, section_curve
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import SNAP, WALL, fill_section
 from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]
+
+STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off
+NEWTON_STEPS = 4
+MIN_NODES = 2
+
+
+def depths_at_columns(
+    square_sbn: Floats,
+    depth_sbn: Floats,
+    columns_sc: Floats,
+    turn_s: Floats,
+    moved: tuple[Floats, SectionMotion] | None = None,
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the depth of boundaries in the columns of their slices.
+
+    Args:
+        square_sbn: X^2 of the rings (sample, boundary, node), m^2; negative where the plane misses a ring.
+        depth_sbn: Y of the rings, m.
+        columns_sc: laterals of the columns, after the turn (sample, column), m.
+        turn_s: turn of the section about its frame's origin, from lateral to depth (sample,), rad.
+        moved: distance of the planes (sample,), m, and how far what they meet has moved; that of the contact across the
+            plane is in X^2 already.
+
+    Returns:
+        Depths after the turn (sample, boundary, column), m, NaN where there is no wall; where a boundary folds over, of
+        the part seen from above. And which samples have such a boundary (sample,).
+    """
+    reach_m = np.abs(columns_sc).max(axis=1)
+    reach_m = reach_m + np.where(turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0)
+    if moved:
+        reach_m = reach_m + np.abs(moved[1].moved_sbpc[..., ALONG]).max(axis=(1, 2))
+    folds_sb = _folds(square_sbn, reach_m)
+    curves = _Stations.along(square_sbn, depth_sbn, float(reach_m.max()))
+    if moved:
+        curves = curves.moved(*moved)
+    folds_sb |= curves.hang_over(turn_s, reach_m)
+    found = np.empty((*folds_sb.shape, columns_sc.shape[1]))
+    upright, turned = np.flatnonzero(turn_s == 0.0), np.flatnonzero(turn_s)
+    if len(upright):
+        found[upright] = curves.of(upright).at(np.broadcast_to(columns_sc[upright, None], found[upright].shape))
+    if len(turned):
+        found[turned] = curves.of(turned).at_turned(columns_sc[turned, None], turn_s[turned, None, None])
+    for sample, boundary in np.argwhere(folds_sb):
+        curve = section_curve(square_sbn[sample, boundary], depth_sbn[sample, boundary])
+        if moved:
+            curve += moved[1].of(slice(sample, sample + 1)).at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
+        found[sample, boundary] = _folded(columns_sc[sample], curve, float(turn_s[sample]))
+    return found, np.asarray(folds_sb.any(axis=1))
+
+
+class _Stations:
+    """Y (sample, boundary, station) at X = 0, STATION_M, 2 STATION_M ...; NaN beyond the last ring.
+
+    Between two stations Y is linear in X^2, as it is between two rings. Sections are alike to both sides until they are
+    `moved`: then stations lie on both, X = 0 at the one of the number `middle`.
+    """
+
+    def __init__(self, depth_sbt: Floats, middle: int = 0) -> None:
+        self.depth_sbt, self.middle = depth_sbt, middle
+        self.lateral_t = (np.arange(depth_sbt.shape[2]) - middle) * STATION_M
+        self.slope_sbt = np.diff(depth_sbt, axis=2) / np.diff(self.lateral_t**2)
+
+    @classmethod
+    def along(cls, square_sbn: Floats, depth_sbn: Floats, reach_m: float) -> "_Stations":
+        stations = int(reach_m / STATION_M) + 2
+        nodes, rows = square_sbn.shape[2], square_sbn.shape[0] * square_sbn.shape[1]
+        # The last ring at or before each station: count the rings up to it.
+        first = np.ceil(np.sqrt(np.maximum(square_sbn, 0.0)) / STATION_M).clip(0, stations).astype(np.intp)
+        flat = first.reshape(rows, nodes) + np.arange(rows)[:, None] * (stations + 1)
+        count = np.bincount(flat.ravel(), minlength=rows * (stations + 1)).reshape(rows, -1)[:, :stations]
+        ring = (np.cumsum(count, axis=1) - 1).clip(0, nodes - 2) + np.arange(rows)[:, None] * nodes
+        square, depth = square_sbn.ravel(), depth_sbn.ravel()
+        rise = np.diff(square, append=square[-1])
+        slope = np.diff(depth, append=depth[-1]) / np.where(rise == 0.0, 1.0, rise)
+        wanted = (np.arange(stations) * STATION_M) ** 2
+        found = depth[ring] + (wanted - square[ring]) * slope[ring]
+        last = square_sbn[..., -1].reshape(rows, 1)
+        found[wanted > last] = np.nan
+        return cls(found.reshape(*square_sbn.shape[:2], stations))
+
+    def of(self, samples: NDArray[np.intp]) -> "_Stations":
+        """Return those of some samples."""
+        return _Stations(self.depth_sbt[samples], self.middle)
+
+    def moved(self, gap_s: Floats, motion: SectionMotion) -> "_Stations":
+        """Return sections that have moved: what is seen at a place has come there from where it stood before."""
+        last = self.depth_sbt.shape[2] - 1
+        lateral = np.arange(-last, last + 1) * STATION_M
+        moved = motion.at(lateral)
+        # r^2 = (X - along)^2 + (gap - across)^2, and the rings were cut where the contact has come from.
+        gap, contact, across = gap_s[:, None, None], motion.across_contact[:, None, None], moved[..., ACROSS]
+        square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (2.0 * gap - contact - across)
+        return _Stations(self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last)
+
+    def hang_over(self, turn_s: Floats, reach_m: Floats) -> NDArray[np.bool_]:
+        """Whether boundaries run back, on either side, once they are turned (sample, boundary)."""
+        steepest = np.abs(np.diff(self.depth_sbt, axis=2)) / STATION_M
+        shown = np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:])) < reach_m[:, None, None]
+        return np.asarray((shown & (steepest * np.abs(np.tan(turn_s))[:, None, None] >= 1.0)).any(axis=2))
+
+    def at(self, lateral_sbc: Floats) -> Floats:
+        """Return Y at X (sample, boundary, column)."""
+        return self._at(lateral_sbc)[0]
+
+    def at_turned(self, columns_sbc: Floats, turn_sbc: Floats) -> Floats:
+        """Return the depth at the columns of sections that are turned."""
+        c, s = np.cos(turn_sbc), np.sin(turn_sbc)
+        lateral = np.broadcast_to(columns_sbc, (*self.depth_sbt.shape[:2], columns_sbc.shape[2]))
+        for _ in range(NEWTON_STEPS):
+            depth, slope = self._at(lateral)
+            lateral = lateral - (c * lateral - s * depth - columns_sbc) / (c - s * slope)
+        depth, _ = self._at(lateral)
+        return np.asarray(s * lateral + c * depth)
+
+    def _at(self, lateral_sbc: Floats) -> tuple[Floats, Floats]:
+        """Y and dY/dX at X (sample, boundary, column)."""
+        samples, boundaries, stations = self.depth_sbt.shape
+        from_first = lateral_sbc / STATION_M + self.middle if self.middle else np.abs(lateral_sbc) / STATION_M
+        left = np.nan_to_num(from_first, nan=stations).astype(np.intp)
+        outside = (left > stations - 2) | (from_first < 0.0)
+        np.clip(left, 0, stations - 2, out=left)
+        row = np.arange(samples * boundaries).reshape(samples, boundaries, 1)
+        slope = self.slope_sbt.ravel()[row * (stations - 1) + left]
+        rest = lateral_sbc**2 - self.lateral_t[left] ** 2
+        depth = self.depth_sbt.ravel()[row * stations + left] + rest * slope
+        depth[outside] = np.nan
+        return depth, 2.0 * lateral_sbc * slope
+
+
+def _folds(square_sbn: Floats, reach_m: Floats) -> NDArray[np.bool_]:
+    """Whether boundaries run back where they are shown (sample, boundary)."""
+    low, high = square_sbn[..., :-1], square_sbn[..., 1:]
+    met = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
+    return np.asarray((met & (high <= low)).any(axis=2))
+
+
+def _folded(columns: Floats, curve: Floats, turn_rad: float) -> Floats:
+    """Depth, seen from above, of a boundary (point, 2) at laterals (column,), from all of its rings."""
+    lateral, deep = curve.T
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    return _seen_from_above(columns, c * lateral - s * deep, s * lateral + c * deep)
+
+
+def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
+    """Smallest depth of a curve at the wanted places; NaN where it has none. `place` may run back and forth."""
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(place)))) + 1
+    runs = np.split(np.arange(len(place)), turns)
+    smallest = np.full(len(wanted), np.nan)
+    for number, run in enumerate(runs):
+        ends = np.append(run, run[-1] + 1) if number < len(runs) - 1 else run
+        if len(ends) < MIN_NODES:
+            continue
+        order = ends if place[ends[-1]] > place[ends[0]] else ends[::-1]
+        smallest = np.fmin(smallest, np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan))
+    return smallest
+
 
 BLOCK = 128  # samples cut together: their arrays stay in the cache
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.known.eye import known_of_recording
@@ -103,7 +102,6 @@ def calibrate(
         raise InputError(
             "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
         )
-    use_compiled_loops()
     each = _with_thickness(opened(recordings), thickness_m)
     limits = slice_limits if mechanics == "linear" else wall_limits
     for recording in each:
@@ -171,7 +169,6 @@ def recalibrate_intervals(
     from scleraforce.reader.intervals import intervals_record, stretched, stretches
 
     check_place(out)
-    use_compiled_loops()
     reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
     for recording in each:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.frames import check_model, summary_of_calibration
@@ -47,7 +46,6 @@ def evaluate(
     [1, 2, 2]
     """
     check_model(model)
-    use_compiled_loops()
     each = opened(recordings)
     summary = None if calibration is None else summary_of_calibration(calibration)
     with (counting or counting_for("frames", progress))("frames", sum(len(one.frames) for one in each)) as advance:

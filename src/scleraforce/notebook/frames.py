@@ -29,9 +29,8 @@ from scleraforce.reader.answer import Answer, Reader
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import RecordingInfo, ScaledFrame, Scanner, read_scaled_frame, recording_of
 from scleraforce.recording.pixels import Pixels, Sourced
-from scleraforce.segmentation.checked_wall import find_checked_wall
-from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity
 
@@ -90,16 +89,10 @@ def segment(
     given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
     seen = scaled(frame, given, Scanner(refractive_index=1.0), "assumed")
     try:
-        return wall_in(seen, finder_of(wall_finder), None if seen.info is None else seen.info.eye.thickness_m)
+        thickness_m = None if seen.info is None else seen.info.eye.thickness_m
+        return find_wall(seen.pixels, seen.scale, thickness_m, finder_of(wall_finder))
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
-
-
-def wall_in(frame: ScaledFrame, finder: WallFinder | None, thickness_m: float | None = None) -> Segmentation:
-    """Find the wall by the two methods, or without a wall finder by the classical one alone."""
-    if finder is None:
-        return find_sclera(frame.pixels, frame.scale, thickness_m)
-    return find_checked_wall(frame.pixels, frame.scale, finder, thickness_m)
 
 
 def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:

@@ -25,7 +25,7 @@ from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
 from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
-from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
@@ -211,7 +211,7 @@ def _gathered(
 def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
     """Return the median thickness of the wall in the first frames, um; None where none of them shows it."""
     finder, scale = load_wall_finder(SHIPPED_WALL_FINDER), PixelScale.of(oct_info)
-    found = [find_checked_wall(greys.counts(picture), scale, finder) for picture in islice(scan.pictures(), LOOKED_AT)]
+    found = [find_wall(greys.counts(picture), scale, finder=finder) for picture in islice(scan.pictures(), LOOKED_AT)]
     thickness_m = [wall.thickness_m for wall in found if wall.usable and wall.thickness_m is not None]
     seen_m = [value for value in thickness_m if np.isfinite(value)]
     return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None

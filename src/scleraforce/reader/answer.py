@@ -18,8 +18,8 @@ from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.monitor.events import Verdict
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import Study
 from scleraforce.units import from_si
 

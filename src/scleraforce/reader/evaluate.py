@@ -33,8 +33,8 @@ from scleraforce.reader.metrics import (
 from scleraforce.recording.folder import Recording, RecordingInfo, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
-from scleraforce.segmentation.steps import Segmentation
 from scleraforce.units import from_si
 
 

@@ -29,7 +29,7 @@ from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import form_size
 from scleraforce.known.eye import UNKNOWN, Known, KnownGlobe
 from scleraforce.reader.answer import METHODS, Reading
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
 
 OWN, OTHER = "own E", "other E"  # whose modulus: of which a reading has one

@@ -48,10 +48,9 @@ from scleraforce.reader.verdicts import (
 )
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import segmented_boundaries, surface
+from scleraforce.segmentation.observations import Boundaries, segmented_boundaries, surface
+from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 

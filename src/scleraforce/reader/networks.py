@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import ModelError
 from scleraforce.eye.globe import SAME_SLOPE_PA
 from scleraforce.known.eye import NO_DISCREPANCY, UNKNOWN, Known
-from scleraforce.library.base_bulge import pole_directions
+from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.models.session import check_interface, run_network
 from scleraforce.reader.answer import Reading, stretched_interval, unstretched

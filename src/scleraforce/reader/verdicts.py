@@ -7,16 +7,15 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
 from scleraforce.fitting.prior import Prior
-from scleraforce.fitting.resting_form import FORMS
-from scleraforce.fitting.unknowns import FORM, INNER_OFFSET, SIZE, THICKNESS
+from scleraforce.fitting.unknowns import FORM, FORMS, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.known.eye import Known
 from scleraforce.reader.answer import Answer, Reading, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.slice import boundary_slices
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si
@@ -259,9 +258,9 @@ def look(
         slice_study: of the model.
         shifts: of the slices in depth, in rows of a slice; the first is 0.
         thickness_m: of the wall, as told; and
-        finder: a network that checks the wall: see `find_sclera`.
+        finder: a network that checks the wall: see `find_wall`.
     """
-    found = find_sclera(frame, scale, thickness_m, finder)
+    found = find_wall(frame, scale, thickness_m, finder)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
     cuts = boundary_slices(found, scale, slice_study, shifts)

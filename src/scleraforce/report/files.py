@@ -5,14 +5,16 @@ from collections.abc import Callable
 from functools import wraps
 from io import BytesIO
 from pathlib import Path
-from typing import Literal, ParamSpec
+from typing import TYPE_CHECKING, Literal, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
-from scleraforce.report.html import Html
 from scleraforce.whole_files import renamed_when_whole, write_whole
+
+if TYPE_CHECKING:
+    from scleraforce.report.html import Html
 
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
 CLASS_COLOURS = (BLUE, AMBER, RED)
@@ -93,7 +95,7 @@ def data_uri(figure: Figure, kind: Literal["png", "svg"] = "png") -> str:
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
 
 
-def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
+def write_page(content: "Html", path: Path, *, overwrite: bool = False) -> None:
     """Write a page.
 
     Raises:

@@ -18,9 +18,9 @@ from scleraforce.recording.labels import contact_force
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.report.files import AMBER, BLACK, BLUE, SCAN_COLOURS, inches, styled
 from scleraforce.report.html import Html, gallery, paragraph, section
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.slice import boundary_slice
-from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
 

@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.imaged import lit_columns
+from scleraforce.segmentation.light import imaged_columns
 from scleraforce.segmentation.slice import BoundaryRows
 
 
@@ -82,11 +82,10 @@ class ImagedEye:
     @cached_property
     def bands(self) -> tuple[int, int]:
         """Columns that are black at the left and at the right side."""
-        lit = lit_columns(self.pixels)
-        if lit is None:
+        imaged = imaged_columns(self.pixels)
+        if imaged is None:
             raise FrameError(f"{self.name}: the frame is empty: all pixels are alike")
-        left, missing, _ = lit
-        return left, self.pixels.shape[1] - left - len(missing)
+        return imaged[0], self.pixels.shape[1] - imaged[1]
 
     @cached_property
     def walled(self) -> NDArray[np.bool_]:

@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import can_compile
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.study import SliceStudy
 
@@ -70,7 +69,7 @@ def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
 
 
 def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> NDArray[np.uint8]:
-    """Draw many sections of equally many points, as `fill_section` draws each: by compiled loops where they are there.
+    """Draw many sections of equally many points, as `fill_section` draws each.
 
     Args:
         sections: the walls, each in the frame of its plane.
@@ -79,8 +78,7 @@ def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -
     Returns:
         The slices, shape (section, rows, columns).
     """
-    if not can_compile():
-        return np.stack([fill_section(*both) for both in zip(sections, windows, strict=True)])
+    # Imported here: Numba takes longer than a single section does.
     from scleraforce.section.fill_loops import draw_contours
 
     contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])

@@ -1,10 +1,11 @@
-"""The wall by two ways that check each other: a network's, refined on the full frame, and that of `wall.find_wall`.
+"""The wall by two methods that check each other: that of `wall.find_first_wall`, and a network's.
 
-Where both find the same wall, that of `find_wall` stays, but for stretches in which the network's is the better one: it
-is the finer one. Elsewhere the wall is the network's, moved to an edge of the full frame where one lies within the
-network's own resolution. A frame in which the other way finds another wall, by more than both are unsure of, or in
-which the network is too unsure of the wall's end, is not usable. `segmentation.two_ways` compares,
-`docs/wall_finder.md` says what was measured.
+The first one is finer: forces are read from it alone, and only if nothing speaks against it once the network has
+looked, too. A frame in which the network sees another wall, by more than both are unsure of, or in which it is too
+unsure of the wall's end, is not usable. What is then shown is the network's wall, moved to an edge of the full frame
+where one lies within the network's own resolution. `docs/wall_finder.md` says what was measured.
+
+All comparisons are made at the columns that the network answers for, in rows of the full frame.
 """
 
 from dataclasses import dataclass, replace
@@ -13,19 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.below_surface import grouped, grouping, in_tissue, rows_per_metre, search_below
-from scleraforce.segmentation.columns import at_columns, bridged, fine_columns
-from scleraforce.segmentation.display import as_logarithmic
-from scleraforce.segmentation.grid import Float, make_grid
-from scleraforce.segmentation.imaged import imaged_part, lit_columns
-from scleraforce.segmentation.inner import CELL_M, CELLS
-from scleraforce.segmentation.joined_walls import joined_walls
-from scleraforce.segmentation.numpy_steps import UNSEEN_DEPTH_M
-from scleraforce.segmentation.sclera import find_walls, walls_doubt
-from scleraforce.segmentation.steps import Segmentation
-from scleraforce.segmentation.surface import refine_surface
-from scleraforce.segmentation.two_ways import sees_wall, ways_agree
+from scleraforce.segmentation.boundaries import edge_near, thickness_below
+from scleraforce.segmentation.columns import continuation, fine_columns, grouped, grouping, nearest_point
+from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
+from scleraforce.segmentation.grid import LEAST_SHAPE, Float
+from scleraforce.segmentation.inner import CELL_M, CELLS, rows_per_metre
+from scleraforce.segmentation.loops import at_every_column, bridge
+from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
+
+Curve = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
 NEAR_STEPS = 1.0  # an edge within so many rows of the reduced frame is the wall's: the network sees no finer
@@ -34,6 +33,132 @@ PRIOR_SD_M = 25e-6  # at least: of the network's thickness
 SHOWN_SDS, SHOWN_SHARE = 3.0, 0.5  # the end is seen where jumps lie so near the network's, in so much of the wall
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
 UNROLLED_M = (0.3e-3, 1.1e-3)  # median thickness that fits into the unrolled wall; others are looked at scaled
+SAME_SDS = 2.0  # both ways see one boundary: so many standard deviations of the network, at least as many of its rows
+SAME_SHARE = 0.8  # ... in so many of the columns that both see, which are so many of those that either sees
+SDS, OTHER_ROWS = 4.0, 2.0  # both ways may differ by so many standard deviations; that of `find_wall` in rows
+OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
+DIFFERING_SHARE = 0.2  # of the columns that both see
+UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
+UNSURE_THICKNESS, UNSURE_SHARE = 0.25, 0.5  # the wall's end is unsure by so much of it, in so much of the wall
+CONFIRMED_THICKNESS = 0.1  # ... unless the other way sees it so near, in thicknesses, or within a row of the network's
+SIDE_SHARE, LEAST_SIDE_ROWS = 0.1, 3.0  # of the thickness are looked at above and below a boundary
+SAMPLES = 8  # rows that are looked at on a side
+
+
+def checked_by(
+    finder: WallFinder, frame: Pixels, scale: PixelScale, first: Segmentation, found: Segmentation
+) -> Segmentation:
+    """Return a wall after a network's check.
+
+    The network does not know how thick the wall is: one that takes the conjunctiva for a part of the wall, as it does
+    from 140 um on, is no witness against the surface below it.
+
+    Args:
+        finder: the network.
+        frame: counts on a logarithmic scale (row, column).
+        scale: size of the frame's pixel, with the refractive index.
+        first: the wall from the first surface on.
+        found: that below a conjunctiva; the same one where none is seen.
+
+    Returns:
+        `found`, if it can be judged and the network sees it, or `first`, too. Else a wall that is not usable: the
+        network's, if it sees any and no conjunctiva was found.
+    """
+    part = lit_part(frame, scale)
+    if part is None:
+        return found
+    seen = finder.find(frame)
+    reason = found.reason or (doubt(found, seen) and doubt(first, seen))
+    if not reason:
+        return found
+    if found is first and sees_wall(seen):
+        shown = refined_wall(part, seen)
+        if ways_agree(found, seen):
+            shown = joined_walls(frame, found, shown, seen.step_rows)
+        found = replace(shown, needle=found.needle)
+    return replace(found, usable=False, reason=reason)
+
+
+def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
+    """Return whether a wall is the one that the network sees, as far as that can tell."""
+    if not other.inner_found:
+        return False
+    both, either = _columns(other, seen)
+    at = seen.frame_column
+    outer = _within(seen.outer_row - other.outer_row[at], seen.outer_sd, seen.step_rows)
+    inner = _within(seen.inner_row - other.inner_row[at], seen.inner_sd, seen.step_rows)
+    last = other.rows - 1.0 - seen.step_rows  # of two boundaries below the frame nobody sees which is lower
+    inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
+    seen_by_both, same = int(np.count_nonzero(both)), int(np.count_nonzero(both & outer & inner))
+    return seen_by_both >= SAME_SHARE * int(np.count_nonzero(either)) and same >= SAME_SHARE * seen_by_both
+
+
+def doubt(other: Segmentation, seen: SeenWall) -> str:
+    """Return what speaks against a wall once a network has looked, too, '' where nothing does."""
+    if not sees_wall(seen):
+        return "the network sees no wall where the other way finds one"
+    return _network_doubt(other, seen) or _ways_difference(other, seen)
+
+
+def sees_wall(seen: SeenWall) -> bool:
+    """Return whether the network sees a wall at all."""
+    return int(np.count_nonzero(seen.there)) >= LEAST_SHAPE // 2
+
+
+def _network_doubt(other: Segmentation, seen: SeenWall) -> str:
+    """Return what makes the network's wall doubtful; '': it is sure, or the other method sees the same end."""
+    thickness = seen.inner_row - seen.outer_row
+    unsure = seen.there & (seen.inner_row < other.rows - 1.0) & (seen.inner_sd > UNSURE_THICKNESS * thickness)
+    if other.inner_found:
+        off = np.abs(seen.inner_row - other.inner_row[seen.frame_column])
+        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))  # NaN: it sees no wall
+    share = np.count_nonzero(unsure) / np.count_nonzero(seen.there)
+    if share > UNSURE_SHARE:
+        return f"the network does not know where the wall ends, in {share:.0%} of its columns"
+    return ""
+
+
+def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
+    """Return by how much both ways differ, '' where they may be that unsure."""
+    at = seen.frame_column
+    both, either = _columns(other, seen)
+    if np.count_nonzero(either & ~both) > UNSEEN_SHARE * np.count_nonzero(either):
+        return _sentence("one sees wall where the other does not", either & ~both, either)
+    off = np.abs(seen.outer_row - other.outer_row[at])
+    differs = both & (off > SDS * np.hypot(seen.outer_sd, OTHER_ROWS))
+    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
+        return _sentence(f"its surface lies up to {off[differs].max():.0f} rows apart", differs, both)
+    if not other.inner_found:
+        return ""
+    off = np.abs(seen.inner_row - other.inner_row[at])
+    unsure = np.hypot(seen.inner_sd, OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row))
+    differs = both & (off > SDS * np.maximum(unsure, OTHER_ROWS)) & (other.inner_row[at] < other.rows)
+    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
+        return _sentence(f"its inner boundary lies up to {off[differs].max():.0f} rows apart", differs, both)
+    return ""
+
+
+def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
+    """Return in which of the network's columns both ways see wall, and in which either does.
+
+    What a needle hides counts for neither: the other wall has no boundaries there, the network may guess them.
+    """
+    there = np.isfinite(other.outer_row[seen.frame_column])
+    either = seen.there | there
+    if other.needle is not None:
+        first, after = other.needle.hidden
+        either &= (seen.frame_column < first) | (seen.frame_column >= after)
+    return seen.there & there, either
+
+
+def _within(off: NDArray[np.float64], sd: NDArray[np.float64], step_rows: float) -> Mask:
+    within: Mask = np.abs(off) <= SAME_SDS * np.maximum(sd, step_rows)
+    return within
+
+
+def _sentence(what: str, where: Mask, among: Mask) -> str:
+    share = np.count_nonzero(where) / np.count_nonzero(among)
+    return f"two ways to find the wall differ: {what}, in {share:.0%} of its columns"
 
 
 @dataclass(frozen=True)
@@ -52,51 +177,18 @@ class _Start:
     step_rows: float
 
 
-def find_checked_wall(
-    frame: Pixels, scale: PixelScale, finder: WallFinder, thickness_m: float | None = None
-) -> Segmentation:
-    """Find the wall in a frame with a network's help, and check it.
-
-    Args:
-        frame: counts, uint8 or uint16, shape (row, column).
-        scale: size of the frame's pixel, with the refractive index.
-        finder: the network.
-        thickness_m: of the wall, as told (see `find_sclera`).
-
-    Returns:
-        The wall of `find_wall` where both ways agree, with the network's for stretches (`joined_walls`), and that below
-        a conjunctiva where one is seen; else the network's, refined. It is usable where that of `find_wall` is, and
-        nothing speaks against it; a needle is what that sees. A frame in which either way sees no wall at all has that
-        of the other, and is not usable.
-
-    Raises:
-        ValueError: as of `find_wall`.
-        ModelError: as of `WallFinder.find`.
-    """
-    frame = as_logarithmic(frame)
-    first, other = find_walls(frame, scale, thickness_m)
-    lit = lit_columns(frame)
-    if lit is None:
-        return other
-    seen = finder.find(frame)
-    found = other
-    if other is first and sees_wall(seen):
-        found = _refined(frame, scale, seen, *lit[:2])
-        if ways_agree(other, seen):
-            found = joined_walls(frame, other, found, seen.step_rows)
-    reason = other.reason or walls_doubt(first, other, seen)
-    return replace(found, usable=not reason, reason=reason, needle=other.needle)
-
-
-def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden: NDArray[np.bool_]) -> Segmentation:
+def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
-    imaged = imaged_part(frame, left, hidden)
-    start = _start(seen, left, len(hidden), len(frame))
-    row = _surface(imaged, scale, start)
-    floor = make_grid(imaged, scale).floor
-    inner, shown, thickness_m = _inner(imaged, floor, scale, row, start)
-    outer_row, inner_row = at_columns(frame.shape[1], left, len(hidden), start.there, row, inner)
-    return Segmentation(outer_row, inner_row, len(frame), True, "", shown, thickness_m=thickness_m)
+    width, rows = len(part.missing), len(part.frame)
+    start = _start(seen, part.left, width, rows)
+    row = _surface(part, start)
+    inner, shown, thickness_m = _inner(part, row, start)
+    nearest = nearest_point(width)[1]
+    everywhere, boundaries = bool(start.there[nearest].all()), np.full((2, part.columns), np.nan)
+    for boundary, curve in zip(boundaries, (row, inner), strict=True):
+        to = boundary[part.left : part.left + width]
+        at_every_column(fine_columns(width), curve, start.there, nearest, everywhere, to)
+    return Segmentation(boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m)
 
 
 def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
@@ -112,47 +204,61 @@ def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
     return _Start(outer, inner, outer_sd, inner_sd, there, ended, seen.step_rows)
 
 
-def _surface(frame: Pixels, scale: PixelScale, start: _Start) -> Float:
+def _surface(part: Part, start: _Start) -> Float:
     """Return the surface at `fine_columns`: the edge near the network's, its own where none is near."""
-    fine = fine_columns(frame.shape[1])
-    column = np.linspace(0.0, frame.shape[1] - 1.0, START_POINTS, dtype=np.float32)
-    row = np.interp(column, fine, start.outer).astype(np.float32)
-    edge = refine_surface(frame, scale, column, row).row
+    width = len(part.missing)
+    column = np.linspace(0.0, width - 1.0, START_POINTS, dtype=np.float32)
+    row = np.interp(column, fine_columns(width), start.outer).astype(np.float32)
+    spread = continuation(width, float(column[0]), float(column[1] - column[0]), START_POINTS) @ row
+    edge = np.empty_like(row, shape=len(start.outer))
+    edge_near(part.frame, part.first, np.clip(spread, 0.0, len(part.frame) - 1.0), part.workplace, edge)
     near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
     surface: Float = np.where(near, edge, start.outer)
     return surface
 
 
-def _inner(frame: Pixels, floor: float, scale: PixelScale, row: Float, start: _Start) -> tuple[Float, bool, float]:
+def _inner(part: Part, row: Float, start: _Start) -> tuple[Float, bool, float]:
     """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
 
     Where the network sees no end inside of the frame the wall goes on as thick as it is beside that. Where it sees
-    hardly any end, the wall is 1 mm thick, as that of `find_wall` is, and the thickness NaN.
+    hardly any end, the wall is 1 mm thick, as that of the other method is, and the thickness NaN.
     """
-    row, tissue = bridged(row, start.there), in_tissue(scale)
+    row = _bridged(row, start.there)
+    depth_m = part.scale.depth_m / part.scale.refractive_index
     if np.count_nonzero(start.ended) < ENDED_SHARE * np.count_nonzero(start.there):
-        assumed = np.maximum(row, np.float32(0.0)) + np.float32(UNSEEN_DEPTH_M / tissue.depth_m)
+        assumed = np.maximum(row, np.float32(0.0)) + np.float32(UNSEEN_DEPTH_M / depth_m)
         return np.minimum(start.inner, assumed), False, float("nan")
-    along_rows = rows_per_metre(frame.shape[1], row, tissue)
-    thickness_m, shown = _thickness(frame, floor, row, along_rows, start)
+    along_rows = rows_per_metre(fine_columns(len(part.missing)), row, part.scale.lateral_m, depth_m)
+    thickness_m, shown = _thickness(part, row, along_rows, start)
     return row + along_rows * thickness_m, shown, float(np.median(thickness_m[start.ended]))
 
 
-def _thickness(frame: Pixels, floor: float, row: Float, along_rows: Float, start: _Start) -> tuple[Float, bool]:
+def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tuple[Float, bool]:
     """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
-    expected_m = bridged(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
+    expected_m = _bridged(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
     step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
     sd_m = np.maximum(np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M))
     zoom = np.float32(_zoom(float(np.median(expected_m[start.there]))))
     prior = _prior(grouped(expected_m) / zoom, grouped(sd_m) / zoom)
-    jumps = search_below(frame, floor, row, start.there, along_rows * zoom, prior)
-    found_m = jumps.thickness_m * zoom
+    found_m, jumps = np.empty(len(prior), np.float32), np.empty(len(prior), np.bool_)
+    _, floor, _, _ = part.glance(0)
+    thickness_below(
+        part.frame, part.first, floor, row, start.there, along_rows * zoom, prior, part.workplace, found_m, jumps
+    )
+    found_m *= zoom
     off_m = np.abs(found_m - grouped(expected_m))
-    near = jumps.shown & (off_m <= grouped(step_m))
+    near = jumps & (off_m <= grouped(step_m))
     unsure_m = np.maximum(start.inner_sd / along_rows, step_m)
-    shown = jumps.shown & (off_m <= SHOWN_SDS * grouped(unsure_m))
+    shown = jumps & (off_m <= SHOWN_SDS * grouped(unsure_m))
     thickness_m: Float = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
+
+
+def _bridged(row: Float, there: Mask) -> Float:
+    """Return a curve with straight lines over what is not there."""
+    bridged = np.empty_like(row)
+    bridge(row, there, bridged)
+    return bridged
 
 
 def _zoom(thickness_m: float) -> float:
@@ -172,3 +278,48 @@ def _prior(thickness_m: Float, sd_m: Float) -> Float:
     off = (edge_m - thickness_m[:, None]) / sd_m[:, None]
     gain: Float = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
     return gain
+
+
+def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: float) -> Segmentation:
+    """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
+
+    Where only the other wall is, it is taken, but for what a needle hides.
+
+    Args:
+        frame: counts on a logarithmic scale (row, column).
+        finer: a wall in it.
+        other: another one.
+        apart_rows: by how many rows the inner boundaries have to part.
+    """
+    seen, added = np.isfinite(finer.outer_row), np.isfinite(other.outer_row)
+    both, only = seen & added, added & ~seen
+    if finer.needle is not None:
+        only[slice(*finer.needle.hidden)] = False
+    outer, inner = np.where(only, other.outer_row, finer.outer_row), np.where(only, other.inner_row, finer.inner_row)
+    parted = both.copy()
+    parted[both] = np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows
+    at = np.flatnonzero(parted)
+    if len(at):
+        stretch = np.cumsum(np.diff(at, prepend=at[0]) > 1)
+        gain = np.bincount(stretch, _falls(frame, other, finer, at) - _falls(frame, finer, other, at))
+        better = at[gain[stretch] > 0.0]
+        inner[better] = other.inner_row[better]
+    return replace(finer, outer_row=outer, inner_row=inner)
+
+
+def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: NDArray[np.intp]) -> Curve:
+    """Return by how many counts the light falls at a wall's inner boundary, at some columns; 0 beyond the frame.
+
+    As many rows are looked at as against the other wall, so that both are seen alike.
+    """
+    inner = wall.inner_row[at]
+    thickness = np.maximum(inner - wall.outer_row[at], against.inner_row[at] - against.outer_row[at])
+    side = np.maximum(SIDE_SHARE * thickness, LEAST_SIDE_ROWS)
+    off = (np.arange(SAMPLES)[:, None] + 0.5) / SAMPLES * side
+    inside = (inner - side > -0.5) & (inner + side < len(frame) - 0.5)
+    above, below = (
+        frame[np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1), at].mean(axis=0)
+        for sign in (-1.0, 1.0)
+    )
+    falls: Curve = np.where(inside, above - below, 0.0)
+    return falls

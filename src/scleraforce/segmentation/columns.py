@@ -1,4 +1,4 @@
-"""The columns that boundaries are found at, and the maps between them: the same for every frame of a size, so kept."""
+"""The columns that boundaries are found at, and the maps between them: cached for each size of a frame."""
 
 from functools import lru_cache
 
@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.inner import GROUP
 
 FINE_COLUMNS = 128
-KEPT = 64  # sizes of frames: black bands at both sides may change from frame to frame
+INNER_COLUMNS = 128  # at which the inner boundary is looked for
+CACHED = 64  # sizes of frames: black bands at both sides may change from frame to frame
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED)
 def fine_columns(columns: int) -> Float:
     """Return at most 128 columns of a frame with so many, evenly spaced from the first to the last."""
     return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
@@ -23,20 +25,14 @@ def between(columns: int, first: int, after: int) -> slice:
     return slice(int(start), int(stop))
 
 
-@lru_cache(maxsize=KEPT)
-def repeated(columns: int, rows: int) -> Float:
-    """Return `fine_columns` once for each of so many rows, shape (row, point)."""
-    return np.repeat(fine_columns(columns)[None], rows, axis=0)
-
-
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED)
 def nearest_point(columns: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Return the columns of a frame, and for each the nearest of `fine_columns`, both shape (column,)."""
     fine, at = fine_columns(columns), np.arange(columns, dtype=np.float64)
     return at, np.rint(np.interp(at, fine, np.arange(len(fine)))).astype(np.intp)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED)
 def continuation(columns: int, first: float, spacing: float, points: int) -> Float:
     """Return the matrix that takes a curve at evenly spaced points to `fine_columns`, shape (fine, point).
 
@@ -52,43 +48,19 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Flo
     return matrix.astype(np.float32)
 
 
-@lru_cache(maxsize=KEPT)
-def interpolation(points: int, at: int, group: int) -> tuple[NDArray[np.intp], Float]:
-    """Return `at` evenly spread ones of so many points, and the matrix from means of groups of these to the points.
+@lru_cache(maxsize=CACHED)
+def grouping(points: int) -> tuple[NDArray[np.intp], Float]:
+    """Return INNER_COLUMNS evenly spread points, and the matrix from means of groups of these to all points.
 
-    Shapes (at,) and (point, at / group).
+    Shapes (INNER_COLUMNS,) and (point, group).
     """
-    chosen = np.arange(at) * (points - 1) // (at - 1)
-    middle = chosen.reshape(-1, group).mean(axis=1)
+    chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
+    middle = chosen.reshape(-1, GROUP).mean(axis=1)
     matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
     return chosen, matrix.astype(np.float32)
 
 
-def bridged(row: Float, there: NDArray[np.bool_]) -> Float:
-    """Return a curve with straight lines over what is not there."""
-    if np.count_nonzero(there) == len(there):
-        return row
-    at = np.arange(len(row))
-    bridged: Float = np.interp(at, at[there], row[there]).astype(np.float32)
-    return bridged
-
-
-def at_columns(
-    columns: int, left: int, width: int, there: NDArray[np.bool_], *curves: Float
-) -> tuple[NDArray[np.float64], ...]:
-    """Return curves at the columns of a frame whose imaged part starts at `left` and is so wide.
-
-    NaN outside of that part, and where the nearest point is not there.
-    """
-    fine, (at, nearest) = fine_columns(width), nearest_point(width)
-    known = there[nearest]
-    whole = np.count_nonzero(known) == width
-    filled = []
-    for rows in curves:
-        curve = np.empty(columns)
-        curve[:left] = curve[left + width :] = np.nan
-        curve[left : left + width] = np.interp(at, fine, rows) if whole else np.interp(at, fine[there], rows[there])
-        if not whole:
-            curve[left : left + width][~known] = np.nan
-        filled.append(curve)
-    return tuple(filled)
+def grouped(values: Float) -> Float:
+    """Return the means over the groups of points that are looked at, (group,)."""
+    mean: Float = values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
+    return mean

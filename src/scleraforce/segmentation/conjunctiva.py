@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.below_surface import in_tissue
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.inner import surface_stretch
-from scleraforce.segmentation.path import best_path
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.inner import rows_per_metre
+from scleraforce.segmentation.loops import best_path
 
 LEAST_M = 35e-6  # a wall that looks this much thicker than told may lie below a conjunctiva
 LARGEST_M = 0.4e-3  # conjunctiva with Tenon's layer
@@ -57,7 +56,7 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
     if not LEAST_M < excess_m < LARGEST_M:
         return found
     columns = np.flatnonzero(np.isfinite(found.outer_row))
-    row, along_rows = _surface(found, columns, in_tissue(scale))
+    row, along_rows = _surface(found, columns, scale)
     layer_m = _layer(_unrolled(frame, columns, row, along_rows), found.thickness_m, excess_m)
     if layer_m is None or abs(excess_m - float(np.median(layer_m))) > FITS * excess_m:
         return found
@@ -69,11 +68,12 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
     return replace(found, outer_row=outer_row, thickness_m=float(np.median(left_m)), conjunctiva_m=median_m)
 
 
-def _surface(found: Segmentation, columns: NDArray[np.intp], tissue: PixelScale) -> tuple[Float, Float]:
+def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) -> tuple[Float, Float]:
     """Return the first surface's rows at columns, and the rows along a column for 1 m along its normal, (column,)."""
     span = np.arange(columns[0], columns[-1] + 1)
     row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
-    along_rows = surface_stretch(span.astype(np.float32), row, tissue) / np.float32(tissue.depth_m)
+    depth_m = scale.depth_m / scale.refractive_index
+    along_rows = rows_per_metre(span.astype(np.float32), row, scale.lateral_m, depth_m)
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 

@@ -9,17 +9,15 @@ thin: a mean over both its edges would hide the upper one. The path of the large
 column, to where the light crosses the middle of the jump.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import cast
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.path import best_path
+from scleraforce.segmentation.loops import find_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_row
+
+Counts = NDArray[np.uint16]
+Indices = NDArray[np.uintp]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -45,61 +43,39 @@ BRIGHTEST = 1.5  # times a group's own level: what is brighter counts as that
 SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
 
 EDGES = slice(LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
-_ABOVE = slice(EDGES.start - SKIP_EDGE - LINE_CELLS, EDGES.stop - SKIP_EDGE - LINE_CELLS)  # first cells of the lines
-_BELOW = slice(EDGES.start + SKIP_EDGE, EDGES.stop + SKIP_EDGE)  # first cells below
-_DEEPEST = slice(_BELOW.start + LOW_CELLS - 1, _BELOW.stop + LOW_CELLS - 1)  # last cells below
-_LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
 # Makes the path unique where nothing is seen.
 ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
 THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
-_ROW_AND_DEPTH = np.stack([np.ones_like(THICKNESS_M), THICKNESS_M], axis=1)
-_LEVEL = np.zeros(CELLS, dtype=np.float32)
-_LEVEL[SKIP_CELLS:LEVEL_CELLS] = 1.0
 _REACH = LINE_CELLS / 2 + SKIP_EDGE  # from the middle of a line to the jump
 _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
 FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
-_SUMS = np.triu(np.ones((2 * REFINE_CELLS, 2 * REFINE_CELLS + 1), dtype=np.float32), 1)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
-BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)[
-    None
-]  # of a straight line, least squares, over _REACH
-_MEAN = np.full((1, LINE_CELLS), 1.0 / LINE_CELLS, dtype=np.float32)
-_LOW_MEAN = np.full((1, LOW_CELLS), 1.0 / LOW_CELLS, dtype=np.float32)
+BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)  # of a straight line, least squares, over _REACH
 # `BEND` goes from a line's middle to the jump; so many times that, it goes on to the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
+_FIRST_EDGE, _AFTER_EDGE = EDGES.start, EDGES.stop
+_LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)
+_SURE_SPREAD, _SPREAD_REACH = np.float32(SURE_SPREAD), SPREAD_CELLS // 2
+_HALF_JUMP, _UPPER_COST = np.float32(HALF_JUMP), np.float32(UPPER_COST)
+_NEAR, _FAR = LAYER_CELLS
+_CELL_M, _MEASURED, _SEEN = np.float32(CELL_M), np.float32(0.3), np.float32(1e-3)
+_STEEPEST, _BRIGHTEST, _LEAST_LEVEL = np.float32(STEEPEST**2), np.float32(BRIGHTEST), np.float32(1e-6)
+_ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 
 
-@dataclass(frozen=True)
-class InnerBoundary:
-    """Thickness along the normal at each group of points, m, (point / GROUP,), and which of them show the boundary.
-
-    `support` is the share that do.
-    """
-
-    thickness_m: Float
-    shown: NDArray[np.bool_]
-    support: float
-
-
-def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
-    """Return by how much a wall is longer along a column than along the surface's normal, shape (column,).
+def rows_per_metre(column: Float, row: Float, lateral_m: float, depth_m: float) -> Float:
+    """Return the rows along a column for 1 m of thickness along a surface's normal, shape (point,).
 
     Args:
-        column: columns of the surface in the frame, evenly spaced.
+        column: columns of the surface in the frame, evenly spaced, shape (point,).
         row: its rows, no NaN.
-        scale: size of the frame's pixel, in tissue.
+        lateral_m: width of the frame's pixel.
+        depth_m: its depth in tissue.
     """
-    step_m = float(column[1] - column[0]) * scale.lateral_m
-    reach = slope_reach(len(column), step_m)
-    # Mirrored in its end points, a slope goes on beyond them.
-    longer = np.concatenate((2 * row[0] - row[reach:0:-1], row, 2 * row[-1] - row[-2 : -2 - reach : -1]))
-    slope = longer[2 * reach :] - longer[: -2 * reach]
-    slope *= np.float32(scale.depth_m / (2 * reach * step_m))
-    np.square(slope, slope)
-    np.minimum(slope, np.float32(STEEPEST**2), out=slope)
-    slope += np.float32(1.0)
-    stretch: Float = np.sqrt(slope, slope)
-    return stretch
+    along_rows, point_m = np.empty_like(row), float(column[1] - column[0]) * lateral_m
+    reach = slope_reach(len(column), point_m)
+    stretch(row, reach, depth_m / (2 * reach * point_m), depth_m, along_rows)
+    return along_rows
 
 
 def slope_reach(points: int, step_m: float) -> int:
@@ -107,147 +83,251 @@ def slope_reach(points: int, step_m: float) -> int:
     return min(max(1, round(SLOPE_M / step_m)), (points - 1) // 2)
 
 
-def find_inner(
-    frame: Pixels,
-    floor: float,
-    column: Float,
-    row: Float,
-    there: NDArray[np.bool_],
-    along_rows: Float,
-    prior: Float | None = None,
-) -> InnerBoundary:
-    """Find the inner boundary below a surface.
+@compiled
+def stretch(row: Float, reach: int, rise: float, depth_m: float, along_rows: Float) -> None:
+    """Write the rows along a column for 1 m of thickness along a surface's normal.
 
     Args:
-        frame: counts, shape (row, column).
+        row: of the surface, no NaN.
+        reach: points on each side that tell its slope.
+        rise: slope, metres over metres, of one row between them.
+        depth_m: of a pixel in tissue.
+        along_rows: the result.
+    """
+    points = len(row)
+    for at in range(points):
+        first, last = at - reach, at + reach
+        # Mirrored in its end points, a slope goes on beyond them.
+        before = row[first] if first >= 0 else np.float32(2 * row[0] - row[-first])
+        after = row[last] if last < points else np.float32(2 * row[points - 1] - row[2 * (points - 1) - last])
+        slope = (after - before) * np.float32(rise)
+        along_rows[at] = np.sqrt(min(slope * slope, _STEEPEST) + _ONE) / np.float32(depth_m)
+
+
+@compiled
+def unroll(
+    frame: Counts, first: int, floor: int, near: Indices, far: Indices, across: Float, row: Float,
+    there: NDArray[np.bool_], along_rows: Float, places: Float, line: Float, upper: Indices, lower: Indices,
+    down: Float, level: Float, wall: Float, seen: Float,
+) -> None:  # fmt: skip
+    """Write the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
+
+    Args:
+        frame: counts, shape (row, column), as of `sample_row`, like those that are not named here.
+        first: column.
         floor: count of its noise floor.
-        column: columns of the surface in the frame, once for each of CELLS rows, shape (CELLS, point); a multiple of 8.
-        row: its rows in the frame, no NaN, shape (point,).
+        near: columns.
+        far: columns.
+        across: shares.
+        row: of the surface, (point,).
         there: whether there is a surface.
-        along_rows: rows of the frame along a column for 1 m of thickness along the normal, shape (point,).
-        prior: what each edge between cells gains from what is known before, (point / GROUP, CELLS + 1); a jump gains
-            at most 1. None: nothing is known.
-
-    Returns:
-        The boundary; its `support` is 0 where none is seen.
+        along_rows: of `stretch`.
+        places: scratch, (point,).
+        line: the same.
+        upper: scratch.
+        lower: scratch.
+        down: scratch.
+        level: scratch, (2, group).
+        wall: the first result.
+        seen: the second one.
     """
-    wall, seen = _unroll(frame, floor, column, row, there, along_rows)
-    mean, bend, jump = _jumps(wall, seen)
-    least = _least_jump(jump)
-    gain = jump - least
-    cv2.threshold(gain, 0.0, 0.0, cv2.THRESH_TOZERO, gain)
-    gain /= gain + np.float32(HALF_JUMP)
-    score = gain - ROW_COST
-    near, far = LAYER_CELLS
-    # The largest of the jumps `far - near` cells above, down to here.
-    upper = cast(Float, cv2.dilate(gain, _LAYER, anchor=(far - near, 0)))
-    upper *= np.float32(UPPER_COST)
-    score[:, near:] -= upper[:, :-near]
-    if prior is not None:
-        score += prior
-    path = best_path(score, REACH_CELLS)
-    point = _numbers(len(path))
-    first = np.maximum(path - (SKIP_EDGE + LINE_CELLS), 0)
-    size = jump[point, path]
-    boundary = _cross(wall, path, mean[point, first], bend[point, first], np.maximum(size, np.float32(0.0)))
-    testable = seen[point, np.minimum(path + SKIP_EDGE, CELLS - 1)] > 0
-    shown = (size > least[path]) & testable
-    weight = shown + np.float32(1e-3)
-    smooth = cv2.blur((boundary * weight)[None], (5, 1))[0]
-    smooth /= cv2.blur(weight[None], (5, 1))[0]
-    smooth *= np.float32(CELL_M)
-    support = int(np.count_nonzero(shown)) / max(1, int(np.count_nonzero(testable)))
-    return InnerBoundary(cast(Float, smooth), shown, support)
+    _measure(np.float32(len(frame) - 1), row, there, along_rows, seen)
+    for cell in range(CELLS):
+        for at in range(len(row)):
+            places[at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
+        sample_row(frame, first, near, far, across, places, upper, lower, down, line)
+        for group in range(len(wall)):
+            total = _ZERO
+            for at in range(GROUP * group, GROUP * group + GROUP):
+                total += line[at]
+            wall[group, cell] = max(total * np.float32(1.0 / GROUP) - np.float32(floor), _ZERO) * seen[group, cell]
+    _level_out(wall, seen, level)
 
 
-def _unroll(
-    frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
-) -> tuple[Float, Float]:
-    """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
-    map_row = _ROW_AND_DEPTH @ np.concatenate((row, along_rows)).reshape(2, -1)
-    sampled = cv2.remap(frame, column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
-    light = cast(Float, cv2.transpose(cv2.resize(sampled, (len(row) // GROUP, CELLS), interpolation=cv2.INTER_AREA)))
-    seen = _measured((len(frame) - 1 - row) / along_rows, there)
-    light -= np.float32(floor)
-    cv2.threshold(light, 0.0, 0.0, cv2.THRESH_TOZERO, light)
-    light *= seen
-    level = (light @ _LEVEL) / np.maximum(seen @ _LEVEL, np.float32(1.0))
-    level = cast(Float, cv2.blur(level[:, None], (1, 3)))
-    seen *= level > max(LEAST_LEVEL_SHARE * float(level.max()), 1e-9)
-    light *= seen / np.maximum(level, np.float32(1e-6))
-    cv2.threshold(light, BRIGHTEST, 0.0, cv2.THRESH_TRUNC, light)
-    return light, seen
+@compiled
+def _measure(last_row: np.float32, row: Float, there: NDArray[np.bool_], along_rows: Float, seen: Float) -> None:
+    """Write 1 in the cells above the deepest thickness at the outer points of a group, else 0."""
+    for group in range(len(seen)):
+        first, last = GROUP * group, GROUP * group + GROUP - 1
+        shallower = min(
+            (last_row - row[first]) / along_rows[first] * np.float32(there[first]),
+            (last_row - row[last]) / along_rows[last] * np.float32(there[last]),
+        )
+        for cell in range(CELLS):
+            seen[group, cell] = np.float32(shallower >= THICKNESS_M[cell])
 
 
-def _measured(deepest_m: Float, there: NDArray[np.bool_]) -> Float:
-    """Return 1 in the cells, (group, cell), above the deepest thickness at the outer points of a group, else 0."""
-    deepest_m *= there
-    ends = np.minimum(deepest_m[::GROUP], deepest_m[GROUP - 1 :: GROUP])
-    return (ends[:, None] >= THICKNESS_M).astype(np.float32)
+@compiled
+def _level_out(wall: Float, seen: Float, level: Float) -> None:
+    """Divide each group by its own level near the surface; where that is dark, nothing is measured."""
+    groups = len(wall)
+    own, smooth = level[0], level[1]
+    for group in range(groups):
+        light = measured = 0.0
+        for cell in range(SKIP_CELLS, LEVEL_CELLS):
+            light += np.float64(wall[group, cell])
+            measured += np.float64(seen[group, cell])
+        own[group] = np.float32(light) / np.float32(max(measured, 1.0))
+    largest = _ZERO
+    for group in range(groups):
+        before, after = own[mirrored(group - 1, groups)], own[mirrored(group + 1, groups)]
+        smooth[group] = np.float32((np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD)
+        largest = max(largest, smooth[group])
+    least = np.float32(max(LEAST_LEVEL_SHARE * np.float64(largest), 1e-9))
+    for group in range(groups):
+        for cell in range(CELLS):
+            seen[group, cell] *= np.float32(smooth[group] > least)
+            share = seen[group, cell] / max(smooth[group], _LEAST_LEVEL)
+            wall[group, cell] = min(wall[group, cell] * share, _BRIGHTEST)
 
 
-def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
-    """Return what straight lines through the cells say, and the jump at each edge between cells.
+@compiled
+def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float, bend: Float, jump: Float) -> None:
+    """Write what straight lines through the cells say, and the jump at each edge between cells; neighbours are pooled.
 
-    For the lines that start at each cell: their mean, and by how much they fall from their middle to the jump, both
-    (group, cell); jump (group, cell + 1): by how much the cells below lie lower than the line above goes on to there.
-    Neighbouring groups are pooled.
+    Args:
+        wall: unrolled, (group, cell).
+        seen: where it is measured.
+        pooled: scratch, (group, cell).
+        near: means over neighbouring groups, (group, cell).
+        mean: of the lines that start at each cell.
+        bend: by how much they fall from their middle to the jump.
+        jump: (group, CELLS + 1).
     """
-    share = cv2.blur(seen, (1, POOLED))
-    pooled = cast(Float, cv2.blur(wall, (1, POOLED)))
-    pooled /= np.maximum(share, np.float32(1e-3))
-    mean = cast(Float, cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)))
-    bend = cast(Float, cv2.filter2D(pooled, -1, BEND, anchor=(0, 0)))
-    cv2.threshold(bend, 0.0, 0.0, cv2.THRESH_TRUNC, bend)
-    low = cast(Float, cv2.filter2D(pooled, -1, _LOW_MEAN, anchor=(0, 0)))
-    jump = np.zeros((len(wall), CELLS + 1), dtype=np.float32)
-    inside = jump[:, EDGES]
-    np.multiply(bend[:, _ABOVE], BEND_TO_LOW, inside)
-    inside += mean[:, _ABOVE]
-    np.maximum(inside, np.float32(0.0), out=inside)
-    inside -= low[:, _BELOW]
-    inside *= share[:, _DEEPEST] > np.float32(0.3)
-    return mean, bend, jump
+    groups = len(wall)
+    for group in range(groups):
+        before, after = mirrored(group - 1, groups), mirrored(group + 1, groups)
+        for cell in range(CELLS):
+            light = np.float64(wall[before, cell]) + np.float64(wall[group, cell]) + np.float64(wall[after, cell])
+            share = np.float32((seen[before, cell] + seen[group, cell] + seen[after, cell]) * _THIRD)
+            near[group, cell] = np.float32(light * _THIRD)
+            pooled[group, cell] = near[group, cell] / max(share, _SEEN)
+        for cell in range(CELLS - LINE_CELLS + 1):
+            middle = fall = _ZERO
+            for step in range(LINE_CELLS):
+                middle = multiply_add(_LINE_SHARE, pooled[group, cell + step], middle)
+                fall = multiply_add(BEND[step], pooled[group, cell + step], fall)
+            mean[group, cell], bend[group, cell] = middle, min(fall, _ZERO)
+        for edge in range(CELLS + 1):
+            jump[group, edge] = _ZERO
+        for edge in range(_FIRST_EDGE, _AFTER_EDGE):
+            line, low = edge - SKIP_EDGE - LINE_CELLS, _ZERO
+            for step in range(LOW_CELLS):
+                low = multiply_add(_LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low)
+            deepest = edge + SKIP_EDGE + LOW_CELLS - 1
+            share = np.float32((seen[before, deepest] + seen[group, deepest] + seen[after, deepest]) * _THIRD)
+            if share > _MEASURED:
+                above = max(bend[group, line] * BEND_TO_LOW + mean[group, line], _ZERO)
+                jump[group, edge] = above - low
 
 
-def _least_jump(jump: Float) -> Float:
-    """Return the jump that stands out at each edge, shape (edge,), from what speckle and texture make.
+@compiled
+def score_jumps(
+    jump: Float, prior: Float, sizes: Float, spread: Float, least: Float, gain: Float, score: Float
+) -> None:
+    """Write the jump that stands out at each edge, and what a path gains there.
+
+    Args:
+        jump: of `find_jumps`.
+        prior: what each edge gains from what is known before (group, edge); a jump gains at most 1.
+        sizes: scratch, as many values as jumps.
+        spread: scratch, (edge,).
+        least: jump that stands out, (edge,).
+        gain: scratch, (group, edge).
+        score: (group, edge).
+    """
+    groups, edges = jump.shape
+    _stand_out(jump, sizes, spread, least)
+    for group in range(groups):
+        for edge in range(edges):
+            over = max(jump[group, edge] - least[edge], _ZERO)
+            gain[group, edge] = over / (over + _HALF_JUMP)
+        own, upper = gain[group], spread
+        for edge in range(edges):
+            upper[edge] = _ZERO
+        for above in range(_NEAR, _FAR + 1):
+            for edge in range(edges - above):
+                upper[edge + above] = max(upper[edge + above], own[edge])
+        for edge in range(edges):
+            score[group, edge] = own[edge] - ROW_COST[edge] - upper[edge] * _UPPER_COST + prior[group, edge]
+
+
+@compiled
+def _stand_out(jump: Float, sizes: Float, spread: Float, least: Float) -> None:
+    """Write the jump that stands out from what speckle and texture make.
 
     Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
     place to place (the wall's end does not).
     """
-    sizes = np.abs(jump[:, EDGES.start : EDGES.stop : 2]).ravel()
-    sizes = sizes[sizes > 0]
-    typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
-    change = jump[POOLED:] - jump[:-POOLED]
-    np.square(change, change)
-    spread = _half_mean(len(change)) @ change
-    np.sqrt(spread, spread)
-    least: Float = cv2.blur(spread[None], (SPREAD_CELLS, 1))[0]
-    least *= np.float32(SURE_SPREAD)
-    np.maximum(least, np.float32(max(LEAST_JUMP, SURE_JUMP * typical)), out=least)
-    return least
+    groups, edges = jump.shape
+    number = 0
+    for group in range(groups):
+        for edge in range(_FIRST_EDGE, _AFTER_EDGE, 2):
+            sizes[number] = abs(jump[group, edge])
+            number += sizes[number] > 0
+    typical = np.float64(nth(sizes, number, number // 2)) if number else 0.0
+    half_share = np.float64(np.float32(0.5 / (groups - POOLED)))
+    for edge in range(edges):
+        total = 0.0
+        for group in range(groups - POOLED):
+            change = jump[group + POOLED, edge] - jump[group, edge]
+            total += half_share * np.float64(change * change)
+        spread[edge] = np.sqrt(np.float32(total))
+    mean_of_neighbours(spread, _SPREAD_REACH, least)
+    smallest = np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
+    for edge in range(edges):
+        least[edge] = max(least[edge] * _SURE_SPREAD, smallest)
 
 
-def _cross(wall: Float, path: NDArray[np.intp], mean: Float, bend: Float, jump: Float) -> Float:
-    """Return the edge near a path, in cells, shape (group,), that best parts light above and below a jump's middle."""
-    path = np.minimum(np.maximum(path, REFINE_CELLS), CELLS - REFINE_CELLS)
-    above = cv2.blur(wall, (1, 3))[_numbers(len(path))[:, None], path[:, None] + _OFFSET]
-    above -= bend[:, None] * FROM_MIDDLE
-    above -= (mean - jump / 2)[:, None]
-    limit = np.maximum(jump, np.float32(1e-3))[:, None]
-    np.minimum(np.maximum(above, -limit, out=above), limit, out=above)
-    edge: Float = (path + (above @ _SUMS).argmax(axis=1)).astype(np.float32)
-    edge -= np.float32(REFINE_CELLS)
-    return edge
+@compiled
+def find_thickness(
+    near: Float, seen: Float, mean: Float, bend: Float, jump: Float, least: Float, score: Float,
+    path: NDArray[np.int64], downwards: Float, upwards: Float, edge: Float, weight: Float, thickness_m: Float,
+) -> float:  # fmt: skip
+    """Write the thickness along the normal at each group, and return the share of them that show the boundary.
+
+    Args:
+        near: of `find_jumps`, like `mean`, `bend` and `jump`.
+        seen: where the wall is measured.
+        mean: of lines.
+        bend: of lines.
+        jump: at edges.
+        least: of `score_jumps`, like `score`.
+        score: of edges.
+        path: scratch, (group,).
+        downwards: scratch, (group, edge).
+        upwards: the same.
+        edge: scratch, (2, group).
+        weight: the same.
+        thickness_m: the result.
+    """
+    find_path(score, REACH_CELLS, path, downwards, upwards)
+    shown = testable = 0
+    for group in range(len(path)):
+        size, first = jump[group, path[group]], max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
+        found = _cross(near[group], path[group], mean[group, first], bend[group, first], max(size, _ZERO))
+        measured = seen[group, min(path[group] + SKIP_EDGE, CELLS - 1)] > 0
+        shows = size > least[path[group]] and measured
+        testable += measured
+        shown += shows
+        weight[0, group] = np.float32(shows) + _SEEN
+        edge[0, group] = found * weight[0, group]
+    mean_of_neighbours(edge[0], 2, edge[1])
+    mean_of_neighbours(weight[0], 2, weight[1])
+    for group in range(len(path)):
+        thickness_m[group] = edge[1, group] / weight[1, group] * _CELL_M
+    return shown / max(1, testable)
 
 
-@lru_cache(maxsize=8)
-def _numbers(count: int) -> NDArray[np.intp]:
-    return np.arange(count)
-
-
-@lru_cache(maxsize=8)
-def _half_mean(count: int) -> Float:
-    """Return the weights, (count,), whose product is half the mean: the variance of one of two, from differences."""
-    return np.full(count, 0.5 / count, dtype=np.float32)
+@compiled
+def _cross(near: Float, path: int, mean: np.float32, bend: np.float32, jump: np.float32) -> np.float32:
+    """Return the edge near a path, in cells, that best parts light above and below a jump's middle."""
+    path = min(max(path, REFINE_CELLS), CELLS - REFINE_CELLS)
+    limit, middle = max(jump, _SEEN), mean - jump / np.float32(2.0)
+    best, total, largest = 0, _ZERO, _ZERO
+    for step in range(2 * REFINE_CELLS):
+        above = near[path + step - REFINE_CELLS] - bend * FROM_MIDDLE[step] - middle
+        total += min(max(above, -limit), limit)
+        if total > largest:
+            best, largest = step + 1, total
+    return np.float32(path + best) - np.float32(REFINE_CELLS)

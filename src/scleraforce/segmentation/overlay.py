@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.found import Segmentation
 
 SURFACE, INNER, INNER_NOT_SEEN = (0, 0, 255), (0, 255, 0), (255, 128, 0)  # blue, green, red, as OpenCV has them
 DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit

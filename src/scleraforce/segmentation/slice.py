@@ -6,9 +6,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.compiling import wall_is_compiled
+from scleraforce.segmentation.loops import straight_line
 from scleraforce.study import SliceStudy
+
+Floats = NDArray[np.float64]
+Places = tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]
 
 
 class BoundaryRows(Protocol):
@@ -57,21 +61,12 @@ def boundary_slices(
         The slices, shape (shift, rows, columns).
     """
     depth_m = _row_depths(slice_study.rows, slice_study.pixel_m, shifts)
-    if wall_is_compiled():
-        # Imported here: Numba takes longer than a frame does.
-        from scleraforce.segmentation.kernels.slices import draw_boundary_slices
-
-        outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
-        places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
-        return draw_boundary_slices(outer_row, inner_row, places, scale.depth_m, scale.refractive_index, depth_m)
-    outer_m, inner_m = boundary_depths(segmentation, scale, slice_study)
-    inside = depth_m >= outer_m
-    inside &= depth_m < inner_m  # NaN compares as False: no wall
-    walls: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(255)
-    return walls
+    outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
+    places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
+    return _draw_slices(outer_row, inner_row, places, scale.depth_m, scale.refractive_index, depth_m)
 
 
-def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.float64]:
+def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> Floats:
     """Return the depth of both boundaries below the frame's upper edge at the centres of the slice's columns.
 
     Args and columns are those of `boundary_slice`.
@@ -80,23 +75,8 @@ def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: 
         Outer and inner boundary, shape (2, columns), m; NaN outside the frame and where there is no wall.
     """
     outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
-    at, nearest, inside = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
-    there = np.isfinite(outer_row) & np.isfinite(inner_row)
-    known = there[nearest] & inside
-    depths = np.full((2, len(at)), np.nan)
-    if not np.count_nonzero(known):
-        return depths
-    columns = np.flatnonzero(there)
-    for depth_m, rows in zip(depths, (outer_row, inner_row), strict=True):
-        depth_m[:] = np.interp(at, columns, rows[columns])
-    depths += 0.5
-    depths *= scale.depth_m
-    outer_m, inner_m = depths
-    inner_m -= outer_m
-    inner_m /= scale.refractive_index
-    inner_m += outer_m
-    depths[:, ~known] = np.nan
-    return depths
+    places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
+    return _depths(outer_row, inner_row, places, scale.depth_m, scale.refractive_index)
 
 
 @lru_cache(maxsize=8)
@@ -116,3 +96,65 @@ def _places(
     at = centre * pixel_m / lateral_m + columns / 2 - 0.5
     nearest: NDArray[np.intp] = np.rint(at).astype(np.intp).clip(0, columns - 1)
     return at, nearest, (at >= -0.5) & (at <= columns - 0.5)
+
+
+@compiled
+def _draw_slices(
+    outer_row: Floats, inner_row: Floats, places: Places, depth_m: float, refractive_index: float, row_depths_m: Floats
+) -> NDArray[np.uint8]:
+    """Return the slices, shape (shift, row, column).
+
+    Args:
+        outer_row: of the boundary, as of `_depths`, like the next four.
+        inner_row: of the other one.
+        places: of the slice's columns.
+        depth_m: of a row of the frame.
+        refractive_index: of the tissue.
+        row_depths_m: depth of the slices' rows, (shift, row, 1).
+    """
+    depths = _depths(outer_row, inner_row, places, depth_m, refractive_index)
+    outer_m, inner_m = depths[0], depths[1]
+    shifts, rows, _ = row_depths_m.shape
+    walls = np.empty((shifts, rows, len(outer_m)), np.uint8)
+    for shift in range(shifts):
+        for row in range(rows):
+            middle_m, line = row_depths_m[shift, row, 0], walls[shift, row]
+            for column in range(len(outer_m)):
+                line[column] = 255 if outer_m[column] <= middle_m < inner_m[column] else 0
+    return walls
+
+
+@compiled
+def _depths(outer_row: Floats, inner_row: Floats, places: Places, depth_m: float, refractive_index: float) -> Floats:
+    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall.
+
+    Args:
+        outer_row: of the boundary (frame's column,), rows of pixel centres, NaN where there is no wall.
+        inner_row: of the other one.
+        places: of the slice's columns in the frame, the nearest columns, and which are in the frame; (column,) each.
+        depth_m: of a row of the frame, optical.
+        refractive_index: of the tissue.
+    """
+    at, nearest, inside = places
+    there = np.empty(len(outer_row), np.intp)  # the columns with a wall
+    number = 0
+    for column in range(len(outer_row)):
+        if np.isfinite(outer_row[column]) and np.isfinite(inner_row[column]):
+            there[number] = column
+            number += 1
+    depths = np.full((2, len(at)), np.nan)
+    behind = 0
+    for column in range(len(at)):
+        here, near = at[column], nearest[column]
+        if not (inside[column] and np.isfinite(outer_row[near]) and np.isfinite(inner_row[near])):
+            continue
+        while behind < number - 1 and there[behind + 1] <= here:
+            behind += 1
+        left, right = there[behind], there[min(behind + 1, number - 1)]
+        outer, inner = outer_row[left], inner_row[left]
+        if left < here and right > left:
+            outer = straight_line(here, left, right, outer, outer_row[right])
+            inner = straight_line(here, left, right, inner, inner_row[right])
+        depths[0, column] = (outer + 0.5) * depth_m
+        depths[1, column] = depths[0, column] + ((inner + 0.5) * depth_m - depths[0, column]) / refractive_index
+    return depths

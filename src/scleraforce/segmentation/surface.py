@@ -10,19 +10,31 @@ Three rules, none of which knows the scale of the image:
   without a dark gap above has no visible surface and neither gains nor costs.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
-from typing import Any, cast
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.columns import continuation, fine_columns, repeated
-from scleraforce.segmentation.grid import Float, Grid, rows_of
-from scleraforce.segmentation.path import best_path
+from scleraforce.compiled import compiled
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.grid import Float, GridSize, rows_of
+from scleraforce.segmentation.loops import (
+    best_rows,
+    find_path,
+    is_path,
+    largest_of_rows,
+    mirrored,
+    nth,
+    nth_count,
+    sample_row,
+    smallest_of_rows,
+)
+
+Counts = NDArray[np.uint16]
+Indices = NDArray[np.uintp]
+Double = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
@@ -38,45 +50,33 @@ EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
+ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
+TYPICAL = 0.75  # of the columns have less than the typical contrast
+GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
+GAP_SHARE = 0.15  # ... and narrower than this share of the frame
+FOUR = 4  # rows of the score of which the best one is searched first
+_SINGLE_LEVEL = np.float32(LARGEST_LEVEL)
+_SINGLE_STEP, _HALF_STEP = np.float32(LEAST_STEP), np.float32(HALF_STEP)
+_LEAST_EXCESS, _LARGEST_COST = np.float32(LEAST_EXCESS), np.float32(EXCESS_COST * EXCESS_CAP)
+_ZERO, _ONE_HALF, _NINTH = np.float32(0.0), np.float32(0.5), 1.0 / 9.0
 
 
-@dataclass(frozen=True)
-class Surface:
-    """A surface along fine columns: `row` (column,), `contrast` in counts (below less above), `noise` of a pixel."""
-
-    column: Float
-    row: Float
-    contrast: Float
-    noise: float
-
-
-def find_surface(grid: Grid) -> tuple[Float, Float]:
-    """Return the surface on a coarse grid: columns and rows of the frame, each shape (point,)."""
-    tissue = _without_lines(grid)
-    column, _ = pairs_of(grid.cells.shape[1], grid.step_columns)
-    path = _best_rows(_score(tissue, step_rows(grid)), path_reach(grid))
-    row = path.astype(np.float32)
-    row *= np.float32(ROWS * grid.step_rows)
-    row -= np.float32(0.5)
-    return column, row
-
-
-def line_rows(grid: Grid) -> int:
+def line_rows(size: GridSize) -> int:
     """Return how many rows of a grid a line touches at most: the opening that removes it is of so many."""
-    return rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2  # it touches one row more
+    return rows_of(LINE_PIXELS, LINE_M, size, 1) + 2  # it touches one row more
 
 
-def step_rows(grid: Grid) -> int:
+def step_rows(size: GridSize) -> int:
     """Return by how many rows of the path's map a step is judged."""
-    return rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3)
+    return rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, size, 3)
 
 
-def path_reach(grid: Grid) -> int:
+def path_reach(size: GridSize) -> int:
     """Return by how many rows of its map the path may change from one pair of columns to the next."""
-    column, _ = pairs_of(grid.cells.shape[1], grid.step_columns)
-    spacing_m = float(column[1] - column[0]) / grid.step_columns * grid.scale.lateral_m
-    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * grid.scale.depth_m))
-    return min(max(2, reach), len(grid.cells) // ROWS // 3)
+    column, _ = pairs_of(size.columns, size.step_columns)
+    spacing_m = float(column[1] - column[0]) / size.step_columns * size.scale.lateral_m
+    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * size.scale.depth_m))
+    return min(max(2, reach), size.rows // ROWS // 3)
 
 
 def strip_rows(scale: PixelScale) -> tuple[int, int]:
@@ -85,118 +85,9 @@ def strip_rows(scale: PixelScale) -> tuple[int, int]:
     return half, max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m)))
 
 
-def _without_lines(grid: Grid) -> Float:
-    """Return pairs of the grid's columns, opened along depth, over the noise floor.
-
-    Shape (pair, row / ROWS). The opening comes before neighbours are averaged: that would thicken a line at a slope.
-    """
-    _, pairs = pairs_of(grid.cells.shape[1], grid.step_columns)
-    cells = cv2.transpose(grid.cells).take(pairs, axis=0)
-    thin = _line(1, line_rows(grid))
-    floor = cells.dtype.type(grid.floor)
-    opened = cv2.morphologyEx(np.maximum(cells, floor), cv2.MORPH_OPEN, thin) - floor
-    _extend_upwards(opened, cells, BLACK_SHARE * grid.floor, thin.shape[1])
-    size = (opened.shape[1] // ROWS, len(pairs) // 2)
-    halved = cv2.resize(opened[:, : ROWS * size[0]], size, interpolation=cv2.INTER_AREA)
-    return halved.astype(np.float32)
-
-
-def _extend_upwards(opened: NDArray[Any], cells: NDArray[Any], black: float, margin: int) -> None:
-    """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
-    if not np.count_nonzero(cells[:, 0] <= int(black)):
-        return
-    first = (cells > black).argmax(axis=1)
-    for column in np.flatnonzero(first):
-        top = min(first[column] + margin, opened.shape[1] - 1)
-        opened[column, :top] = opened[column, top : top + 3].max()
-
-
-def _score(tissue: Float, depth: int) -> Float:
-    """Return what a surface gains at the upper edge of each cell, shape (column, row)."""
-    rows = tissue.shape[1]
-    sample = tissue[:, ::2].ravel()
-    nth = int(BRIGHT_SHARE * sample.size)
-    sample.partition(nth)
-    level = tissue * np.float32(1.0 / max(float(sample[nth]), 1e-6))
-    cv2.threshold(level, LARGEST_LEVEL, 0.0, cv2.THRESH_TRUNC, level)
-    padded = cv2.copyMakeBorder(level, 0, 0, depth, depth, cv2.BORDER_REPLICATE)
-    means = cv2.blur(padded, (depth, 1), anchor=(0, 0))
-    step = means[:, depth : depth + rows] - means[:, :rows]
-    step -= np.float32(LEAST_STEP)
-    cv2.threshold(step, 0.0, 0.0, cv2.THRESH_TOZERO, step)
-    # The tissue above every other cell will do: it changes slowly.
-    coarse = level[:, ::2]
-    bright_cells = coarse - np.minimum.accumulate(coarse, axis=1)
-    bright_cells -= np.float32(LEAST_EXCESS)
-    cv2.threshold(bright_cells, 0.0, 0.0, cv2.THRESH_TOZERO, bright_cells)
-    above = bright_cells @ _above(coarse.shape[1], EXCESS_COST * 2.0 / depth)
-    cv2.threshold(above, EXCESS_COST * EXCESS_CAP, 0.0, cv2.THRESH_TRUNC, above)
-    score = step / (step + np.float32(HALF_STEP))
-    score[:, ::2] -= above
-    score[:, 1::2] -= above[:, : rows // 2]
-    # Where nothing speaks, the path goes down: a wall that cannot be seen has left the window at the bottom.
-    score += downwards(rows)
-    return score
-
-
-def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
-    """Return the best path; where the best rows make none, it is found on the best of each four: quicker to search."""
-    path: NDArray[np.intp] = score.argmax(axis=1)
-    if not np.count_nonzero(np.abs(path[1:] - path[:-1]) > reach):
-        return path
-    rows = score.shape[1] // 4 * 4
-    pairs = np.maximum(score[:, 0:rows:2], score[:, 1:rows:2])
-    path = best_path(np.maximum(pairs[:, ::2], pairs[:, 1::2]), ceil(reach / 4))
-    path *= 4
-    four = score[np.arange(len(path))[:, None], path[:, None] + np.arange(4)]
-    path += four.argmax(axis=1)
-    return path
-
-
-def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float, hidden: slice = slice(0, 0)) -> Surface:
-    """Move a coarse surface to the edge of the full frame: the best two-level fit along each column of a strip.
-
-    Between a dark level above and a bright one below, the edge that fits best in the sense of least squares is where
-    the sum of (count - middle level) above it is smallest.
-
-    Args:
-        frame: counts, shape (row, column).
-        scale: size of its pixel.
-        column: columns of the coarse surface, shape (point,), increasing.
-        row: rows of the coarse surface, shape (point,).
-        hidden: points of the result that say nothing of those beside them; they are not smoothed.
-
-    Returns:
-        The surface at no more than 128 columns, in rows of pixel centres: row r is below it where r >= `row`.
-    """
-    rows, columns = frame.shape
-    half, line = strip_rows(scale)
-    fine = fine_columns(columns)
-    start = continuation(columns, float(column[0]), float(column[1] - column[0]), len(column)) @ row
-    np.minimum(np.maximum(start, np.float32(0.0), out=start), np.float32(rows - 1.0), out=start)
-    map_column, map_row = repeated(columns, 2 * half), _strip_rows(half) + start
-    raw = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
-    noise = cv2.meanStdDev(raw[: half - 2])[1].item()
-    strip = cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, _line(line, 1))
-    fits = strip.T @ _two_levels(half)
-    found = start + fits[:, :-1].argmin(axis=1).astype(np.float32)
-    found -= np.float32(half)
-    if hidden.start == hidden.stop:
-        smooth = _smoothed(found)
-    else:
-        sides = _smoothed(found[: hidden.start]), found[hidden], _smoothed(found[hidden.stop :])
-        smooth = np.concatenate(sides)
-    contrast = cv2.blur(fits[None, :, -1], (5, 1))[0]
-    return Surface(fine, smooth.astype(np.float32), contrast.astype(np.float32), noise)
-
-
-def _smoothed(found: Float) -> Float:
-    """Return a surface after a median and a mean over five points."""
-    if len(found) < SMOOTHED:
-        return found
-    # Mirrored in its end points, a slope goes on beyond them.
-    longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
-    return cast(Float, cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4])
+def widest_gap(points: int, point_m: float) -> int:
+    """Return the largest gap, in points, that a wall of points so far apart bridges."""
+    return round(min(GAP_M / point_m, GAP_SHARE * points))
 
 
 @lru_cache(maxsize=64)
@@ -211,46 +102,353 @@ def pairs_of(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
 
 
 @lru_cache(maxsize=8)
-def _line(rows: int, columns: int) -> NDArray[np.uint8]:
-    """Return the shape of an opening."""
-    return np.ones((rows, columns), dtype=np.uint8)
-
-
-@lru_cache(maxsize=8)
-def _above(size: int, factor: float) -> Float:
-    """Return the matrix, (size, size), whose product with rows are `factor` times the sums before each cell.
-
-    The product takes a third of the time of `cumsum`.
-    """
-    return np.triu(np.full((size, size), factor, dtype=np.float32), 1)
-
-
-@lru_cache(maxsize=8)
 def downwards(rows: int) -> Float:
     """Return a bonus of each row that is too small to outweigh anything seen."""
     return np.linspace(0.0, 2e-3, rows, endpoint=False, dtype=np.float32)
 
 
-@lru_cache(maxsize=8)
-def _strip_rows(half: int) -> Float:
-    """Return the rows of a strip from its middle, (row, 1)."""
-    return (np.arange(-half, half, dtype=np.float32) + np.float32(0.5))[:, None]
+@compiled
+def opened_pairs(
+    cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int, eroded: Counts, opened: Counts, tissue: Counts
+) -> None:
+    """Write pairs of the grid's columns, opened along depth, over the noise floor, into `tissue` (row / 2, pair).
 
-
-@lru_cache(maxsize=8)
-def _two_levels(half: int) -> Float:
-    return two_levels(half).astype(np.float32)
-
-
-def two_levels(half: int) -> NDArray[np.float64]:
-    """Return the matrix, (row, edge + 1), that a strip's columns are multiplied by.
-
-    For each edge between the rows it gives the sum of (count - middle level) above; last, the level below less that
-    above. The levels are means of the strip's ends.
+    `eroded` and `opened` (row * column of a pair,) are scratch.
     """
-    size, end = 2 * half, half - 2
-    above, below = np.zeros(size), np.zeros(size)
-    above[:end], below[-end:] = 1.0 / end, 1.0 / end
-    sums = np.triu(np.ones((size, size + 1)), 1)
-    edges = sums - np.outer((above + below) / 2, np.arange(size + 1))
-    return np.column_stack([edges, below - above])
+    columns, number = len(pairs), len(opened)
+    for row in range(number // columns):
+        line, to = cells[row], opened[row * columns : (row + 1) * columns]
+        for at in range(columns):
+            to[at] = line[pairs[at]]
+    for at in range(number):
+        opened[at] = max(opened[at], np.uint16(floor))
+    smallest_of_rows(opened, number, columns, thin, eroded)
+    largest_of_rows(eroded, number, columns, thin, opened)
+    for at in range(number):
+        opened[at] -= np.uint16(floor)
+    _extend_upwards(cells, BLACK_SHARE * floor, pairs, thin, opened)
+    for row in range(tissue.shape[0]):
+        upper, lower = opened[2 * row * columns :], opened[(2 * row + 1) * columns :]
+        for pair in range(tissue.shape[1]):
+            above = np.int32(upper[2 * pair]) + np.int32(upper[2 * pair + 1])
+            below = np.int32(lower[2 * pair]) + np.int32(lower[2 * pair + 1])
+            tissue[row, pair] = (above + below + 2) >> 2
+
+
+@compiled
+def _extend_upwards(cells: Counts, black: float, pairs: NDArray[np.uintp], margin: int, opened: Counts) -> None:
+    """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
+    columns = len(pairs)
+    rows = len(opened) // columns
+    for at in range(columns):
+        first = 0
+        while first < rows and cells[first, pairs[at]] <= black:
+            first += 1
+        if 0 < first < rows:
+            top = min(first + margin, rows - 1)
+            value = opened[top * columns + at]
+            for row in range(top + 1, min(top + 3, rows)):
+                value = max(value, opened[row * columns + at])
+            for row in range(top):
+                opened[row * columns + at] = value
+
+
+@compiled
+def surface_score(
+    tissue: Counts, depth: int, downwards: Float, sample: Counts, bins: NDArray[np.int64], level: Float, means: Float,
+    total: NDArray[np.float64], lowest: Float, score_cr: Float,
+) -> None:  # fmt: skip
+    """Write what a surface gains at the upper edge of each cell, (pair, row).
+
+    Args:
+        tissue: of `opened_pairs`.
+        depth: rows that a step is judged by.
+        downwards: bonus of each row.
+        sample: scratch, like all that follow, but for the score.
+        bins: BINS of them.
+        level: (row, pair).
+        means: (row + depth, pair).
+        total: (pair,).
+        lowest: (pair,).
+        score_cr: the score.
+    """
+    rows, pairs = tissue.shape
+    _scale_level(tissue, sample, bins, level)
+    _depth_means(level, depth, total, means)
+    for pair in range(pairs):
+        total[pair], lowest[pair] = 0.0, level[0, pair]
+    cost_factor = np.float64(np.float32(EXCESS_COST * 2.0 / depth))
+    for row in range(rows):
+        for pair in range(pairs):
+            cost = min(np.float32(total[pair]), _LARGEST_COST)
+            step = max(means[row + depth, pair] - means[row, pair] - _SINGLE_STEP, _ZERO)
+            score_cr[pair, row] = step / (step + _HALF_STEP) - cost + downwards[row]
+        if row % 2 == 1:  # the tissue above every other cell will do: it changes slowly
+            for pair in range(pairs):
+                lowest[pair] = min(lowest[pair], level[row - 1, pair])
+                total[pair] += max(level[row - 1, pair] - lowest[pair] - _LEAST_EXCESS, _ZERO) * cost_factor
+
+
+@compiled
+def _scale_level(tissue: Counts, sample: Counts, bins: NDArray[np.int64], level: Float) -> None:
+    """Write the tissue over that of the bright one."""
+    rows, pairs = tissue.shape
+    number = 0
+    for row in range(0, rows, 2):
+        for pair in range(pairs):
+            sample[number] = tissue[row, pair]
+            number += 1
+    bright = nth_count(sample, number, int(BRIGHT_SHARE * number), bins)
+    scale = np.float32(1.0 / max(float(bright), 1e-6))
+    for row in range(rows):
+        for pair in range(pairs):
+            level[row, pair] = min(np.float32(tissue[row, pair]) * scale, _SINGLE_LEVEL)
+
+
+@compiled
+def _depth_means(level: Float, depth: int, total: NDArray[np.float64], means: Float) -> None:
+    """Write the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
+    rows, pairs = level.shape
+    share = 1.0 / depth
+    for pair in range(pairs):
+        total[pair] = depth * np.float64(level[0, pair])
+    for row in range(rows + depth):
+        entering, leaving = min(row, rows - 1), max(row - depth, 0)
+        for pair in range(pairs):
+            means[row, pair] = np.float32(total[pair] * share)
+            total[pair] += np.float64(level[entering, pair]) - np.float64(level[leaving, pair])
+
+
+@compiled
+def coarse_rows(
+    score_cr: Float, reach: int, four: Float, downwards: Float, upwards: Float, path: NDArray[np.int64]
+) -> None:
+    """Write the best path; where the best rows make none, it is found on the best of each four: quicker to search.
+
+    `four` (column, row / 4), `downwards` and `upwards` of its shape are scratch.
+    """
+    best_rows(score_cr, path)
+    if is_path(path, reach):
+        return
+    columns, fours = four.shape
+    for column in range(columns):
+        for row in range(fours):
+            best = score_cr[column, FOUR * row]
+            for near in range(FOUR * row + 1, FOUR * row + FOUR):
+                best = max(best, score_cr[column, near])
+            four[column, row] = best
+    find_path(four, (reach + FOUR - 1) // FOUR, path, downwards, upwards)
+    for column in range(columns):
+        first = FOUR * path[column]
+        path[column] = first
+        for near in range(first + 1, first + FOUR):
+            if score_cr[column, near] > score_cr[column, path[column]]:
+                path[column] = near
+
+
+@compiled
+def start_rows(coarse: Float, place: NDArray[np.int64], weight: Float, rows: int, start: Float) -> None:
+    """Write a coarse curve at the fine columns: of each, the two points that it lies between, and their weights."""
+    last = np.float32(rows - 1.0)
+    for at in range(len(start)):
+        one = np.float64(weight[at, 0]) * np.float64(coarse[place[at, 0]])
+        other = np.float64(weight[at, 1]) * np.float64(coarse[place[at, 1]])
+        start[at] = min(max(np.float32(one + other), np.float32(0.0)), last)
+
+
+@compiled
+def sample_strip(
+    frame: Counts, first: int, near: Indices, far: Indices, across: Float, start: Float, row: Float, upper: Indices,
+    lower: Indices, down: Float, raw: Float,
+) -> float:  # fmt: skip
+    """Write the light in a strip about a curve, (row * column,), and return the noise of a pixel above it.
+
+    Args:
+        frame: as of `sample_row`, like those that are not named here.
+        first: column.
+        near: columns.
+        far: columns.
+        across: shares.
+        start: rows of the strip's middle, (column,).
+        row: scratch, (column,).
+        upper: scratch.
+        lower: scratch.
+        down: scratch.
+        raw: the light.
+    """
+    columns = len(start)
+    half = len(raw) // columns // 2
+    for step in range(2 * half):
+        for at in range(columns):
+            row[at] = np.float32(step - half) + _ONE_HALF + start[at]
+        light = raw[step * columns : (step + 1) * columns]
+        sample_row(frame, first, near, far, across, row, upper, lower, down, light)
+    number = (half - 2) * columns
+    total = squares = 0
+    for at in range(number):
+        count = np.int64(raw[at])
+        total += count
+        squares += count * count
+    mean = total / number
+    return np.sqrt(max(squares / number - mean * mean, 0.0))
+
+
+@compiled
+def fit_edges(
+    raw: Float, thin: int, start: Float, strip: Float, other: Float, total: Double, middle: Double, best: Double,
+    found: Float, contrast: Float,
+) -> None:  # fmt: skip
+    """Write the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
+
+    Args:
+        raw: light in the strip, (row * column,).
+        thin: rows; what is thinner is removed.
+        start: rows of the strip's middle.
+        strip: scratch, (row * column,).
+        other: the same.
+        total: scratch, (column,).
+        middle: the same.
+        best: the same.
+        found: the rows.
+        contrast: level below less that above.
+    """
+    _smooth_and_open(raw, len(start), thin, strip, other)
+    columns = len(start)
+    rows = len(strip) // columns
+    half, end = rows // 2, rows // 2 - 2
+    above, below = total, best
+    for at in range(columns):
+        above[at] = below[at] = 0.0
+    for row in range(end):
+        line, other_line = strip[row * columns :], strip[(rows - 1 - row) * columns :]
+        for at in range(columns):
+            above[at] += np.float64(line[at])
+            below[at] += np.float64(other_line[at])
+    for at in range(columns):
+        middle[at] = (above[at] + below[at]) / (2 * end)
+        contrast[at] = np.float32((below[at] - above[at]) / end)
+        total[at] = best[at] = 0.0
+        found[at] = 0.0
+    for row in range(rows):
+        line = strip[row * columns :]
+        for at in range(columns):
+            total[at] += np.float64(line[at]) - middle[at]
+            if total[at] < best[at]:
+                best[at] = total[at]
+                found[at] = np.float32(row + 1)
+    for at in range(columns):
+        found[at] = start[at] + found[at] - np.float32(half)
+
+
+@compiled
+def _smooth_and_open(raw: Float, columns: int, thin: int, strip: Float, other: Float) -> None:
+    """Write the mean of 3 x 3 neighbours, opened along the columns, into `strip`."""
+    rows = len(raw) // columns
+    for row in range(rows):
+        upper, lower = raw[mirrored(row - 1, rows) * columns :], raw[mirrored(row + 1, rows) * columns :]
+        line, three, mean = raw[row * columns :], other[row * columns :], strip[row * columns :]
+        for at in range(columns):
+            three[at] = upper[at] + line[at] + lower[at]  # counts: no sum is rounded
+        for at in range(1, columns - 1):
+            mean[at] = np.float32(np.float64(three[at - 1] + three[at] + three[at + 1]) * _NINTH)
+        mean[0] = np.float32(np.float64(three[0] + three[1] + three[1]) * _NINTH)
+        mean[columns - 1] = np.float32(
+            np.float64(three[columns - 1] + three[columns - 2] + three[columns - 2]) * _NINTH
+        )
+    smallest_of_rows(strip, rows * columns, columns, thin, other)
+    largest_of_rows(other, rows * columns, columns, thin, strip)
+
+
+@compiled
+def smooth_surface(found: Float, longer: Float, median: Float) -> None:
+    """Take a median and a mean over five points of a surface, a slope going on beyond its ends."""
+    number = len(found)
+    if number < SMOOTHED:
+        return
+    for step in range(4):
+        longer[step] = 2 * found[0] - found[4 - step]
+        longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
+    for at in range(number):
+        longer[at + 4] = found[at]
+    for at in range(2, number + 6):
+        median[at] = _median_of_five(longer[at - 2 : at + 3])
+    for at in range(number):
+        total = 0.0
+        for step in range(2, 7):
+            total += np.float64(median[at + step])
+        found[at] = np.float32(total * 0.2)
+
+
+@compiled
+def _median_of_five(values: Float) -> np.float32:
+    """Return the third of five: of the lower of the larger ones and the larger of the lower ones, and the fifth."""
+    a, b, c, d, e = values[0], values[1], values[2], values[3], values[4]
+    low = max(min(a, b), min(c, d))  # the smallest of the four is not it
+    high = min(max(a, b), max(c, d))  # nor is the largest
+    return max(min(low, high), min(max(low, high), e))
+
+
+@compiled
+def show_points(
+    row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, share: float, typical: float,
+    widest: int, inside: Flags, present: Flags, values: Float,
+) -> int:  # fmt: skip
+    """Write which points of a surface show it, or lie in a gap so narrow that it goes on behind it.
+
+    Args:
+        row: of the surface.
+        contrast: of it.
+        missing: columns of the frame's imaged part that are missing.
+        column: of the points in that part.
+        deepest: a surface below this row has left the window.
+        share: of the typical contrast: a point with less shows no surface.
+        typical: share of the points that have less contrast than is typical.
+        widest: gap that the surface goes on behind, points.
+        inside: scratch, (point,).
+        present: the result.
+        values: scratch, (point,).
+
+    Returns:
+        How many.
+    """
+    points = len(row)
+    for at in range(points):
+        inside[at] = row[at] < np.float32(deepest)
+        present[at] = inside[at] and not missing[int(column[at])]
+    usual = quantile_of_chosen(contrast, present, typical, values)
+    if np.isnan(usual):
+        return 0
+    least, number = np.float32(share * max(np.float64(usual), 1e-6)), 0
+    for at in range(points):
+        present[at] = present[at] and contrast[at] > least
+        number += present[at]
+    return number if number == points else _close_gaps(present, inside, widest)
+
+
+@compiled
+def _close_gaps(present: Flags, inside: Flags, widest: int) -> int:
+    """Close the gaps that are at most `widest` points wide and lie (in part) inside; return how many are present."""
+    last, number = -1, 0
+    for at in range(len(present)):
+        if present[at]:
+            within = False
+            for gap in range(last + 1, at):
+                within = within or inside[gap]
+            if last >= 0 and within and at - 1 - last <= widest:
+                for gap in range(last + 1, at):
+                    present[gap] = True
+                    number += 1
+            last = at
+            number += 1
+    return number
+
+
+@compiled
+def quantile_of_chosen(of: Float, chosen: Flags, share: float, values: Float) -> np.float32:
+    """Return the value that `share` of the chosen ones lie below, NaN of none; `values` is scratch."""
+    number = 0
+    for at in range(len(of)):
+        if chosen[at]:
+            values[number] = of[at]
+            number += 1
+    return nth(values, number, int(share * number)) if number else np.float32(np.nan)

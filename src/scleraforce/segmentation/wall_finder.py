@@ -6,6 +6,7 @@ to the mean of the rows near them, and their uncertainty is the spread of all ro
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from numpy.typing import NDArray
 
 from scleraforce.models.session import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.path import best_path
+from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.loops import best_path
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
-from scleraforce.segmentation.smooth_path import smooth_path
 from scleraforce.study import WallFinderStudy
 
 FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = "frames", "rows", "wall"  # input and outputs of the network
@@ -148,3 +149,34 @@ def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Cu
     first, second = row @ probability, np.square(row) @ probability  # moments of all rows
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
+
+
+def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:
+    """Return the rows of the path with the largest sum of scores less what its steps cost.
+
+    Both directions are run at once, as in `best_path`. A step's best beginning is the upper envelope of lines that
+    fall by its cost a row (Felzenszwalb and Huttenlocher 2012, Distance Transforms of Sampled Functions).
+
+    Args:
+        score_cr: scores, shape (column, row).
+        cost: of a row's step between a column and the next, not negative, shape (column - 1,).
+
+    Returns:
+        The row in each column, shape (column,).
+
+    >>> smooth_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), np.full(2, 3.0))
+    array([1, 1, 1])
+    """
+    columns, rows = score_cr.shape
+    total = np.empty((columns, 2, rows), dtype=np.float32)
+    total[:, 0], total[:, 1] = score_cr, score_cr[::-1]
+    fall = np.stack([cost, cost[::-1]], axis=1)[:, :, None].astype(np.float32) * np.arange(rows, dtype=np.float32)
+    for (before, after), down in zip(pairwise(total), fall, strict=True):
+        from_above = np.maximum.accumulate(before + down, axis=1)
+        from_above -= down
+        from_below = np.maximum.accumulate((before - down)[:, ::-1], axis=1)[:, ::-1]
+        from_below += down
+        after += np.maximum(from_above, from_below)  # a view of `total`
+    through: Float = total[:, 0] + total[::-1, 1] - score_cr
+    path: NDArray[np.intp] = through.argmax(axis=1)
+    return path

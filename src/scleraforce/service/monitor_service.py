@@ -19,7 +19,6 @@ from scleraforce.reader import Reader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.compiling import compile_wall, compiled_is_kept
 from scleraforce.service.companions.channel import Channel, Child
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -100,7 +99,6 @@ def monitor_service(
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         console = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))
-        _compile(note)
         live = LiveReader(reader, settings.known, settings.refractive_index)
         ring = FrameRing.create(RING_FRAMES, rows, columns)
         info = _recording_info(settings, reader.study)
@@ -127,12 +125,6 @@ def monitor_service(
         server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
-
-
-def _compile(note: Callable[[str], None]) -> None:
-    """Let frames be segmented by compiled loops where Numba is there; the live reader's first frames compile them."""
-    if compile_wall() and not compiled_is_kept():
-        note("compiling the segmentation, once after an installation: half a minute or more")
 
 
 def _listen_for_pages(address: Address) -> socket.socket:

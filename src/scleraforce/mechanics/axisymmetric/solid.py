@@ -2,25 +2,23 @@
 
 The energy is that of `neo_hookean`. The deformation gradient has five entries that are not zero, in the order
 F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r / R). Every integral is over the undeformed wall.
-Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q). Where this process uses compiled loops
-(`compiled_solid`), they take less than half of the time of the arrays here.
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q).
+
+Compiled loops: forces and tangents of a solid of revolution, one element at a time (`solid`, their oracle).
+A node's radial motion enters three of the deformation gradient's entries, its motion along the axis two. So the loops
+keep (d/dr, d/dz, N/R) of each shape function instead of the gradient operator with its zeros, and sum one triangle of
+each tangent, which is symmetric.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import loops_are_compiled
+from scleraforce.compiled import compiled
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
-from scleraforce.mechanics.stiffening import growth, strain_measure
-
-if TYPE_CHECKING:
-    from scleraforce.mechanics.axisymmetric.compiled_solid import ElementTables
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,46 +37,27 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
     return values, np.stack([s - 0.5, -2.0 * s, s + 0.5], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Deformation at the Gauss points: F and its inverse's transpose H (element, 5, point); ln J (element, point)."""
-
-    F: Floats
-    H: Floats
-    log_ratio: Floats
-
-
 class SolidOfRevolution:
     """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
 
     def __init__(self, mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> None:
         """Prepare everything that does not depend on the displacement; `stiffening`: b, 0 is the neo-Hookean solid."""
         lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
+        shapes_epgn, volumes_ep = _shapes(mesh)
         self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
         self._size = mesh.points_nc.size
-        self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
-        self._G, volumes_ep = _gradient_operator(mesh)
-        self._lambda_ep, self._mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
-        elements, points = volumes_ep.shape
-        self._flat = (elements, 5 * points, -1)
-        # Rows are (component, point): every component of all points lies in one piece.
-        self._rows_erN = self._G.transpose(0, 2, 1, 3).reshape(self._flat)
-        self._laplacian = self._products(self._mu_ep[..., None, None] * np.eye(5))
+        lambda_ep, mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
+        material = lambda_ep, mu_ep, float(stiffening), float(lambda_ep[0, 0] / mu_ep[0, 0])
+        self.tables = ElementTables(shapes_epgn, self.unknowns_eN, *material)
 
     def forces(self, u: Floats) -> Floats:
         """Return the nodal forces that hold a displacement u, both (all unknowns,).
 
         They are not finite where J <= 0, or where the tissue is stretched too far.
         """
-        if loops_are_compiled():
-            return self._forces_by_loops(u)
-        state = self._state(u)
-        P = self._stress(state)
-        if self._stiffening > 0.0:
-            P *= self._growth(state)[:, None]
-        local_eN = (P.reshape(len(P), 1, -1) @ self._rows_erN)[:, 0]
-        forces = np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
-        return np.asarray(forces, dtype=np.float64)
+        forces = np.empty(self._size)
+        nodal_forces(self.tables, u, forces)
+        return forces
 
     def tangents(self, u: Floats) -> Floats:
         """Return the derivative of the forces of every element, (element, 18, 18).
@@ -86,82 +65,16 @@ class SolidOfRevolution:
         mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
         """
-        if loops_are_compiled():
-            return self._tangents_by_loops(u)
-        state = self._state(u)
-        H = np.ascontiguousarray(state.H.transpose(0, 2, 1))
-        A = (self._lambda_ep[..., None] * H)[..., :, None] * H[..., None, :]
-        A += (self._mu_ep - self._lambda_ep * state.log_ratio)[..., None, None] * _exchange(H)
-        if self._stiffening > 0.0:
-            return self._products(self._stiffened(A, state))
-        tangents: Floats = self._products(A) + self._laplacian
-        return tangents
-
-    def _forces_by_loops(self, u: Floats) -> Floats:
-        from scleraforce.mechanics.axisymmetric.compiled_solid import nodal_forces
-
-        forces = np.empty(self._size)
-        nodal_forces(self._tables, u, forces)
-        return forces
-
-    def _tangents_by_loops(self, u: Floats) -> Floats:
-        from scleraforce.mechanics.axisymmetric.compiled_solid import element_tangents
-
         tangents = np.empty((*self.unknowns_eN.shape, self.unknowns_eN.shape[1]))
-        element_tangents(self._tables, u, tangents)
+        element_tangents(self.tables, u, tangents)
         return tangents
 
-    @cached_property
-    def _tables(self) -> "ElementTables":
-        from scleraforce.mechanics.axisymmetric.compiled_solid import ElementTables
 
-        shapes_epgn = np.ascontiguousarray(self._G[:, :, (0, 1, 4), ::2])
-        lame_ratio = float(self._lambda_ep[0, 0] / self._mu_ep[0, 0])
-        material = (self._lambda_ep, self._mu_ep, float(self._stiffening), lame_ratio)
-        return ElementTables(shapes_epgn, self.unknowns_eN, *material)
+def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
+    """Return d/dr, d/dz and N/R of the nodes' shape functions (element, point, 3, 9), and the points' volumes in m^3.
 
-    def _stress(self, state: _State) -> Floats:
-        """Stress of b = 0 times the volumes, (element, 5, point)."""
-        along_H = self._lambda_ep * state.log_ratio - self._mu_ep
-        stress: Floats = self._mu_ep[:, None] * state.F + along_H[:, None] * state.H
-        return stress
-
-    def _growth(self, state: _State) -> Floats:
-        """Factor of the stiffening on the stress, (element, point)."""
-        excess = np.sum(state.F**2, axis=1) - 3.0
-        return growth(self._stiffening, strain_measure(excess, state.log_ratio, self._poisson_ratio))
-
-    def _stiffened(self, A: Floats, state: _State) -> Floats:
-        """Elasticity of tissue that stiffens, from that of b = 0 without mu dF:dF: both (element, point, 5, 5)."""
-        P = self._stress(state).transpose(0, 2, 1)
-        rise = 2.0 * self._stiffening / self._mu_ep
-        whole = A + self._mu_ep[..., None, None] * np.eye(5) + rise[..., None, None] * P[..., :, None] * P[..., None, :]
-        stiffened: Floats = self._growth(state)[..., None, None] * whole
-        return stiffened
-
-    def _products(self, A: Floats) -> Floats:
-        """Return dF A dF of every element by its displacements, (element, 18, 18)."""
-        products: Floats = (A @ self._G).reshape(self._flat).transpose(0, 2, 1) @ self._G.reshape(self._flat)
-        return products
-
-    def _state(self, u: Floats) -> _State:
-        elements, points = self._mu_ep.shape
-        F = (self._rows_erN @ u[self.unknowns_eN][..., None]).reshape(elements, 5, points)
-        F[:, 0] += 1.0
-        F[:, 3:] += 1.0
-        rr, rz, zr, zz, tt = (F[:, component] for component in range(5))
-        plane = rr * zz - rz * zr
-        H = np.empty_like(F)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            log_ratio = np.where((plane > 0.0) & (tt > 0.0), np.log(plane * tt), np.nan)
-            inverse = 1.0 / plane
-            H[:, 0], H[:, 3], H[:, 4] = zz * inverse, rr * inverse, 1.0 / tt
-            H[:, 1], H[:, 2] = -zr * inverse, -rz * inverse
-        return _State(F, H, log_ratio)
-
-
-def _gradient_operator(mesh: MeridianMesh) -> tuple[Floats, Floats]:
-    """Return G (element, point, 5, 18) with dF = G du, and the volume of every Gauss point, (element, point) in m^3."""
+    The volumes have the shape (element, point).
+    """
     places_pk, weights_p = gauss_points(2, POINTS)
     (along, along_slope), (across, across_slope) = line_shapes(places_pk[:, 0]), line_shapes(places_pk[:, 1])
     values_pn = np.einsum("pj,pi->pji", across, along).reshape(len(weights_p), 9)
@@ -172,19 +85,142 @@ def _gradient_operator(mesh: MeridianMesh) -> tuple[Floats, Floats]:
     jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk)
     gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
     distance_ep = np.einsum("pn,en->ep", values_pn, corners_enc[..., 0])
-    G = np.zeros((*distance_ep.shape, 5, 9, 2))
-    for i in range(2):
-        G[:, :, 2 * i : 2 * i + 2, :, i] = gradients_epnc.transpose(0, 1, 3, 2)
-    G[:, :, 4, :, 0] = values_pn / distance_ep[..., None]
+    around_epn = values_pn / distance_ep[..., None]
+    shapes_epgn = np.concatenate([gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2)
     areas_ep = np.abs(np.linalg.det(jacobian_epck)) * weights_p
-    return G.reshape(*distance_ep.shape, 5, 18), 2.0 * np.pi * distance_ep * areas_ep
+    return np.ascontiguousarray(shapes_epgn), 2.0 * np.pi * distance_ep * areas_ep
 
 
-def _exchange(H: Floats) -> Floats:
-    """Return B with dF : B dF = tr(H dF^T H dF^T): B_iJ,kL = H_iL H_kJ, (element, point, 5, 5)."""
-    plane = H[..., :4].reshape(*H.shape[:-1], 2, 2)
-    B = np.zeros((*H.shape, 5))
-    exchanged = plane[..., :, None, None, :] * plane[..., None, :, :, None].swapaxes(-3, -2)
-    B[..., :4, :4] = exchanged.reshape(*H.shape[:-1], 4, 4)
-    B[..., 4, 4] = H[..., 4] ** 2
-    return B
+MOST_EXPONENT = 300.0  # of b Q, as of `stiffening.growth`
+
+
+class ElementTables(NamedTuple):
+    """What the loops know of a solid: shapes, and its material.
+
+    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18);
+    `lambda_ep`, `mu_ep` (element, point): Lamé's constants times the point's volume; `stiffening`: b; `lame_ratio`:
+    lambda/mu.
+    """
+
+    shapes_epgn: Floats
+    unknowns_en: Integers
+    lambda_ep: Floats
+    mu_ep: Floats
+    stiffening: float
+    lame_ratio: float
+
+
+@compiled
+def nodal_forces(tables: ElementTables, u: Floats, found: Floats) -> None:
+    """Write the nodal forces that hold a displacement u, both (all unknowns,)."""
+    found[:] = 0.0
+    F, H, P = np.empty(5), np.empty(5), np.empty(5)
+    away, along = np.empty(9), np.empty(9)
+    elements, points = tables.mu_ep.shape
+    for element in range(elements):
+        unknowns = tables.unknowns_en[element]
+        away[:] = 0.0
+        along[:] = 0.0
+        for point in range(points):
+            shapes = tables.shapes_epgn[element, point]
+            log_ratio = _deformation(shapes, unknowns, u, F, H)
+            factor = _growth(tables, F, log_ratio)
+            _stress(tables.lambda_ep[element, point], tables.mu_ep[element, point], F, H, log_ratio, P)
+            for node in range(9):
+                radial = P[0] * shapes[0, node] + P[1] * shapes[1, node] + P[4] * shapes[2, node]
+                away[node] += factor * radial
+                along[node] += factor * (P[2] * shapes[0, node] + P[3] * shapes[1, node])
+        for node in range(9):
+            found[unknowns[2 * node]] += away[node]
+            found[unknowns[2 * node + 1]] += along[node]
+
+
+@compiled
+def element_tangents(tables: ElementTables, u: Floats, found: Floats) -> None:
+    """Write the derivative of the forces of every element, (element, 18, 18)."""
+    F, H, P = np.empty(5), np.empty(5), np.empty(5)
+    A, by_motion, triangle = np.empty((5, 5)), np.empty((5, 18)), np.empty((18, 18))
+    elements, points = tables.mu_ep.shape
+    for element in range(elements):
+        unknowns = tables.unknowns_en[element]
+        triangle[:] = 0.0
+        for point in range(points):
+            shapes = tables.shapes_epgn[element, point]
+            log_ratio = _deformation(shapes, unknowns, u, F, H)
+            factor = _growth(tables, F, log_ratio)
+            lame_lambda, lame_mu = tables.lambda_ep[element, point], tables.mu_ep[element, point]
+            _stress(lame_lambda, lame_mu, F, H, log_ratio, P)
+            _elasticity(lame_lambda, lame_mu, H, log_ratio, A)
+            rise = 2.0 * tables.stiffening / lame_mu
+            for i in range(5):
+                for j in range(5):
+                    A[i, j] = factor * (A[i, j] + rise * P[i] * P[j])
+                for node in range(9):
+                    radial = A[i, 0] * shapes[0, node] + A[i, 1] * shapes[1, node] + A[i, 4] * shapes[2, node]
+                    by_motion[i, 2 * node] = radial
+                    by_motion[i, 2 * node + 1] = A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
+            for node in range(9):
+                r, z, around = shapes[0, node], shapes[1, node], shapes[2, node]
+                for other in range(2 * node + 2):
+                    radial = r * by_motion[0, other] + z * by_motion[1, other] + around * by_motion[4, other]
+                    triangle[2 * node, other] += radial
+                    triangle[2 * node + 1, other] += r * by_motion[2, other] + z * by_motion[3, other]
+        for row in range(18):
+            for column in range(row + 1):
+                found[element, row, column] = found[element, column, row] = triangle[row, column]
+
+
+@compiled
+def _deformation(shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Floats) -> float:
+    """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number where J <= 0."""
+    rr = rz = zr = zz = around = 0.0
+    for node in range(9):
+        away, along = u[unknowns[2 * node]], u[unknowns[2 * node + 1]]
+        rr += shapes[0, node] * away
+        rz += shapes[1, node] * away
+        around += shapes[2, node] * away
+        zr += shapes[0, node] * along
+        zz += shapes[1, node] * along
+    rr, zz, around = rr + 1.0, zz + 1.0, around + 1.0
+    plane = rr * zz - rz * zr
+    F[0], F[1], F[2], F[3], F[4] = rr, rz, zr, zz, around
+    if not (plane > 0.0 and around > 0.0):
+        H[:] = np.nan
+        return np.nan
+    H[0], H[1], H[2], H[3], H[4] = zz / plane, -zr / plane, -rz / plane, rr / plane, 1.0 / around
+    return float(np.log(plane * around))
+
+
+@compiled
+def _growth(tables: ElementTables, F: Floats, log_ratio: float) -> float:
+    """Return the factor of the stiffening on the stress (`stiffening.growth`)."""
+    if tables.stiffening == 0.0:
+        return 1.0
+    squares = F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4]
+    strain = squares - 3.0 - 2.0 * log_ratio + tables.lame_ratio * log_ratio * log_ratio
+    exponent = tables.stiffening * strain
+    return float(np.exp(exponent)) if exponent <= MOST_EXPONENT else np.nan
+
+
+@compiled
+def _stress(lame_lambda: float, lame_mu: float, F: Floats, H: Floats, log_ratio: float, P: Floats) -> None:
+    """Write the stress of b = 0 times the volume, (5,)."""
+    along_H = lame_lambda * log_ratio - lame_mu
+    for entry in range(5):
+        P[entry] = lame_mu * F[entry] + along_H * H[entry]
+
+
+@compiled
+def _elasticity(lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats) -> None:
+    """Write the elasticity of b = 0 times the volume, (5, 5): see `SolidOfRevolution.tangents`."""
+    exchanged = lame_mu - lame_lambda * log_ratio
+    for i in range(5):
+        for j in range(5):
+            A[i, j] = lame_lambda * H[i] * H[j]
+        A[i, i] += lame_mu
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                for m in range(2):
+                    A[2 * i + j, 2 * k + m] += exchanged * H[2 * i + m] * H[2 * k + j]
+    A[4, 4] += exchanged * H[4] * H[4]

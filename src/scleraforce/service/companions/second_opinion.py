@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from select import select
 from time import monotonic, sleep
 
-from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
 from scleraforce.reader.model import warming_frame
@@ -26,7 +25,6 @@ LEAST_S = 0.02  # from frame to frame
 
 def main(arguments: Sequence[str]) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    use_compiled_loops()
     channel, settings = settings_of_child(arguments, OpinionSettings)
     try:
         _serve(channel, settings)

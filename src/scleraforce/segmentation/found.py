@@ -1,16 +1,11 @@
-"""The steps from a raw frame to the wall in it, whichever way they are taken, and what they are told and tell."""
+"""What is found in a frame: the wall with a verdict, and what speaks against one."""
 
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.columns import between
-from scleraforce.segmentation.grid import Grid, make_grid
-from scleraforce.segmentation.imaged import imaged_part
 from scleraforce.segmentation.needle import SeenNeedle
 
 WALL = 255
@@ -18,6 +13,7 @@ LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's nois
 LEAST_COVER = 0.4  # of the imaged width must show the wall
 SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
 EMPTY_SHARE = 1e-3  # of the brightest count: a frame that stands out of its noise by less is empty
+UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
 
 
 @dataclass(frozen=True)
@@ -46,69 +42,11 @@ class Segmentation:
 
     @cached_property
     def mask(self) -> NDArray[np.uint8]:
-        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); drawn when it is asked for."""
+        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); computed lazily."""
         row = np.arange(self.rows, dtype=np.float32)[:, None]
         inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
         wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(WALL)
         return wall
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has.
-
-    `left` is that column in the whole frame, of `columns`; what is `missing` has been filled from beside. `hidden`: the
-    span of the part's columns that a needle hides.
-    """
-
-    frame: Pixels
-    first: int
-    left: int
-    columns: int
-    missing: NDArray[np.bool_]
-    scale: PixelScale
-    hidden: tuple[int, int] | None = None
-
-    @property
-    def imaged(self) -> Pixels:
-        """The columns of the part."""
-        return self.frame[:, self.first : self.first + len(self.missing)]
-
-    @cached_property
-    def grid(self) -> Grid:
-        """The part on a grid."""
-        return make_grid(self.imaged, self.scale)
-
-    @property
-    def hidden_points(self) -> slice:
-        """Which of the surface's points the needle hides."""
-        return slice(0, 0) if self.hidden is None else between(len(self.missing), *self.hidden)
-
-
-def part_of(
-    frame: Pixels, scale: PixelScale, left: int, missing: NDArray[np.bool_], hidden: tuple[int, int] | None = None
-) -> Part:
-    """Return the part of a frame from a column on, without its missing columns; neither end is missing."""
-    columns = frame.shape[1]
-    if not np.count_nonzero(missing):
-        return Part(frame, left, left, columns, missing, scale, hidden)
-    return Part(imaged_part(frame, left, missing), 0, left, columns, missing, scale, hidden)
-
-
-class Steps(Protocol):
-    """One way to take the steps: by NumPy and OpenCV, or compiled."""
-
-    def at_once(self, frame: Pixels, scale: PixelScale) -> Segmentation | None:
-        """Return the wall in a frame without taking the other steps one by one; None where these are needed."""
-
-    def lit_columns(self, frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
-        """See `imaged.lit_columns`."""
-
-    def glance(self, part: Part, brightest: int) -> tuple[str, bool]:
-        """Return why nothing can be looked for in a part of a frame ('': that is not so); may a needle be there?"""
-
-    def found(self, part: Part) -> Segmentation:
-        """Return the wall in a part of a frame."""
 
 
 def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:

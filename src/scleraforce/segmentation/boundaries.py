@@ -1,33 +1,36 @@
-"""The kernels that `compiled_steps` calls: a glance at a part of a frame, and the boundaries in it."""
+"""The loops that are called for each frame: a glance at a part of it, and the boundaries in it."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
-from scleraforce.segmentation import numpy_steps
-from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.imaged import LEAST_SHAPE
-from scleraforce.segmentation.kernels.across import at_every_column, bridge
-from scleraforce.segmentation.kernels.jumps import find_jumps, find_thickness, score_jumps
-from scleraforce.segmentation.kernels.light import grid_cells, noise_floor, stands_out
-from scleraforce.segmentation.kernels.lit import find_lit
-from scleraforce.segmentation.kernels.presence import quantile_of_chosen, show_points
-from scleraforce.segmentation.kernels.sampling import mean_of_neighbours
-from scleraforce.segmentation.kernels.strip import fit_edges, sample_strip, smooth_surface, start_rows
-from scleraforce.segmentation.kernels.surface import coarse_rows, opened_pairs, surface_score
-from scleraforce.segmentation.kernels.unrolled import stretch, unroll
-from scleraforce.segmentation.kernels.workplace import Memory, Sizes, Tables, Workplace
-from scleraforce.segmentation.steps import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE
-from scleraforce.segmentation.surface import ROWS
+from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
+from scleraforce.segmentation.grid import LEAST_SHAPE, Float
+from scleraforce.segmentation.inner import find_jumps, find_thickness, score_jumps, stretch, unroll
+from scleraforce.segmentation.light import find_lit, grid_cells, noise_floor, stands_out
+from scleraforce.segmentation.loops import at_every_column, bridge, mean_of_neighbours
+from scleraforce.segmentation.surface import (
+    ABSENT_SHARE,
+    ROWS,
+    TYPICAL,
+    coarse_rows,
+    fit_edges,
+    opened_pairs,
+    quantile_of_chosen,
+    sample_strip,
+    show_points,
+    smooth_surface,
+    start_rows,
+    surface_score,
+)
+from scleraforce.segmentation.workplace import Memory, Sizes, Tables, Workplace
 
 Counts = NDArray[np.uint16]
 Flags = NDArray[np.bool_]
 Double = NDArray[np.float64]
 
-_ABSENT_SHARE, _BOTTOM_ROWS, _FOUND_SHARE = (
-    numpy_steps.ABSENT_SHARE, numpy_steps.BOTTOM_ROWS, numpy_steps.FOUND_SHARE,
-)  # fmt: skip
-_UNSEEN_DEPTH_M, _TYPICAL = numpy_steps.UNSEEN_DEPTH_M, numpy_steps.TYPICAL
+BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
+FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 _ONE_HALF = np.float32(0.5)
 
 
@@ -40,7 +43,7 @@ def glance(
     Args:
         frame: counts, shape (row, column).
         first: column.
-        eight_bits: see `light.grid_cells`.
+        eight_bits: see `grid_cells`.
         brightest: largest count.
         workplace: for such frames.
 
@@ -87,10 +90,10 @@ def find_boundaries(
     row, contrast, bridged, inner = memory.point[0], memory.point[1], memory.point[2], memory.point[3]
     present, shown = memory.shown[0], memory.shown[1]
     noise = _find_surface(frame, first, cells, floor, behind, sizes, tables, memory)
-    deepest = frame.shape[0] - _BOTTOM_ROWS
+    deepest = frame.shape[0] - BOTTOM_ROWS
     widest = sizes.widest_gap
     show_points(
-        row, contrast, missing, tables.column, deepest, _ABSENT_SHARE, _TYPICAL, widest, memory.shown[2], present,
+        row, contrast, missing, tables.column, deepest, ABSENT_SHARE, TYPICAL, widest, memory.shown[2], present,
         memory.point[4],
     )  # fmt: skip
     seen = 0
@@ -149,7 +152,7 @@ def _find_surface(
     memory: Memory,
 ) -> float:  # fmt: skip
     """Write the surface's rows and contrast into the memory's first points, and return the noise of a pixel."""
-    row, contrast, start, line = memory.point[0], memory.point[1], memory.point[2], memory.point[3]
+    start = memory.point[2]
     opened_pairs(cells, floor, tables.pairs, sizes.line_rows, memory.eroded, memory.opened, memory.tissue)
     surface_score(
         memory.tissue, sizes.judged_rows, tables.downwards, memory.sample, memory.bins, memory.level, memory.means,
@@ -159,6 +162,15 @@ def _find_surface(
     for pair in range(len(memory.path)):
         memory.coarse[pair] = np.float32(memory.path[pair] * (ROWS * sizes.step_rows)) - _ONE_HALF
     start_rows(memory.coarse, tables.place, tables.weight, frame.shape[0], start)
+    return _fit_strip(frame, first, start, behind, sizes, tables, memory)
+
+
+@compiled
+def _fit_strip(
+    frame: Counts, first: int, start: Float, behind: tuple[int, int], sizes: Sizes, tables: Tables, memory: Memory
+) -> float:
+    """Move a surface from the rows where it starts to the edge of the full frame; see `_find_surface`."""
+    row, contrast, line = memory.point[0], memory.point[1], memory.point[3]
     raw, strip, other = memory.strip[0], memory.strip[1], memory.strip[2]
     noise = sample_strip(
         frame, first, tables.columns[0], tables.columns[1], tables.across, start, line, memory.rows[0], memory.rows[1],
@@ -183,6 +195,25 @@ def _find_inner(
     """Write the inner boundary's rows below a surface without gaps, and return the median thickness, NaN: not found."""
     along_rows, thickness_m = memory.point[4], memory.point[5]
     stretch(row, sizes.slope_reach, sizes.rise, sizes.tissue_depth_m, along_rows)
+    support = _search_below(frame, first, floor, tables, memory, row, present, along_rows, memory.prior)
+    if support < FOUND_SHARE:
+        for at in range(len(row)):
+            inner[at] = row[at] + np.float32(UNSEEN_DEPTH_M / sizes.tissue_depth_m)
+        return np.nan
+    for at in range(len(row)):
+        one = np.float64(tables.group_weight[at, 0]) * np.float64(memory.group[6, tables.group[at, 0]])
+        other = np.float64(tables.group_weight[at, 1]) * np.float64(memory.group[6, tables.group[at, 1]])
+        thickness_m[at] = np.float32(one + other)
+        inner[at] = along_rows[at] * thickness_m[at] + row[at]
+    return np.float64(quantile_of_chosen(thickness_m, present, 0.5, along_rows))
+
+
+@compiled
+def _search_below(
+    frame: Counts, first: int, floor: int, tables: Tables, memory: Memory, row: Float, present: Flags,
+    along_rows: Float, prior: Float,
+) -> float:  # fmt: skip
+    """Write the wall's thickness at each group into `memory.group[6]`; return the share of them that show its end."""
     looked_row, looked_along = memory.looked[0], memory.looked[1]
     for at in range(len(tables.looked_at)):
         point = tables.looked_at[at]
@@ -198,18 +229,42 @@ def _find_inner(
     )  # fmt: skip
     jump, gain, score = memory.edges[0], memory.edges[1], memory.edges[2]
     find_jumps(wall, seen, pooled, near, mean, bend, jump)
-    score_jumps(jump, memory.sizes, memory.edge[0], memory.edge[1], gain, score)
-    support = find_thickness(
+    score_jumps(jump, prior, memory.sizes, memory.edge[0], memory.edge[1], gain, score)
+    return find_thickness(
         near, seen, mean, bend, jump, memory.edge[1], score, memory.group_path, memory.edges[3], memory.edges[4],
         memory.group[2:4], memory.group[4:6], memory.group[6],
     )  # fmt: skip
-    if support < _FOUND_SHARE:
-        for at in range(len(row)):
-            inner[at] = row[at] + np.float32(_UNSEEN_DEPTH_M / sizes.tissue_depth_m)
-        return np.nan
-    for at in range(len(row)):
-        one = np.float64(tables.group_weight[at, 0]) * np.float64(memory.group[6, tables.group[at, 0]])
-        other = np.float64(tables.group_weight[at, 1]) * np.float64(memory.group[6, tables.group[at, 1]])
-        thickness_m[at] = np.float32(one + other)
-        inner[at] = along_rows[at] * thickness_m[at] + row[at]
-    return np.float64(quantile_of_chosen(thickness_m, present, 0.5, along_rows))
+
+
+@compiled
+def edge_near(frame: Counts, first: int, start: Float, workplace: Workplace, row: Float) -> None:
+    """Write the edge of the full frame that lies nearest to a surface, both (point,), in rows."""
+    memory = workplace.memory
+    _fit_strip(frame, first, start, (0, 0), workplace.sizes, workplace.tables, memory)
+    row[:] = memory.point[0]
+
+
+@compiled
+def thickness_below(
+    frame: Counts, first: int, floor: int, row: Float, present: Flags, along_rows: Float, prior: Float,
+    workplace: Workplace, thickness_m: Float, shown: Flags,
+) -> None:  # fmt: skip
+    """Write the thickness below a surface at each group of points, m, and which groups show the wall's end.
+
+    Args:
+        frame: counts, shape (row, column).
+        first: column.
+        floor: count of its noise floor.
+        row: of the surface, no NaN, (point,).
+        present: whether there is a surface.
+        along_rows: of `stretch`.
+        prior: as of `score_jumps`.
+        workplace: for such frames.
+        thickness_m: the first result, (group,).
+        shown: the second one.
+    """
+    memory = workplace.memory
+    _search_below(frame, first, floor, workplace.tables, memory, row, present, along_rows, prior)
+    thickness_m[:] = memory.group[6]
+    for group in range(len(shown)):
+        shown[group] = memory.group[4, group] > 0.5

@@ -1,5 +1,9 @@
-"""What a frame shows of a library's wall at given columns, and how that turns with everything that is unknown.
+"""What the nearness of the eye's base moves a section by, at the nodes of the library's walls (`library.base`).
 
+The motion is smooth: it is found at a few places of the section and interpolated to where the plane meets the rings.
+Those places are of a gap and a thickness that are about right; how the motion turns with these is below 1 um.
+
+What a frame shows of a library's wall at given columns, and how that turns with everything that is unknown.
 The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
 gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
 is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
@@ -9,50 +13,88 @@ What a frame shows is the state at the pressure under the needle. In an open glo
 sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`fitting.globe_term`).
 
 The eye's base lies nearer on one side of the needle. What pressure and force move because of that is known where it is
-known where the pole lies (`library.base_bulge`); else the pole's place is an unknown.
+known where the pole lies (`library.base`); else the pole's place is an unknown.
 
-What an eye that is no even sphere adds comes on top (`fitting.resting_form`): its form at rest, not how that bends.
+What an eye that is no even sphere adds comes on top (`fitting.unknowns`): its form at rest, not how that bends.
 """
 
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import loops_are_compiled
-from scleraforce.fitting.base_motion import Stations, section_stations
-from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.fitting.resting_form import form_depths
+from scleraforce.fitting.loops import Rings, predict
+from scleraforce.fitting.placement import Placed, Places, place_curves
 from scleraforce.fitting.unknowns import (
     DEPTH,
     FORM,
     GAP,
-    GAP_STEP_M,
-    INNER_OFFSET,
     IOP,
     LATERAL,
-    LOG_PRESSURE_STEP,
     MODULUS,
     NAMES,
     POLE,
-    POLE_STEP,
     PRESSURE,
     ROTATION,
-    SAME_CURVES_AND_MOTION,
-    SHINE,
     SHINING_SLOPE,
     SIZE,
     THICKNESS,
-    THICKNESS_STEP_M,
     TIP,
-    TIP_STEP_M,
+    form_depths,
 )
 from scleraforce.known.eye import OPEN, KnownGlobe
+from scleraforce.library.base import base_push, section_places
 from scleraforce.library.responses import Library
 
 Array = NDArray[np.float64]
+
+STATION_RAD = 0.04  # between the places
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Places of a section and where the library's rings lie among them.
+
+    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary, left nodes and
+    right ones), from the axis outwards on either side, lies between the place `left_bw` and the next one, by `share_bw`
+    of the way.
+    """
+
+    library: Library
+    places_bpc: Array
+    left_bw: NDArray[np.intp]
+    share_bw: Array
+
+    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+        """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
+
+        Args:
+            place: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+            pole_s2: where the eye's pole lies (`base.pole_direction`).
+        """
+        thickness, ratio, _ = place
+        bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
+        pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
+        bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
+        is_inner = np.array([[0], [1]])
+        low, high = bulge[:, is_inner, self.left_bw], bulge[:, is_inner, self.left_bw + 1]
+        at_rings: Array = low + self.share_bw[..., None] * (high - low)
+        return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
+
+
+def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stations:
+    """Return the stations of sections about so far from the needle axis, of walls about so thick."""
+    reach = np.sin(library.node_angles())
+    count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
+    stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
+    across = gap_m / (library.radius_m - np.array([[0.0], [thickness_m]]))
+    rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
+    wanted = np.concatenate([-rings, rings], axis=1)
+    left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
+    share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
+    return Stations(library, section_places(stations, across), left, share)
+
 
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
 
@@ -99,27 +141,12 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose, and none has a form of its own.
     """
-    size = np.exp(unknown_su[:, SIZE])
-    place = _library_place(walls, unknown_su)
-    curves = walls.library.shapes(*place).astype(np.float64)
-    return _placed(walls, unknown_su, place, curves * size[:, None, None, None])
-
-
-def _placed(
-    walls: Walls,
-    unknown_su: Array,
-    place: tuple[Array, Array, Array],
-    curves_sbnc: Array,
-    alike: Sequence[int] | None = None,
-) -> Array:
-    """Return surfaces of revolution, moved by what the base's nearness does, cut and placed like `place_walls`.
-
-    `alike`: which sample's motion each takes; None: its own.
-    """
     size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
+    place = _library_place(walls, unknown_su)
+    curves_sbnc = walls.library.shapes(*place).astype(np.float64) * size[:, None, None, None]
     moved = None
     if unknown_su[:, POLE].any():
-        moved = walls.stations.moved(place, unknown_su[:, POLE], alike) * size[:, None, None, None, None]
+        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
     return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
@@ -133,20 +160,13 @@ def formed_wall(walls: Walls, unknown: Array) -> Array:
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
-    """Return what a frame shows at places.
+    """Predict what a frame shows at places, with its derivatives.
 
     Args:
         walls: that may be seen.
         unknown: (unknown,), in the order of `NAMES`.
         places: where the frame was looked at.
     """
-    return (_predicted_by_loops if loops_are_compiled() else _predicted_by_arrays)(walls, unknown, places)
-
-
-def _predicted_by_loops(walls: Walls, unknown: Array, places: Places) -> Placed:
-    from scleraforce.fitting.compiled_depths import Rings
-    from scleraforce.fitting.compiled_prediction import predict
-
     count = len(places.lateral_m)
     placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
     stations = walls.stations
@@ -154,35 +174,6 @@ def _predicted_by_loops(walls: Walls, unknown: Array, places: Places) -> Placed:
     looked_at = places.lateral_m, places.outer, places.smoothing_m
     predict(walls.library.tables, rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
     return placed
-
-
-def _predicted_by_arrays(walls: Walls, unknown: Array, places: Places) -> Placed:
-    steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP, POLE_STEP, POLE_STEP])
-    moving = [TIP, GAP, THICKNESS, walls.pressure, *range(POLE.start, POLE.stop)]
-    varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
-    varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
-    moved = varied[1:, moving].diagonal() - unknown[moving]
-    found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied)]
-    depths, (depth, slope, seen) = np.stack([depth for depth, _, _ in found]), found[0]
-    by_tip, by_gap, by_thickness, by_pressure, *by_pole = (depths[1:] - depth) / moved[:, None]
-    by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
-    by_size = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
-    by_size -= unknown[TIP] * by_tip + unknown[GAP] * by_gap + unknown[THICKNESS] * by_thickness
-    jacobian = np.zeros((len(depth), len(NAMES)))
-    jacobian[:, [TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS]] = np.stack(
-        [by_tip, by_lateral, by_depth, by_rotation, by_gap, by_thickness], axis=1
-    )
-    jacobian[:, [MODULUS, SIZE, INNER_OFFSET]] = np.stack([-by_pressure, by_size, places.is_inner], axis=1)
-    jacobian[:, walls.pressure] = by_pressure
-    formed, form_slope, by_form = form_depths(unknown[FORM], places.lateral_m - unknown[LATERAL], places.is_inner)
-    jacobian[:, FORM] = by_form
-    jacobian[:, POLE] = np.stack(by_pole, axis=1)
-    jacobian[:, LATERAL] -= form_slope
-    jacobian[~seen] = 0.0
-    shine = (1.0 - places.is_inner) * shining(slope + form_slope)  # how that turns with the wall is left out: hardly
-    jacobian[:, SHINE] = -shine * seen
-    offset = unknown[INNER_OFFSET] * places.is_inner + formed - unknown[SHINE] * shine
-    return Placed(depth + offset, slope + form_slope, jacobian, seen)
 
 
 def shining(slope: Array) -> Array:
@@ -193,35 +184,6 @@ def shining(slope: Array) -> Array:
     """
     share: Array = np.exp(-((slope / SHINING_SLOPE) ** 2))
     return share
-
-
-def _varied_walls(walls: Walls, varied_su: Array) -> Array:
-    """Return `place_walls` of what `predict_wall` compares; the last two differ from the first by the pole alone.
-
-    How the base's motion turns with the dent and the gap is left out: hardly.
-    """
-    shapes = varied_su[: -(POLE.stop - POLE.start)]
-    thickness, ratio, tip = _library_place(walls, shapes)
-    curves = walls.library.shapes(thickness, ratio, tip).astype(np.float64)
-    curves *= np.exp(shapes[:, SIZE])[:, None, None, None]
-    again, alike = SAME_CURVES_AND_MOTION
-    place = thickness[again], ratio[again], tip[again]
-    return _placed(walls, varied_su, place, curves[again], alike=alike.tolist())
-
-
-def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:
-    """Turn the steps that would leave the library, where derivatives are 0, the other way."""
-    library, size = walls.library, np.exp(unknown[SIZE])
-    highest = library.iop_ratio_ends(unknown[THICKNESS] / size)[1]
-    out = [
-        unknown[TIP] / size + TIP_STEP_M > library.tip_m[-1],
-        False,
-        unknown[THICKNESS] / size + THICKNESS_STEP_M > library.thickness_m[-1],
-        np.exp(_log_ratio(walls, unknown[None])[0] + LOG_PRESSURE_STEP) > highest,
-        unknown[POLE][0] > 0.0,
-        unknown[POLE][1] > 0.0,
-    ]
-    return np.where(out, -steps, steps)
 
 
 def _log_ratio(walls: Walls, unknown_su: Array) -> Array:

@@ -1,21 +1,20 @@
-"""What the kernels need for frames of one size: sizes, tables, and the memory that they work in."""
+"""What the loops need for frames of one size: sizes, tables, and the memory that they work in."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
+from numba.experimental import structref
 from numpy.typing import NDArray
 
-from scleraforce.compiled import can_compile, compiled
+from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation import surface
-from scleraforce.segmentation.below_surface import INNER_COLUMNS, grouping, in_tissue
-from scleraforce.segmentation.columns import continuation, fine_columns, nearest_point
-from scleraforce.segmentation.grid import MAX_COLUMNS, MAX_ROWS, Float, make_grid
+from scleraforce.segmentation.columns import INNER_COLUMNS, continuation, fine_columns, grouping, nearest_point
+from scleraforce.segmentation.grid import MAX_COLUMNS, MAX_ROWS, Float, GridSize, grid_size
 from scleraforce.segmentation.inner import CELLS, GROUP, slope_reach
-from scleraforce.segmentation.kernels.ranks import BINS
-from scleraforce.segmentation.needle_edges import top_rows
-from scleraforce.segmentation.numpy_steps import widest_gap
+from scleraforce.segmentation.loops import BINS
+from scleraforce.segmentation.needle import top_rows
 
 Counts = NDArray[np.uint16]
 Double = NDArray[np.float64]
@@ -28,7 +27,7 @@ BEYOND = 8  # points by which a surface is made longer while it is smoothed
 
 
 class Sizes(NamedTuple):
-    """Lengths of the steps, as the modules beside this room compute them for the frame's size and scale."""
+    """Lengths of the steps, for a frame's size and scale."""
 
     width: int
     grid_rows: int
@@ -96,42 +95,46 @@ class Memory(NamedTuple):
     edge: Float  # (2, edge)
     group: Float  # (7, group)
     group_path: Places
+    prior: Float  # (group, edge)
     sizes: Float
 
 
-@dataclass(frozen=True, eq=False)
-class Workplace:
-    """All of them. Compiled, it is a structure of Numba: one argument, where so many arrays would take 60 us a call."""
+@structref.register
+class _WorkplaceType(types.StructRef):
+    """The type of a workplace, for Numba."""
+
+
+class Workplace(structref.StructRefProxy):
+    """All of them as one argument of a loop: passing so many arrays would take 60 us a call.
+
+    Made by a compiled function only, whose code is cached.
+    """
 
     sizes: Sizes
     tables: Tables
     memory: Memory
 
 
-if can_compile():
-    from scleraforce.segmentation.kernels.structure import Structure as _Structure
-else:
-    _Structure = Workplace
+structref.define_proxy(Workplace, _WorkplaceType, ["sizes", "tables", "memory"])
 
 
 @compiled
 def _new_workplace(sizes: Sizes, tables: Tables, memory: Memory) -> Workplace:
-    return _Structure(sizes, tables, memory)
+    return Workplace(sizes, tables, memory)
 
 
 def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
-    """Return the workplace for the imaged part of frames: so many rows and columns of one scale."""
-    grid = make_grid(np.zeros((rows, width), np.uint16), scale)
-    grid_rows, grid_columns = grid.cells.shape
-    middle, pairs = surface.pairs_of(grid_columns, grid.step_columns)
+    """Return the workplace for the imaged part of frames: `rows` and `width` columns of one scale."""
+    grid = grid_size(rows, width, scale)
+    middle, pairs = surface.pairs_of(grid.columns, grid.step_columns)
     column = fine_columns(width)
     half, strip_line = surface.strip_rows(scale)
-    tissue, point_m = in_tissue(scale), float(column[1] - column[0]) * scale.lateral_m
+    depth_m, point_m = scale.depth_m / scale.refractive_index, float(column[1] - column[0]) * scale.lateral_m
     reach = slope_reach(len(column), point_m)
     sizes = Sizes(
         width=width,
-        grid_rows=grid_rows,
-        grid_columns=grid_columns,
+        grid_rows=grid.rows,
+        grid_columns=grid.columns,
         step_rows=grid.step_rows,
         top_rows=top_rows(grid),
         line_rows=surface.line_rows(grid),
@@ -139,9 +142,9 @@ def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
         reach=surface.path_reach(grid),
         strip_line=strip_line,
         slope_reach=reach,
-        rise=tissue.depth_m / (2 * reach * point_m),
-        tissue_depth_m=tissue.depth_m,
-        widest_gap=widest_gap(len(column), point_m),
+        rise=depth_m / (2 * reach * point_m),
+        tissue_depth_m=depth_m,
+        widest_gap=surface.widest_gap(len(column), point_m),
     )
     looked_at, groups = grouping(len(column))
     before = np.floor(column).astype(np.intp)
@@ -150,7 +153,7 @@ def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
     group, group_weight = _two_of_each(groups)
     tables = Tables(
         pairs=pairs.astype(np.uintp),
-        downwards=surface.downwards(grid_rows // surface.ROWS),
+        downwards=surface.downwards(grid.rows // surface.ROWS),
         column=column,
         columns=columns,
         across=across,
@@ -163,7 +166,7 @@ def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
         group_weight=group_weight,
         nearest=nearest_point(width)[1].astype(np.int64),
     )
-    memory = _memory(rows, width, grid.cells.shape, len(middle), 2 * half, sizes.judged_rows, len(column))
+    memory = _memory(rows, width, grid, len(middle), 2 * half, sizes.judged_rows, len(column))
     return _new_workplace(sizes, tables, memory)
 
 
@@ -173,11 +176,9 @@ def _two_of_each(matrix: Float) -> tuple[Places, Float]:
     return place, np.take_along_axis(matrix, place, axis=1)
 
 
-def _memory(
-    rows: int, width: int, grid: tuple[int, ...], pairs: int, strip: int, judged_rows: int, points: int
-) -> Memory:
-    """Return the memory for frames of so many rows and columns, whose grid, pairs, strip and points are so large."""
-    grid_rows, grid_columns = grid
+def _memory(rows: int, width: int, grid: GridSize, pairs: int, strip: int, judged_rows: int, points: int) -> Memory:
+    """Return the memory for frames of `rows` and `width` columns, whose grid, pairs, strip and points are so large."""
+    grid_rows, grid_columns = grid.rows, grid.columns
     half_rows = grid_rows // surface.ROWS
     halved = (rows // 2 if rows >= MAX_ROWS else rows), (width // 2 if width >= MAX_COLUMNS else width)
     single, double, counts = np.float32, np.float64, np.uint16
@@ -212,5 +213,6 @@ def _memory(
         edge=np.empty((2, CELLS + 1), single),
         group=np.empty((7, GROUPS), single),
         group_path=np.empty(GROUPS, np.int64),
+        prior=np.zeros((GROUPS, CELLS + 1), single),
         sizes=np.empty(GROUPS * (CELLS + 1), single),
     )

@@ -1,0 +1,218 @@
+"""The light of a frame: what of it is imaged, its grid, and linear displays made like logarithmic ones.
+
+The wall is looked for in frames of a logarithmic display.
+
+Two intensities of fully developed speckle, of the same mean and far enough apart, are exponential and independent
+(Goodman, Speckle Phenomena in Optics, ch. 3): the share that one has in their sum is uniform, whatever the mean and the
+sum. So the median of |a - b| / (a + b), over the brightest pairs of counts, is 1/2 where counts grow with the
+intensity, and (sqrt(3) - 1)/(sqrt(3) + 1) = 0.27 where they grow with its root, whatever the gain. On a logarithmic
+display it is 2.4 dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
+"""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled
+from scleraforce.recording.pixels import Pixels
+from scleraforce.segmentation.grid import (
+    BLACK_PART,
+    FLOOR_SHARE,
+    LEAST_SHAPE,
+    LIT_ROWS,
+    LIT_SHARE,
+    MAX_COLUMNS,
+    MAX_ROWS,
+    Float,
+    counts_of,
+)
+from scleraforce.segmentation.loops import BINS, nth, nth_count
+from scleraforce.segmentation.needle import STANDS_OUT
+
+Counts = NDArray[np.uint16]
+
+NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
+PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
+DIMMER = 0.9  # of the pairs are left out: noise about the tissue
+LEAST_PAIRS = 200
+_STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)
+
+
+def as_logarithmic(frame: Pixels) -> Pixels:
+    """Return a frame as a logarithmic display would show it, as 16 bits: itself, where it comes from one.
+
+    Args:
+        frame: counts, uint8 or uint16, shape (row, column).
+    """
+    if pair_contrast(frame) <= NOT_LOGARITHMIC:
+        return frame
+    return _logarithms(int(np.iinfo(frame.dtype).max))[frame]
+
+
+def pair_contrast(frame: Pixels) -> float:
+    """Return how much the brightest pairs of a frame differ, as a share of their sums (median): 0 where few are lit.
+
+    Pairs as bright as the dimmest of the brightest tenth count as well.
+    """
+    looked_at = frame[:: max(1, len(frame) // LOOKED_AT_ROWS)]
+    return find_contrast(looked_at.astype(np.uint16), PAIR_COLUMNS, DIMMER, LEAST_PAIRS)
+
+
+@cache
+def _logarithms(largest: int) -> NDArray[np.uint16]:
+    """Return what each count up to the largest becomes: its logarithm, black being 0 and the largest 65,535."""
+    shares = np.log1p(np.arange(largest + 1.0)) / np.log1p(largest)
+    table: NDArray[np.uint16] = np.rint(65535.0 * shares).astype(np.uint16)
+    table.flags.writeable = False
+    return table
+
+
+@compiled
+def find_contrast(rows: NDArray[np.uint16], pair_columns: int, dimmer_share: float, least_pairs: int) -> float:
+    """Return the contrast.
+
+    Args:
+        rows: counts of the rows that are looked at, shape (row, column).
+        pair_columns: from one count of a pair to the other.
+        dimmer_share: of the lit pairs is not looked at.
+        least_pairs: of lit ones: the contrast of fewer is 0.
+    """
+    columns = rows.shape[1]
+    mean, number = np.empty(rows.size, np.uint16), 0
+    for line in rows:
+        for column in range(pair_columns, columns):
+            one, other = np.int64(line[column]), np.int64(line[column - pair_columns])
+            mean[number] = (one + other) >> 1
+            number += (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
+    if number < least_pairs:
+        return 0.0
+    least = nth_count(mean, number, int(dimmer_share * number), np.empty(BINS, np.int64))
+    share, chosen = np.empty(number, np.float32), 0
+    for line in rows:
+        for column in range(pair_columns, columns):
+            one, other = np.int64(line[column]), np.int64(line[column - pair_columns])
+            if (one + other) >> 1 >= least and one > 0 and other > 0:
+                share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
+                chosen += 1
+    upper = nth(share, chosen, chosen // 2)
+    lower = upper if chosen % 2 else nth(share, chosen, chosen // 2 - 1)
+    return float(np.float32(0.5) * (lower + upper))
+
+
+def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
+    """Return the first imaged column of a frame, and the one after the last; None: too few are imaged."""
+    columns = frame.shape[1]
+    first, after, lit, _ = find_lit(counts_of(frame), np.empty(columns, np.uint16), np.empty(columns, np.bool_))
+    return (first, after) if lit >= LEAST_SHAPE else None
+
+
+@compiled
+def find_lit(frame: Counts, brightest: Counts, dark: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Write which columns are black.
+
+    Args:
+        frame: counts, shape (row, column).
+        brightest: scratch, (column,).
+        dark: the result.
+
+    Returns:
+        The first column that is not, the one after the last such, how many are not, and the largest count seen.
+    """
+    columns = frame.shape[1]
+    for column in range(columns):
+        brightest[column] = frame[0, column]
+    for row in range(LIT_ROWS, frame.shape[0], LIT_ROWS):
+        line = frame[row]
+        for column in range(columns):
+            brightest[column] = max(brightest[column], line[column])
+    largest = 0
+    for column in range(columns):
+        largest = max(largest, np.int64(brightest[column]))
+    black, left, after, lit = int(LIT_SHARE * largest), 0, 0, 0
+    for column in range(columns):
+        dark[column] = brightest[column] <= black
+        if not dark[column]:
+            left, after, lit = (left if lit else column), column + 1, lit + 1
+    return left, after, lit, largest
+
+
+@compiled
+def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool, halves: Counts, others: Counts) -> Counts:
+    """Return a frame's columns, averaged into cells, at the start of one of two arrays.
+
+    Args:
+        frame: counts, shape (row, column).
+        left: first column.
+        width: columns.
+        eight_bits: whether the counts came as bytes, of which OpenCV rounds a half up, not to the even number.
+        halves: as many rows and columns as the frame has after one halving, at least.
+        others: the same.
+    """
+    rows, columns = _halve(frame, left, frame.shape[0], width, eight_bits, halves)
+    while rows >= MAX_ROWS or columns >= MAX_COLUMNS:
+        rows, columns = _halve(halves, 0, rows, columns, eight_bits, others)
+        halves, others = others, halves
+    return halves
+
+
+@compiled
+def _halve(frame: Counts, left: int, rows: int, columns: int, eight_bits: bool, to: Counts) -> tuple[int, int]:
+    """Write the means of neighbours and return how many rows and columns these are; an odd last one is dropped."""
+    across, down = columns >= MAX_COLUMNS, rows >= MAX_ROWS
+    rows, columns = (rows // 2 if down else rows), (columns // 2 if across else columns)
+    for row in range(rows):
+        half = to[row]
+        upper = frame[2 * row if down else row, left:]
+        lower = frame[2 * row + 1 if down else row, left:]
+        if across and down:
+            for at in range(columns):
+                above = np.int32(upper[2 * at]) + np.int32(upper[2 * at + 1])
+                below = np.int32(lower[2 * at]) + np.int32(lower[2 * at + 1])
+                half[at] = (above + below + 2) >> 2
+        elif across:
+            for at in range(columns):
+                half[at] = _mean_of_two(np.int32(upper[2 * at]), np.int32(upper[2 * at + 1]), eight_bits)
+        else:
+            for at in range(columns):  # of a row and itself where it is not halved at all
+                half[at] = _mean_of_two(np.int32(upper[at]), np.int32(lower[at]), eight_bits)
+    return rows, columns
+
+
+@compiled
+def _mean_of_two(one: int, other: int, eight_bits: bool) -> int:
+    both = one + other
+    half = both >> 1
+    return half + (both & 1 & (half | np.int32(eight_bits)))
+
+
+@compiled
+def noise_floor(cells: Counts, rows: int, columns: int, sample: Counts, bins: NDArray[np.int64]) -> int:
+    """Return the count that a fifth of so many rows and columns of cells, of those that are not black, lie below."""
+    brightest = 0
+    for row in range(0, rows, 8):
+        for column in range(0, columns, 2):
+            brightest = max(brightest, np.int64(cells[row, column]))
+    black, lit = brightest // BLACK_PART, 0
+    for row in range(0, rows, 8):
+        for column in range(0, columns, 2):
+            sample[lit] = cells[row, column]
+            lit += cells[row, column] > black
+    return nth_count(sample, lit, int(FLOOR_SHARE * lit), bins) if lit else 0
+
+
+@compiled
+def stands_out(cells: Counts, rows: int, columns: int, total: Float, ordered: Float) -> bool:
+    """Return whether a column is brighter in the uppermost rows than columns there are: see `needle`."""
+    for column in range(columns):
+        total[column] = 0.0
+    for row in range(rows):
+        for column in range(columns):
+            total[column] += np.float32(cells[row, column])
+    largest = total[0]
+    for column in range(columns):
+        ordered[column] = total[column]
+        largest = max(largest, total[column])
+    middle = nth(ordered, columns, columns // 2)
+    low = nth(ordered, columns, columns // 6)
+    return largest > middle + _STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle)

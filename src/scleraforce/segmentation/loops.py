@@ -1,0 +1,336 @@
+"""Loops that several steps share: ranks, light between pixels, windows, straight lines, the best path.
+
+They are compiled (`scleraforce.compiled`) and write into arrays that the caller owns.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled
+from scleraforce.segmentation.grid import Float
+
+Counts = NDArray[np.uint16]
+Indices = NDArray[np.uintp]
+Flags = NDArray[np.bool_]
+
+BINS = 256  # bins: of the high byte of a count, then of the low one
+MARGIN = 1  # columns that are searched on each side of steps of a path that are too large
+
+
+def _multiply_add() -> Callable[..., Any]:
+    """Return a * b + c, rounded once to single precision: an instruction of the processor, for compiled loops."""
+
+    @intrinsic
+    def multiply_add(typing: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - as Numba calls it
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+            return builder.fma(*arguments)
+
+        return types.float32(types.float32, types.float32, types.float32), code
+
+    return multiply_add
+
+
+multiply_add = _multiply_add()
+
+
+@compiled
+def nth_count(counts: NDArray[np.uint16], number: int, place: int, bins: NDArray[np.int64]) -> int:
+    """Return the count that stands at a place of the first `number` ones, if they were in order; `bins` is scratch."""
+    for value in range(BINS):
+        bins[value] = 0
+    for i in range(number):
+        bins[np.int64(counts[i]) >> 8] += 1
+    high, below = 0, 0
+    while below + bins[high] <= place:
+        below += bins[high]
+        high += 1
+    for value in range(BINS):
+        bins[value] = 0
+    for i in range(number):
+        if np.int64(counts[i]) >> 8 == high:
+            bins[np.int64(counts[i]) & 255] += 1
+    low = 0
+    while below + bins[low] <= place:
+        below += bins[low]
+        low += 1
+    return high * BINS + low
+
+
+@compiled
+def nth(values: Float, number: int, place: int) -> np.float32:
+    """Return the value that stands at a place of the first `number` ones, if they were in order; they are moved.
+
+    Hoare's FIND (1961): parts are exchanged about a middle one until the place alone is left.
+    """
+    first, last = 0, number - 1
+    while first < last:
+        middle, low, high = values[(first + last) // 2], first, last
+        while low <= high:
+            while values[low] < middle:
+                low += 1
+            while values[high] > middle:
+                high -= 1
+            if low <= high:
+                values[low], values[high] = values[high], values[low]
+                low += 1
+                high -= 1
+        if place <= high:
+            last = high
+        elif place >= low:
+            first = low
+        else:
+            return values[place]
+    return values[place]
+
+
+@compiled
+def sample_row(
+    frame: Counts, first: int, near: Indices, far: Indices, across: Float, row: Float, upper: Indices, lower: Indices,
+    down: Float, light: Float,
+) -> None:  # fmt: skip
+    """Write the counts at some points, interpolated and rounded; the frame goes on beyond its edges as it is there.
+
+    Args:
+        frame: counts, shape (row, column).
+        first: column that the points' ones count from.
+        near: column before each point, (point,).
+        far: column after it.
+        across: by how much it lies beyond the one before.
+        row: of the points.
+        upper: scratch, (point,).
+        lower: the same.
+        down: the same.
+        light: the result.
+    """
+    last, origin = frame.shape[0] - 1, np.uintp(first)
+    for at in range(len(row)):
+        above = np.floor(row[at])
+        down[at] = row[at] - above
+        place = int(above)
+        upper[at], lower[at] = min(max(place, 0), last), min(max(place + 1, 0), last)
+    for at in range(len(row)):
+        left, right = origin + near[at], origin + far[at]
+        p00, p01 = np.float32(frame[upper[at], left]), np.float32(frame[upper[at], right])
+        p10, p11 = np.float32(frame[lower[at], left]), np.float32(frame[lower[at], right])
+        above = multiply_add(across[at], p01 - p00, p00)
+        below = multiply_add(across[at], p11 - p10, p10)
+        light[at] = np.rint(multiply_add(down[at], below - above, above))
+
+
+@compiled
+def mirrored(place: int, length: int) -> int:
+    """Return the place inside of a row of this length that stands for one beyond its ends: mirrored in its ends."""
+    if length == 1:
+        return 0
+    while place < 0 or place >= length:
+        place = -place if place < 0 else 2 * (length - 1) - place
+    return place
+
+
+@compiled
+def mean_of_neighbours(values: Float, reach: int, means: Float) -> None:
+    """Write the mean over so many values on each side, mirrored at the ends, as `cv2.blur` does."""
+    length, share = len(values), 1.0 / (2 * reach + 1)
+    total = 0.0
+    for place in range(-reach, reach + 1):
+        total += np.float64(values[mirrored(place, length)])
+    for at in range(length):
+        means[at] = np.float32(total * share)
+        total += np.float64(values[mirrored(at + reach + 1, length)]) - np.float64(values[mirrored(at - reach, length)])
+
+
+@compiled
+def smallest_of_rows(
+    values: NDArray[np.number], number: int, columns: int, window: int, smallest: NDArray[np.number]
+) -> None:
+    """Write the smallest of `window` rows about each row; of an even number one more lies above it.
+
+    Args:
+        values: (row * column,).
+        number: of values that count.
+        columns: of a row.
+        window: rows.
+        smallest: the result.
+    """
+    for at in range(number):
+        smallest[at] = values[at]
+    for row in range(1, window // 2 + 1):
+        away = row * columns
+        for at in range(number - away):
+            smallest[at + away] = min(smallest[at + away], values[at])
+    for row in range(1, window - window // 2):
+        away = row * columns
+        for at in range(number - away):
+            smallest[at] = min(smallest[at], values[at + away])
+
+
+@compiled
+def largest_of_rows(
+    values: NDArray[np.number], number: int, columns: int, window: int, largest: NDArray[np.number]
+) -> None:
+    """Write the largest of `window` rows about each row; arguments are those of `smallest_of_rows`."""
+    for at in range(number):
+        largest[at] = values[at]
+    for row in range(1, window // 2 + 1):
+        away = row * columns
+        for at in range(number - away):
+            largest[at + away] = max(largest[at + away], values[at])
+    for row in range(1, window - window // 2):
+        away = row * columns
+        for at in range(number - away):
+            largest[at] = max(largest[at], values[at + away])
+
+
+@compiled
+def bridge(row: Float, there: Flags, bridged: Float) -> None:
+    """Write a curve with straight lines over what is not there; something is."""
+    last = -1
+    for at in range(len(row)):
+        if there[at]:
+            bridged[at] = row[at]
+            first = last + 1
+            for between in range(first, at):
+                bridged[between] = straight_line(between, last, at, row[last], row[at]) if last >= 0 else row[at]
+            last = at
+    for after in range(last + 1, len(row)):
+        bridged[after] = row[last]
+
+
+@compiled
+def at_every_column(
+    column: Float, row: Float, there: Flags, nearest: NDArray[np.int64], everywhere: bool, to: NDArray[np.float64]
+) -> None:
+    """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
+
+    Args:
+        column: of the points, (point,), from the first column to the last one.
+        row: of the curve.
+        there: which points are; some are.
+        nearest: point of each column.
+        everywhere: whether each of those is there: those that are not do not count then either.
+        to: the result, (column,).
+    """
+    after, points = 0, len(column)
+    last = -1
+    for at in range(len(to)):
+        while after < points and (not (everywhere or there[after]) or column[after] <= at):
+            last = after if everywhere or there[after] else last
+            after += 1
+        if not there[nearest[at]]:
+            to[at] = np.nan
+        elif last < 0:
+            to[at] = row[after]
+        elif after == points:
+            to[at] = row[last]
+        else:
+            to[at] = straight_line(at, column[last], column[after], row[last], row[after])
+
+
+@compiled
+def straight_line(at: float, left: float, right: float, first: np.floating, last: np.floating) -> float:
+    """Return the straight line between two points, in the order of operations of `np.interp`."""
+    slope = (np.float64(last) - np.float64(first)) / (np.float64(right) - np.float64(left))
+    return slope * (np.float64(at) - np.float64(left)) + np.float64(first)
+
+
+def best_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
+    """Return the rows of the path with the largest sum of scores whose steps are at most `reach` rows.
+
+    Mostly the best rows of the columns make such a path already. Where they do not, the part from the first step that
+    is too large to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its
+    largest sum. If they do not, all of it is searched.
+
+    Args:
+        score_cr: scores, shape (column, row). Give each row its own small bonus: the path is unique only if no two
+            paths have the same sum.
+        reach: largest step between neighbouring columns, rows.
+
+    Returns:
+        The row in each column, shape (column,).
+
+    >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
+    array([1, 1, 1])
+    """
+    score = np.ascontiguousarray(score_cr, dtype=np.float32)
+    path = np.empty(len(score), np.int64)
+    find_path(score, reach, path, np.empty_like(score), np.empty_like(score))
+    return path
+
+
+@compiled
+def best_rows(score_cr: Float, path: NDArray[np.int64]) -> None:
+    """Write the best row of each column; the first one of several."""
+    for column in range(len(score_cr)):
+        best = 0
+        for row in range(1, score_cr.shape[1]):
+            if score_cr[column, row] > score_cr[column, best]:
+                best = row
+        path[column] = best
+
+
+@compiled
+def is_path(path: NDArray[np.int64], reach: int) -> bool:
+    """Return whether no step is larger than `reach`."""
+    largest = 0
+    for column in range(1, len(path)):
+        largest = max(largest, abs(path[column] - path[column - 1]))
+    return largest <= reach
+
+
+@compiled
+def find_path(score_cr: Float, reach: int, path: NDArray[np.int64], downwards: Float, upwards: Float) -> None:
+    """Write the path of `best_path`; both sums of scores, (column, row), are scratch."""
+    best_rows(score_cr, path)
+    first, last = -1, -1
+    for column in range(1, len(path)):
+        if abs(path[column] - path[column - 1]) > reach:
+            first, last = (column - 1 if first < 0 else first), column - 1
+    if first < 0:
+        return
+    start, stop = max(0, first - MARGIN), min(len(path), last + 2 + MARGIN)
+    _search(score_cr[start:stop], reach, path[start:stop], downwards, upwards)
+    if not is_path(path, reach):
+        _search(score_cr, reach, path, downwards, upwards)
+
+
+@compiled
+def _search(score_cr: Float, reach: int, path: NDArray[np.int64], before: Float, after: Float) -> None:
+    """Write the rows with the largest sum of what leads there from both sides, by dynamic programming.
+
+    For each column and row that is the best score of all paths through there (max-marginals of a Markov chain: Bishop,
+    Pattern Recognition and Machine Learning, sec. 8.4.5), so the path needs no backtracking.
+    """
+    columns, rows = score_cr.shape
+    before[0] = score_cr[0]
+    after[columns - 1] = score_cr[columns - 1]
+    for column in range(1, columns):
+        back = columns - 1 - column
+        _add_best(before[column - 1], score_cr[column], reach, before[column])
+        _add_best(after[back + 1], score_cr[back], reach, after[back])
+    for column in range(columns):
+        best, largest = 0, np.float32(-np.inf)
+        for row in range(rows):
+            through = before[column, row] + after[column, row] - score_cr[column, row]
+            if through > largest:
+                best, largest = row, through
+        path[column] = best
+
+
+@compiled
+def _add_best(sums: Float, score: Float, reach: int, to: Float) -> None:
+    """Write a column's scores and for each the largest of the sums that lie so near."""
+    rows = len(score)
+    for row in range(rows):
+        to[row] = sums[row]
+    for step in range(1, min(reach, rows - 1) + 1):
+        for row in range(rows - step):
+            to[row] = max(to[row], sums[row + step])
+        for row in range(rows - step):
+            to[row + step] = max(to[row + step], sums[row])
+    for row in range(rows):
+        to[row] += score[row]
