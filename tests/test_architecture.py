@@ -66,7 +66,7 @@ NO_CONVERSIONS = {
     ("calibration.result", "1e-09 * np.abs(found).max()"): "what rounding leaves",
     ("laboratory.bscan", "0.0001 * row_m.max()"): "what rounding leaves",
     ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
-    ("replay.fault_acts", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
+    ("replay.faults", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
     ("report.calibration_figures", "100 * rows"): "a figure's height, mm, of so many rows",
     ("study.fields", "1e-09 * max(abs(number), 1.0)"): "what rounding leaves",
 }

@@ -20,8 +20,7 @@ import numpy as np
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Message
 from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.fault_acts import prepare
-from scleraforce.replay.faults import FAULTS, FaultReport, inject
+from scleraforce.replay.faults import FAULTS, FaultReport, inject, prepare
 from scleraforce.replay.player import Player, Timed
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
 

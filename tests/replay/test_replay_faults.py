@@ -20,8 +20,7 @@ from scleraforce.reader.answer import Answer, LiveReading
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.fault_acts import ACTS, prepare
-from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject
+from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject, prepare
 from scleraforce.replay.player import Player
 from scleraforce.replay.scanner_client import Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
@@ -323,11 +322,6 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
 def test_a_fault_that_cannot_be_is_one_clear_line(recording, name, time_s, forces_n, message) -> None:
     with pytest.raises(InputError, match=message):
         prepare(name, recording, time_s, np.random.default_rng(0), forces_n=forces_n)
-
-
-def test_the_table_and_the_acts_name_the_same_faults() -> None:
-    assert list(FAULTS) == list(ACTS)
-    assert all(isinstance(cause, Cause) for fault in FAULTS.values() for cause in fault.causes)
 
 
 @pytest.fixture

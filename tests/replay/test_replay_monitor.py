@@ -14,8 +14,7 @@ from scleraforce.errors import InputError
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import faults, player
 from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.fault_acts import prepare
-from scleraforce.replay.faults import FAULTS, FaultReport, inject
+from scleraforce.replay.faults import FAULTS, FaultReport, inject, prepare
 from scleraforce.replay.player import Player
 from scleraforce.replay.scanner_client import ScannerClient
 

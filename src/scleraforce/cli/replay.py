@@ -1,7 +1,7 @@
-"""`scleraforce replay`: play a recording to a monitor, and say what came back."""
+"""`scleraforce replay`: play a recording to a monitor, and report its answers."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 LIVE_S = 0.1  # between two renewals of the live line
 
 
-def _list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
-    """Print the faults and leave, for `--fault list`."""
+def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str | None:
+    """Check the name of a fault; print all and leave for `--fault list`."""
     from scleraforce.replay.faults import FAULTS
 
     if value == "list":
@@ -43,9 +43,9 @@ def _list_faults(context: click.Context, parameter: click.Parameter, value: str 
 @click.option("--step", is_flag=True, help="Enter sends the next frame, and its answer is printed.")
 @click.option("--preload", is_flag=True, help="Read all frames before the first goes out, where memory allows: then "
               "reading takes no time from a monitor on the same machine.")  # fmt: skip
-@click.option("--version", "header_version", type=click.IntRange(1, 3), default=2, show_default=True,
+@click.option("--version", type=click.IntRange(1, 3), default=2, show_default=True,
               help="Of the OpenIGTLink headers; 1 carries no frame number.")  # fmt: skip
-@click.option("--fault", metavar="NAME", callback=_list_faults, is_eager=True,
+@click.option("--fault", metavar="NAME", callback=_fault, is_eager=True,
               help="Inject a fault of the scanner after contact; `list` names them.")  # fmt: skip
 @click.option("--fault-at-s", type=float, help="When, on the recording's clock; drawn from --seed by default.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the fault.")
@@ -56,7 +56,7 @@ def replay(
     speed: float | None,
     step: bool,
     preload: bool,
-    header_version: int,
+    version: int,
     fault: str | None,
     fault_at_s: float | None,
     seed: int,
@@ -64,40 +64,44 @@ def replay(
     """Play a recording to a monitor, as a scanner does.
 
     Frames go out at their times, over OpenIGTLink; forces.csv goes along as
-    SENSOR RobotForce. Each change of what the monitor says is printed, and a
+    SENSOR RobotForce. Each change of the monitor's status is printed, and a
     summary at the end. With --fault, exit code 1 says that the monitor did not
     make the robot withdraw.
 
     Example: scleraforce replay moving-eye --fault frozen
     """
+    import numpy as np
+
     from scleraforce.recording.folder import read_recording
     from scleraforce.replay.answer_log import AnswerLog
+    from scleraforce.replay.faults import draw_fault_time, inject, prepare
     from scleraforce.replay.player import AHEAD, Player
     from scleraforce.replay.scanner_client import ScannerClient
 
     if step and (fault or speed):
         raise click.UsageError("--step goes with neither --speed nor --fault")
     if fault_at_s is not None and not fault:
-        raise click.UsageError("--fault-at-s: of which --fault?")
-    recording = read_recording(recording_path)
-    forces_n = _true_frame_forces(recording)
-    log = AnswerLog()
-    show = _Show(recording, log, forces_n, quiet=is_json() or is_quiet())
-    prepared = _prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
+        raise click.UsageError("--fault-at-s: give the --fault, too")
+    speed = speed or 1.0
+    recording, log, rng = read_recording(recording_path), AnswerLog(), np.random.default_rng(seed)
+    true_n = _true_frame_forces(recording)
+    if fault is not None:
+        forces_n = true_n or _logged_frame_forces(recording)
+        if fault_at_s is None and forces_n is None:
+            raise InputError(f"{recording.path}: --fault: no forces show when contact is; give --fault-at-s")
+        at_s = draw_fault_time(recording, forces_n or (), rng) if fault_at_s is None else fault_at_s
+        prepared = prepare(fault, recording, at_s, rng, version=version, speed=speed, forces_n=forces_n)
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
+    show = _Show(recording, log, true_n, quiet=is_json() or is_quiet())
     ahead = len(recording.frames) if preload else AHEAD
-    player = Player(
-        recording, client, log, speed=speed or 1.0, version=header_version, ahead=ahead, watch=show.renew
-    )  # fmt: skip
+    player = Player(recording, client, log, speed=speed, version=version, ahead=ahead, watch=show.renew)
     report: FaultReport | None = None
     try:
         if step:
             player.step(show.wait_for_enter)
-        elif prepared is None:
+        elif fault is None:
             player.play()
         else:
-            from scleraforce.replay.faults import inject
-
             player.play(prepared.time_s)
             report = inject(player, prepared)
     finally:
@@ -107,8 +111,8 @@ def replay(
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
 
 
-def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
-    """Return the true force at each frame, N; None where no truth.json tells it."""
+def _true_frame_forces(recording: "Recording") -> list[float] | None:
+    """Return the force at each frame from truth.json, N; None if it lacks one, or does not exist."""
     from scleraforce.recording.folder import true_forces
 
     if not (recording.path / "truth.json").exists():
@@ -117,8 +121,8 @@ def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
 
 
-def _logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
-    """Return the force at each frame by the force log, N, between labels where a frame has none; None without a log."""
+def _logged_frame_forces(recording: "Recording") -> list[float] | None:
+    """Return the force at each frame from the force log, N, interpolated between labels; None without a log."""
     import numpy as np
 
     from scleraforce.recording.labels import label_frames
@@ -133,46 +137,20 @@ def _logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
     return forces_n
 
 
-def _prepare_fault(
-    recording: "Recording",
-    forces_n: Sequence[float] | None,
-    name: str | None,
-    at_s: float | None,
-    seed: int,
-    version: int,
-    speed: float,
-) -> Any:
-    """Return what `--fault` asks for, ready; None without it."""
-    import numpy as np
-
-    from scleraforce.replay.fault_acts import prepare
-    from scleraforce.replay.faults import draw_fault_time
-
-    if name is None:
-        return None
-    rng = np.random.default_rng(seed)
-    forces_n = _logged_frame_forces(recording) if forces_n is None else forces_n
-    if at_s is None and forces_n is None:
-        raise InputError(f"{recording.path}: --fault: no forces tell when contact is; give --fault-at-s")
-    at_s = draw_fault_time(recording, forces_n or (), rng) if at_s is None else at_s
-    return prepare(name, recording, at_s, rng, version=version, speed=speed, forces_n=forces_n)
-
-
 class _Show:
-    """What is printed while a recording plays, and at its end.
+    """Lines that are printed while a recording plays, and the summary at its end.
 
     Args:
-        recording: what is played.
-        log: what the monitor has said.
-        forces_n: the force at each frame, where it is known.
+        recording: the recording.
+        log: the monitor's answers.
+        forces_n: the true force at each frame, where it is known.
         quiet: print nothing while it plays.
     """
 
     def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
         self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
-        self._shown = 0
-        self._renewed_s = monotonic()
         self._live = not quiet and sys.stderr.isatty()
+        self._shown, self._renewed_s = 0, monotonic()
 
     def renew(self) -> None:
         """Print changes that are new, and the live line on a terminal."""
@@ -181,13 +159,15 @@ class _Show:
         for change in self._log.changes[self._shown :]:
             self._shown += 1
             self._clear()
-            say(self._change_line(change))
+            frame = "before the first frame" if change.frame is None else f"frame {change.frame}"
+            cause = f".{change.sub_code} {change.cause or ''}".rstrip() if change.sub_code else ""
+            say(f"{self._time_s(change.at_s):9.3f} s  {frame}  code {change.code}{cause}  {change.message}")
         if self._live and monotonic() - self._renewed_s > LIVE_S:
             self._renewed_s = monotonic()
             click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
 
     def wait_for_enter(self, entry: "FrameEntry") -> bool:
-        """Print the last answer and wait for Enter; False at the end of the input."""
+        """Print the last answer and wait for Enter; return False at the end of the input."""
         if self._log.frames_sent and not self._quiet:
             say(self._answer_line())
         click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
@@ -206,7 +186,7 @@ class _Show:
 
     def _time_s(self, at_s: float) -> float:
         """Return the time since the first frame."""
-        return at_s - (at_s if self._log.begun_s is None else self._log.begun_s)
+        return 0.0 if self._log.begun_s is None else at_s - self._log.begun_s
 
     def _clear(self) -> None:
         if self._live:
@@ -215,41 +195,32 @@ class _Show:
     def _answer_line(self) -> str:
         reading, status = self._log.reading, self._log.status
         if status is None:
-            return "the monitor has not said anything yet"
+            return "the monitor has not sent anything yet"
         words = [f"frame {self._log.answered}", str(reading.get("state") or f"code {status.code}")]
         words += [f"class {reading['class']}"] if reading.get("class") is not None else []
         words += [f"{reading['force_mn']:.1f} mN"] if isinstance(reading.get("force_mn"), float) else []
         words += [f"{from_si(self._log.answers[-1].took_s, 'ms'):.2f} ms"] if self._log.answers else []
         return ", ".join([*words, status.message])
 
-    def _change_line(self, change: "Change") -> str:
-        frame = "before the first frame" if change.frame is None else f"frame {change.frame}"
-        code = f"code {change.code}" + (f".{change.sub_code} {change.cause or ''}".rstrip() if change.sub_code else "")
-        return f"{self._time_s(change.at_s):9.3f} s  {frame}  {code}  {change.message}"
-
     def _summary(self, player: "Player", report: "FaultReport | None") -> dict[str, Any]:
         import numpy as np
 
         log = self._log
-        latencies_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
+        took_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
+        quantiles_ms = dict(zip(("median", "p99", "max"), np.percentile(took_ms, (50, 99, 100)).tolist(), strict=True)
+                            ) if len(took_ms) else None  # fmt: skip
         withdrawal = log.first_doubt(0.0, (3,))
         return {
             "recording": str(self._recording.path),
             "monitor": player.client.address,
             "duration_s": self._time_s(player.client.clock()),
             "frames_sent": log.frames_sent,
-            "frames_answered": len(latencies_ms),
+            "frames_answered": len(took_ms),
             "frames_overtaken": log.reading.get("overtaken"),
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
-            "latency_ms": {
-                "median": float(np.median(latencies_ms)),
-                "p99": float(np.percentile(latencies_ms, 99)),
-                "max": float(latencies_ms.max()),
-            }
-            if len(latencies_ms)
-            else None,
+            "latency_ms": quantiles_ms,
             "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
             "withdrawal": None if withdrawal is None else self._change_record(withdrawal),
@@ -288,7 +259,7 @@ class _Show:
 
 
 def _when(change: Mapping[str, Any]) -> str:
-    """Return when a change came: as the answer to a frame, after one that was sent, or before any.
+    """Return when a change came: with a frame's answer, after a frame, or before any.
 
     >>> _when({"frame": None, "file": None, "answers_frame": False, "at_s": 0.0})
     'before the first frame was sent: the monitor was in withdrawal already'
@@ -299,24 +270,21 @@ def _when(change: Mapping[str, Any]) -> str:
     return f"{'at' if change['answers_frame'] else 'after'} frame {change['frame']}{file}"
 
 
-def _summary_lines(result: Mapping[str, Any]) -> list[str]:
-    """Return a summary as lines of text."""
+def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
     overtaken = f", {result['frames_overtaken']} overtaken" if result["frames_overtaken"] else ""
     lost = f" ({result['frames_lost']} of them lost)" if result["frames_lost"] else ""
-    lines = [f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{overtaken}{lost}; "
-             f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late"]  # fmt: skip
-    if result["latency_ms"] is not None:
-        lines += ["latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(
-            **result["latency_ms"])]  # fmt: skip
+    yield (f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{overtaken}{lost}; "
+           f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late")  # fmt: skip
+    if (latency_ms := result["latency_ms"]) is not None:
+        yield "latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(**latency_ms)
     if (found := result["withdrawal"]) is None:
-        lines += ["no withdrawal"]
+        yield "no withdrawal"
     else:
         read = "" if found["force_mn"] is None else f"; read {found['force_mn']:.1f} mN"
         read += "" if found["interval_mn"] is None else " ({:.1f} to {:.1f} mN)".format(*found["interval_mn"])
         force = "" if found["true_force_mn"] is None else f"; true force {found['true_force_mn']:.1f} mN"
         after = "" if found["after_ms"] is None else f", {found['after_ms']:.2f} ms after it was sent"
-        lines += [f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"]
+        yield f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"
     if (fault := result["fault"]) is not None:
         said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot goes on"
-        lines += [f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"]
-    return lines
+        yield f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"

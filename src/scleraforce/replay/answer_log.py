@@ -29,7 +29,7 @@ class Change:
         after_s: time since that frame's last byte.
         answers: whether it is the answer to that frame.
         force_mn: force that was read in that frame, if this is its answer; None if no force was read.
-        interval_mn: its interval, likewise.
+        interval_mn: interval of that force.
     """
 
     at_s: float
@@ -44,34 +44,26 @@ class Change:
 
     @property
     def cause(self) -> str | None:
-        """The name of the cause; None if the sub-code stands for no cause."""
+        """The name of the cause; None if the sub-code is not a cause."""
         return SUB_CODES.get(self.sub_code)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimedAnswer:
-    """The STATUS that answers a frame.
+    """The code that answers a frame, its time since the frame's last byte, and its latency by the monitor's clock."""
 
-    Attributes:
-        at_s: when it came (s, monotonic).
-        took_s: since the frame's last byte.
-        server_ms: its latency by the monitor's own clock; None if not stated.
-        code: of the STATUS.
-    """
-
-    at_s: float
+    code: int
     took_s: float
     server_ms: float | None
-    code: int
 
 
 class AnswerLog:
-    """Takes what was sent and received, and keeps what a summary needs; no socket, no clock.
+    """Record frames that were sent and the monitor's messages; no socket, no clock.
 
     Attributes:
         changes: of the STATUS, in order; the first STATUS counts as a change.
         answers: to frames, in order.
-        frames_sent: how many frames were sent.
+        frames_sent: number of frames that were sent.
         begun_s: when the first frame was sent; None before.
         reading: the last STRING `ForceReading`, parsed.
         status_s: when the last STATUS came.
@@ -114,7 +106,7 @@ class AnswerLog:
 
     @property
     def ok(self) -> bool:
-        """Whether the robot may go on, by the last STATUS."""
+        """Whether the last STATUS lets the robot continue."""
         return self.status is not None and self.status.code == OK
 
     def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:
@@ -129,21 +121,14 @@ class AnswerLog:
         self.status_s = at_s
         self._changed = before is None or (before.code, before.subcode) != (status.code, status.subcode)
         if self._changed:
-            number, sent_s = self._last or (None, None)
-            after_s = None if sent_s is None else at_s - sent_s
-            self.changes.append(
-                Change(
-                    at_s=at_s,
-                    code=status.code,
-                    sub_code=status.subcode,
-                    message=status.message,
-                    frame=number,
-                    after_s=after_s,
-                )
-            )
+            change = Change(at_s=at_s, code=status.code, sub_code=status.subcode, message=status.message)
+            if self._last is not None:
+                number, sent_s = self._last
+                change = replace(change, frame=number, after_s=at_s - sent_s)
+            self.changes.append(change)
 
     def _hear_reading(self, text: str) -> None:
-        """Take the reading of a frame: the STATUS just before it was the frame's."""
+        """Take the reading of a frame, which the last STATUS answered."""
         try:
             reading = json.loads(text)
         except ValueError:
@@ -156,9 +141,8 @@ class AnswerLog:
             return
         number, sent_s = self._waiting.pop(frame_id)
         self.answered = number
-        self.answers.append(
-            TimedAnswer(at_s=at_s, took_s=at_s - sent_s, server_ms=reading.get("latency_ms"), code=status.code)
-        )
+        latency_ms = reading.get("latency_ms")
+        self.answers.append(TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms))
         if self._changed:
             self._changed = False
             self.changes[-1] = replace(

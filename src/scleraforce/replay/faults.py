@@ -1,62 +1,61 @@
-"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?"""
+"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?
 
-from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+The messages of a fault are prepared before it is due, so that reading and encoding delay nothing. After a single wrong
+frame the recording continues where it can, so that a silence does not hide a fault that the monitor missed.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from math import ceil, nan
+from time import time
 from types import MappingProxyType
 
+import fastcrc
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, LinkError
+from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
+from scleraforce.openigtlink.wire import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
-from scleraforce.replay.answer_log import Change
-from scleraforce.replay.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, PreparedFault, Sending
+from scleraforce.recording.pixels import Pixels
 from scleraforce.replay.player import STATED_S, Player, median_interval_s
-from scleraforce.replay.scanner_client import Unstamped
+from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
 from scleraforce.units import from_si
 
-CONTACT_N, HARMLESS_N = 4e-3, BOUND_N - 6e-3  # clear of the monitor's bounds by the error of a reading
+WITHIN_S = 0.5  # a later withdrawal does not count
 SILENT_S = 0.15  # without a STATUS, after which the robot withdraws by itself
+BOUND_N = MonitorLimits().bound_n
+# Clear of the monitor's bounds by the error of a reading.
+CONTACT_N, HARMLESS_N, DANGEROUS_N = 4e-3, BOUND_N - 6e-3, BOUND_N + 3e-3
+RISE_N_PER_S = 0.15
+FLOOD = 100  # frames of a second; fewer might be read as fast as they come, which is not a fault
+MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
+CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
+OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
+LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
 
 @dataclass(frozen=True)
-class Fault:
-    """A kind of fault: a line that describes it, and the causes that a monitor should give."""
+class Sending:
+    """One message: a frame, with its number and a time that may be wrong; or raw bytes."""
 
-    line: str
-    causes: tuple[Cause, ...]
+    message: Unstamped | bytes
+    number: int = 0
+    late_s: float = 0.0
 
 
-FAULTS: Mapping[str, Fault] = MappingProxyType(
-    {
-        "unusable": Fault("frames that show noise, or nothing", (Cause.UNUSABLE,)),
-        "silence": Fault("no more frames; the connection stays", (Cause.SILENCE,)),
-        "frozen": Fault("the same picture again and again, with new numbers and times", (Cause.FROZEN,)),
-        "double-buffer": Fault("the last 2 to 10 pictures in turns, with new numbers and times", (Cause.FROZEN,)),
-        "burned-in-clock": Fault("the same picture, in which a clock or one pixel changes", (Cause.FROZEN,)),
-        "dark-level": Fault("the same picture, one count brighter with each frame", (Cause.FROZEN,)),
-        "moved": Fault("the same picture, moved by a row or a column with each frame", (Cause.FROZEN,)),
-        "half-frozen": Fault("live pictures, one half of which stays", (Cause.FROZEN,)),
-        "ghost": Fault("60 to 95 % of one old picture, the rest live", (Cause.FROZEN,)),
-        "persistence": Fault("a filter that keeps 60 to 95 % of its last picture", (Cause.FROZEN,)),
-        "pixel-type": Fault("the same picture with 8 and 16 bits in turns", (Cause.PIXEL_TYPE,)),
-        "stale": Fault("frames that wait longer and longer in their sender's queue", (Cause.STALE,)),
-        "out-of-order": Fault("a frame with an older number and time", (Cause.OUT_OF_ORDER,)),
-        "size": Fault("a frame of half the rows", (Cause.SIZE,)),
-        "scale": Fault("a frame whose pixels are stated 3 % too large", (Cause.SCALE,)),
-        "checksum": Fault("a frame with one byte flipped", (Cause.CHECKSUM,)),
-        "nan": Fault("a frame whose matrix has a NaN", (Cause.BAD_IMAGE,)),
-        "bad-image": Fault("a frame whose body is shorter than it states", (Cause.BAD_IMAGE,)),
-        "flood": Fault(f"{FLOOD} frames at once", (Cause.QUEUE_BEHIND,)),
-        "rising": Fault("the force rises by 150 mN/s (needs a recording that has such forces)",
-                        (Cause.RISING, Cause.BOUND)),
-        "dangerous": Fault("a frame of class 2 out of nothing (needs a recording that has one)",
-                           (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
-        "half": Fault("half a frame, and nothing more", (Cause.SILENCE,)),
-        "garbage": Fault("bytes that are not OpenIGTLink", (Cause.BAD_IMAGE,)),
-        "disconnect": Fault("the connection is closed", (Cause.SILENCE,)),
-    }
-)  # fmt: skip
+Act = tuple[Sending, ...] | None  # sent at a frame's time; None closes the connection
+
+
+@dataclass(frozen=True)
+class PreparedFault:
+    """A fault, its time in the recording (s), and its acts from then on, one at each frame's time."""
+
+    name: str
+    time_s: float
+    acts: tuple[Act, ...]
 
 
 @dataclass(frozen=True)
@@ -67,20 +66,56 @@ class FaultReport:
         name: of the fault.
         began_s: when its first act was done (s, monotonic); for a silence, when the frame was due.
         delay_s: from then until the robot withdraws; None if it does not within `WITHIN_S`.
+        message: of the STATUS, or what happened instead.
         code: of the STATUS; None if no STATUS came for 150 ms, or the monitor has gone.
         cause: name of the cause in the STATUS.
-        message: of the STATUS, or what happened instead.
-        expected: whether the cause is one of those of the fault.
+        expected: whether the cause is one of the fault's.
     """
 
     name: str
-    _: KW_ONLY
     began_s: float
     delay_s: float | None
-    code: int | None
-    cause: str | None
     message: str
-    expected: bool
+    _: KW_ONLY
+    code: int | None = None
+    cause: str | None = None
+    expected: bool = False
+
+
+def prepare(
+    name: str,
+    recording: Recording,
+    time_s: float,
+    rng: np.random.Generator,
+    *,
+    version: int = 1,
+    speed: float = 1.0,
+    forces_n: Sequence[float] | None = None,
+) -> PreparedFault:
+    """Prepare a fault that takes the place of the first frame at or after a time of the recording.
+
+    Args:
+        name: a key of `FAULTS`.
+        recording: played before the fault and after it.
+        time_s: on the recording's clock.
+        rng: for random choices: noise or black, the byte that flips.
+        version: of the headers.
+        speed: recorded seconds in a second.
+        forces_n: the force at each frame; "rising" and "dangerous" need it.
+
+    Raises:
+        InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
+    """
+    if name not in FAULTS:
+        raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
+    frames_s = [entry.time_s for entry in recording.frames]
+    first = int(np.searchsorted(frames_s, time_s))
+    if not 2 <= first < len(frames_s) - 1:
+        raise InputError(
+            f"{recording.path}: a fault at {time_s:g} s; frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
+        )
+    stage = _Stage(recording, first, rng, version, median_interval_s(recording) / speed, forces_n)
+    return PreparedFault(name, frames_s[first], tuple(FAULTS[name].acts(stage)))
 
 
 def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.random.Generator) -> float:
@@ -117,7 +152,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     Raises:
         InputError: the monitor did not say OK before the fault, so nothing can be observed.
     """
-    client, log, fault = player.client, player.log, FAULTS[prepared.name]
+    client, log, name = player.client, player.log, prepared.name
     due_s, stamp_s = player.due(prepared.time_s)
     interval_s = median_interval_s(player.recording) / player.speed
     client.listen(due_s)
@@ -129,60 +164,31 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     held_s = max(0.0, client.clock() - due_s - STATED_S)  # the replay's own delay is not part of the fault
     due_s, stamp_s = due_s + held_s, stamp_s + held_s
     began_s = since_s = client.clock()
-    change: Change | None = None
+
+    def doubted() -> bool:
+        return log.first_doubt(since_s) is not None
+
     try:
         for index, act in enumerate(prepared.acts):
             sent_s = _do(player, act, stamp_s + index * interval_s)
             began_s = sent_s if index == 0 else began_s
             next_s = due_s + (index + 1) * interval_s
-            client.listen(next_s, lambda: log.first_doubt(since_s) is not None)
-            change = log.first_doubt(since_s)
-            if change or _silent(player, began_s) or next_s > began_s + WITHIN_S:
+            client.listen(next_s, doubted)
+            if doubted() or _silent(player, began_s) or next_s > began_s + WITHIN_S:
                 break
         else:
-            client.listen(began_s + WITHIN_S, lambda: log.first_doubt(since_s) is not None)
-            change = log.first_doubt(since_s)
-    except LinkError as fault_of_link:
+            client.listen(began_s + WITHIN_S, doubted)
+    except LinkError as gone:
+        return FaultReport(name, began_s, client.clock() - began_s, str(gone))
+    if (change := log.first_doubt(since_s)) is not None:
+        expected = change.cause in [cause.name for cause in FAULTS[name].causes]
+        delay_s = change.at_s - began_s
         return FaultReport(
-            prepared.name,
-            began_s=began_s,
-            delay_s=client.clock() - began_s,
-            code=None,
-            cause=None,
-            message=str(fault_of_link),
-            expected=False,
+            name, began_s, delay_s, change.message, code=change.code, cause=change.cause, expected=expected
         )
-    if change is None and _silent(player, began_s):
-        heard_s = log.status_s or began_s
-        return FaultReport(
-            prepared.name,
-            began_s=began_s,
-            delay_s=heard_s + SILENT_S - began_s,
-            code=None,
-            cause=None,
-            message="no STATUS for 150 ms",
-            expected=False,
-        )
-    if change is None:
-        return FaultReport(
-            prepared.name,
-            began_s=began_s,
-            delay_s=None,
-            code=None,
-            cause=None,
-            message="the monitor still says OK",
-            expected=False,
-        )
-    expected = change.cause in [cause.name for cause in fault.causes]
-    return FaultReport(
-        prepared.name,
-        began_s=began_s,
-        delay_s=change.at_s - began_s,
-        code=change.code,
-        cause=change.cause,
-        message=change.message,
-        expected=expected,
-    )
+    if _silent(player, began_s):
+        return FaultReport(name, began_s, (log.status_s or began_s) + SILENT_S - began_s, "no STATUS for 150 ms")
+    return FaultReport(name, began_s, None, "the monitor still says OK")
 
 
 def _silent(player: Player, began_s: float) -> bool:
@@ -213,3 +219,280 @@ def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
     if isinstance(message, Unstamped):
         player.log.sent(sending.number, message.frame_id, sent_s)
     return sent_s
+
+
+class _Stage:
+    """The material of a fault: the frames that would come next, and numbers for those sent instead."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        first: int,
+        rng: np.random.Generator,
+        version: int,
+        interval_s: float,
+        forces_n: Sequence[float] | None,
+    ) -> None:
+        self.recording, self.first, self.rng, self.version, self.interval_s = recording, first, rng, version, interval_s
+        self.count = ceil(WITHIN_S / interval_s) + 1
+        self.left = min(self.count, len(recording.frames) - first)  # frames that remain while the fault is watched
+        self.number = first  # of the last frame before the fault
+        self._forces_n = forces_n
+
+    def pixels(self, index: int) -> Pixels:
+        """Return the pixels of the frame `index` places after the first one of the fault."""
+        return self.recording.frame(self.recording.frames[self.first + index])
+
+    def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
+        """Return a frame with the next number."""
+        self.number += 1
+        message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
+        return Sending(message, self.number)
+
+    def shown(self, pictures: Iterable[Pixels]) -> list[Act]:
+        """Return pictures in place of the next frames."""
+        return [(self.sending(pixels),) for pixels in pictures]
+
+    def onward(self, begin: int) -> list[Act]:
+        """Return the frames that the scanner would send from `begin` on."""
+        return self.shown(self.pixels(index) for index in range(begin, self.left))
+
+    def bytes_of_next(self) -> bytearray:
+        """Return the next frame as it would be sent now."""
+        message = self.sending(self.pixels(0)).message
+        assert isinstance(message, Unstamped)
+        return message.stamped(time())
+
+    def forces_n(self, least_n: float) -> NDArray[np.float64]:
+        """Return the force at each frame, of which one must be at least `least_n`."""
+        if self._forces_n is None:
+            raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
+        forces_n = np.asarray(self._forces_n)
+        if not forces_n.max() >= least_n:
+            found_mn, needed_mn = from_si(forces_n.max(), "mn"), from_si(least_n, "mn")
+            raise InputError(
+                f"{self.recording.path}: forces up to {found_mn:.1f} mN; this fault needs {needed_mn:g} mN: choose "
+                "another recording"
+            )
+        return forces_n
+
+    def nearest(self, wanted_n: Sequence[float] | NDArray[np.float64], least_n: float) -> list[Pixels]:
+        """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
+        forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
+        chosen = list(range(max(0, self.first - shown), self.first))
+        for force_n in wanted_n:
+            order = np.argsort(np.abs(forces_n - force_n), kind="stable")
+            recent = set(chosen[-shown:])
+            chosen.append(int(next((index for index in order if index not in recent), order[0])))
+        return [self.recording.frame(self.recording.frames[index]) for index in chosen[-len(wanted_n) :]]
+
+
+def _unusable(stage: _Stage) -> list[Act]:
+    """Noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
+    top = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3
+    like = stage.pixels(0)
+    counts = [stage.rng.integers(0, top, like.shape) for _ in range(stage.count)]
+    return stage.shown(_like(like, wrong) for wrong in counts)
+
+
+def _silence(stage: _Stage) -> list[Act]:
+    return [()] * stage.count
+
+
+def _frozen(stage: _Stage) -> list[Act]:
+    return stage.shown([stage.pixels(-1)] * stage.count)
+
+
+def _double_buffer(stage: _Stage) -> list[Act]:
+    buffers = int(stage.rng.integers(2, min(MOST_BUFFERS, stage.first) + 1))
+    old = [stage.pixels(back - buffers) for back in range(buffers)]
+    return stage.shown(old[place % buffers] for place in range(stage.count))
+
+
+def _burned_in_clock(stage: _Stage) -> list[Act]:
+    """The last picture with a corner that changes: a clock, or a single pixel."""
+    last = stage.pixels(-1)
+    rows, columns = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
+    if stage.rng.random() < 0.5:
+        rows, columns = 1, 1
+    pictures = []
+    for place in range(stage.count):
+        burned_in = last.copy()
+        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.recording.info.oct.bits - 1)
+        burned_in[:rows, :columns] = digits ^ (place & 1)
+        pictures.append(burned_in)
+    return stage.shown(pictures)
+
+
+def _dark_level(stage: _Stage) -> list[Act]:
+    last = stage.pixels(-1)
+    return stage.shown(_like(last, last + np.float64(place)) for place in range(stage.count))
+
+
+def _moved(stage: _Stage) -> list[Act]:
+    last, axis = stage.pixels(-1), int(stage.rng.integers(2))
+    return stage.shown(np.roll(last, place, axis) for place in range(stage.count))
+
+
+def _half_frozen(stage: _Stage) -> list[Act]:
+    """Live pictures with one half of the last one: left, right, upper or lower."""
+    last, pictures = stage.pixels(-1), []
+    axis, side = (int(stage.rng.integers(2)) for _ in range(2))
+    middle = last.shape[axis] // 2
+    half = (slice(None),) * axis + (slice(middle, None) if side else slice(middle),)
+    for index in range(stage.left):
+        mixed = stage.pixels(index).copy()
+        mixed[half] = last[half]
+        pictures.append(mixed)
+    return stage.shown(pictures)
+
+
+def _ghost(stage: _Stage) -> list[Act]:
+    last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
+    return stage.shown(_like(last, old * last + (1.0 - old) * stage.pixels(index)) for index in range(stage.left))
+
+
+def _persistence(stage: _Stage) -> list[Act]:
+    """A recursive filter that keeps a share of its last picture."""
+    last, old, pictures = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES), []
+    mean = last.astype(np.float64)
+    for index in range(stage.left):
+        mean = old * mean + (1.0 - old) * stage.pixels(index)
+        pictures.append(_like(last, mean))
+    return stage.shown(pictures)
+
+
+def _pixel_type(stage: _Stage) -> list[Act]:
+    last = stage.pixels(-1)
+    if last.dtype == np.uint8:
+        turns: tuple[Pixels, Pixels] = last.astype(np.uint16), last
+    else:
+        turns = (last >> max(0, stage.recording.info.oct.bits - 8)).astype(np.uint8), last
+    return stage.shown(turns[place % 2] for place in range(stage.count))
+
+
+def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
+    """Return values as counts of the type of some pixels."""
+    counts = np.clip(np.rint(values.astype(np.float64)), 0, np.iinfo(pixels.dtype).max)
+    return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
+
+
+def _stale(stage: _Stage) -> list[Act]:
+    """A growing queue in the sender: each frame has waited longer than the one before."""
+    return [
+        tuple(replace(sending, late_s=-LATER * place * stage.interval_s) for sending in act or ())
+        for place, act in enumerate(stage.onward(0), start=1)
+    ]
+
+
+def _out_of_order(stage: _Stage) -> list[Act]:
+    back = int(stage.rng.integers(1, min(stage.first, 20)))
+    stage.number -= back + 1
+    old = replace(stage.sending(stage.pixels(0)), late_s=-(back + 1) * stage.interval_s)
+    stage.number = stage.first + 1
+    return [(old,), *stage.onward(1)]
+
+
+def _size(stage: _Stage) -> list[Act]:
+    pixels = stage.pixels(0)
+    return [*stage.shown([pixels[: len(pixels) // 2]]), *stage.onward(1)]
+
+
+def _scale(stage: _Stage) -> list[Act]:
+    matrix = tuple(1.03 * value for value in image_matrix(stage.recording.info.oct))
+    return [(stage.sending(stage.pixels(0), matrix),), *stage.onward(1)]
+
+
+def _nan(stage: _Stage) -> list[Act]:
+    matrix = list(image_matrix(stage.recording.info.oct))
+    matrix[int(stage.rng.integers(12))] = nan
+    return [(stage.sending(stage.pixels(0), tuple(matrix)),), *stage.onward(1)]
+
+
+def _checksum(stage: _Stage) -> list[Act]:
+    data = stage.bytes_of_next()
+    data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(stage.rng.integers(8))
+    return [(Sending(bytes(data)),), *stage.onward(1)]
+
+
+def _bad_image(stage: _Stage) -> list[Act]:
+    """The body states more pixels than it has; its length in the header and its checksum are right."""
+    data = stage.bytes_of_next()
+    header = unpack_header(data[:HEADER_BYTES])
+    body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
+    if stage.version > 1:  # the metadata follows the pixels
+        body = body[:-2] + bytes(2)
+    head = pack_header(replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body)))
+    return [(Sending(head + body),), *stage.onward(1)]
+
+
+def _flood(stage: _Stage) -> list[Act]:
+    several = [stage.pixels(index) for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))]
+    burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
+    return [tuple(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)), *stage.onward(1)]
+
+
+def _rising(stage: _Stage) -> list[Act]:
+    forces_n = stage.forces_n(BOUND_N)
+    wanted_n = forces_n[stage.first - 1] + RISE_N_PER_S * stage.interval_s * np.arange(1, stage.count + 1)
+    return stage.shown(stage.nearest(np.minimum(wanted_n, forces_n.max()), BOUND_N))
+
+
+def _dangerous(stage: _Stage) -> list[Act]:
+    forces_n = stage.forces_n(DANGEROUS_N)
+    wanted_n = stage.rng.choice(forces_n[forces_n >= DANGEROUS_N])
+    return [*stage.shown(stage.nearest([wanted_n], DANGEROUS_N)), *stage.onward(1)]
+
+
+def _half(stage: _Stage) -> list[Act]:
+    data = stage.bytes_of_next()
+    return [(Sending(bytes(data[: len(data) // 2])),), *_silence(stage)]
+
+
+def _garbage(stage: _Stage) -> list[Act]:
+    return [(Sending(b"\xff" + stage.rng.bytes(4095)),), *_silence(stage)]
+
+
+def _disconnect(stage: _Stage) -> list[Act]:
+    return [None, *_silence(stage)]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault: a line that describes it, its acts, and the causes that a monitor should give."""
+
+    line: str
+    acts: Callable[[_Stage], list[Act]]
+    causes: tuple[Cause, ...] = (Cause.FROZEN,)
+
+
+FAULTS: Mapping[str, Fault] = MappingProxyType(
+    {
+        "unusable": Fault("frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)),
+        "silence": Fault("no more frames; the connection stays", _silence, (Cause.SILENCE,)),
+        "frozen": Fault("the same picture again and again, with new numbers and times", _frozen),
+        "double-buffer": Fault("the last 2 to 10 pictures in turns, with new numbers and times", _double_buffer),
+        "burned-in-clock": Fault("the same picture, in which a clock or one pixel changes", _burned_in_clock),
+        "dark-level": Fault("the same picture, one count brighter with each frame", _dark_level),
+        "moved": Fault("the same picture, moved by a row or a column with each frame", _moved),
+        "half-frozen": Fault("live pictures, one half of which stays", _half_frozen),
+        "ghost": Fault("60 to 95 % of one old picture, the rest live", _ghost),
+        "persistence": Fault("a filter that keeps 60 to 95 % of its last picture", _persistence),
+        "pixel-type": Fault("the same picture with 8 and 16 bits in turns", _pixel_type, (Cause.PIXEL_TYPE,)),
+        "stale": Fault("frames that wait longer and longer in their sender's queue", _stale, (Cause.STALE,)),
+        "out-of-order": Fault("a frame with an older number and time", _out_of_order, (Cause.OUT_OF_ORDER,)),
+        "size": Fault("a frame of half the rows", _size, (Cause.SIZE,)),
+        "scale": Fault("a frame whose pixels are stated 3 % too large", _scale, (Cause.SCALE,)),
+        "checksum": Fault("a frame with one byte flipped", _checksum, (Cause.CHECKSUM,)),
+        "nan": Fault("a frame whose matrix has a NaN", _nan, (Cause.BAD_IMAGE,)),
+        "bad-image": Fault("a frame whose body is shorter than it states", _bad_image, (Cause.BAD_IMAGE,)),
+        "flood": Fault(f"{FLOOD} frames at once", _flood, (Cause.QUEUE_BEHIND,)),
+        "rising": Fault("the force rises by 150 mN/s (needs a recording that has such forces)", _rising,
+                        (Cause.RISING, Cause.BOUND)),
+        "dangerous": Fault("a frame of class 2 out of nothing (needs a recording that has one)", _dangerous,
+                           (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
+        "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
+        "garbage": Fault("bytes that are not OpenIGTLink", _garbage, (Cause.BAD_IMAGE,)),
+        "disconnect": Fault("the connection is closed", _disconnect, (Cause.SILENCE,)),
+    }
+)  # fmt: skip

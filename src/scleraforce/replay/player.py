@@ -1,4 +1,4 @@
-"""Plays a recording to a monitor as the scanner that took it would."""
+"""Play a recording to a monitor as the scanner that took it would."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -36,12 +36,12 @@ class Timed:
 
 
 class Player:
-    """Plays a recording through an open client; keeps time by the client's clock, so that no delay adds up.
+    """Play a recording through an open client; keep time by the client's clock, so that no delay adds up.
 
     Args:
-        recording: what is played.
+        recording: frames, and the force log if it has one.
         client: connected to the monitor.
-        log: told of each frame that goes out.
+        log: takes each frame that goes out.
         speed: recorded seconds in a second.
         version: of the headers, 1 to 3.
         ahead: frames that are read before they are due, and before the first one goes out.
@@ -49,9 +49,9 @@ class Player:
         wall_clock: s since 1970, of the headers.
 
     Attributes:
-        forces_sent: how many samples of the force log were sent.
+        forces_sent: number of samples of the force log that were sent.
         latest_s: the largest delay of a message.
-        last: the last frame that was sent.
+        last: number of the last frame that was sent.
     """
 
     def __init__(
@@ -145,14 +145,16 @@ class Player:
         with ThreadPoolExecutor(READERS) as pool:
             waiting: deque[Future[Timed]] = deque()
             left = iter(entries)
+
+            def read_ahead(count: int) -> None:
+                waiting.extend(pool.submit(self._read, entry, numbers[entry.file]) for entry in islice(left, count))
+
             try:
-                for entry in islice(left, self.ahead):
-                    waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
+                read_ahead(self.ahead)
                 wait(waiting)
                 while waiting:
                     yield waiting.popleft().result()
-                    for entry in islice(left, 1):
-                        waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
+                    read_ahead(1)
             finally:
                 pool.shutdown(cancel_futures=True)
 

@@ -1,4 +1,4 @@
-"""A scanner's end of the connection to a monitor: it sends frames and hears the monitor meanwhile."""
+"""A scanner's end of the connection to a monitor: it sends frames and receives messages meanwhile."""
 
 import socket
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
 
 
 class ScannerClient:
-    """Open connections to a monitor: the scanner's, and on request a robot's beside it. Nothing waits for ever.
+    """Open connections to a monitor: the scanner's, and on request a robot's beside it. Every wait has an end.
 
     Args:
         host: of the monitor.
@@ -65,7 +65,7 @@ class ScannerClient:
         clock: s, of all times here.
 
     Raises:
-        InputError: nobody listens there.
+        InputError: no monitor listens there.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class ScannerClient:
         self._scanner = self._heard = None
 
     def _turn(self, within_s: float, writing: bool = False) -> None:
-        """Wait until something has come, or, `writing`, until the scanner's connection takes bytes again."""
+        """Wait until bytes have come, or, `writing`, until the scanner's connection takes bytes again."""
         links = {link for link in (self._scanner, self._heard) if link is not None}
         writers = [self._scanner] if writing and self._scanner is not None else []
         for link in select(list(links), writers, [], within_s)[0]:
@@ -153,7 +153,7 @@ class ScannerClient:
                 self._hear(at_s, event.header.device, event.message)
 
     def _pass_over(self, link: socket.socket) -> None:
-        """Read and discard what the scanner's connection says; the robot's connection hears the same."""
+        """Read and discard the scanner's connection; the robot's connection receives the same."""
         try:
             if not link.recv(1 << 16):
                 self._lose(link, None)
@@ -163,7 +163,7 @@ class ScannerClient:
             self._lose(link, fault)
 
     def _lose(self, link: socket.socket, fault: OSError | None) -> None:
-        """Go on without the scanner's connection if the robot's is the one that is heard."""
+        """Continue without the scanner's connection if the robot's is the one that is heard."""
         if link is self._scanner:
             self._scanner = None
         if link is self._heard:
