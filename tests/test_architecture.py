@@ -9,7 +9,7 @@ from functools import cache
 from math import pi
 from pathlib import Path
 
-from parsed import parsed, syntax_nodes
+from sources import parsed, syntax_nodes
 
 import scleraforce
 from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from dask_cluster import NEEDS_DASK, Cluster
-from pieces_of_work import ends_its_process, named_threads, no_preparation, slowly_tripled
+from workers import NEEDS_DASK, Cluster, ends_its_process, named_threads, no_preparation, slowly_tripled
 
 from scleraforce import cluster as cluster_module
 from scleraforce.cluster import ClusterWorkers, cluster_workers

@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from notebook_folder import write_notebook_folder
+from small_recordings import write_notebook_folder
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS

@@ -11,7 +11,7 @@ from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 
 import pytest
-from pieces_of_work import fails_oddly, leave_a_mark_for_each, no_preparation, tripled
+from workers import fails_oddly, leave_a_mark_for_each, no_preparation, tripled
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import next_unit, split_runs, work_in_order, work_units

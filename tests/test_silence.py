@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from analytic_library import analytic_library
-from fixed_reader import write_fixed_reader
-from traced import STRACE, fresh_home, traced
+from effects import STRACE, fresh_home, traced
+from small_models import write_fixed_reader
 
 pytest.importorskip("torch")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import pytest
 from analytic_frames import image, recording_toml, tip_of, wall_section
-from parsed import syntax_nodes
+from sources import syntax_nodes
 
 import scleraforce
 from scleraforce.cli.main import run

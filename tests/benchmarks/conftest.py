@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
-from fixed_reader import write_fixed_reader
+from small_models import write_fixed_reader
 
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.writing import RecordingWriter

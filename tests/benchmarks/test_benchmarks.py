@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_finder import write_blind_finder
+from small_models import write_blind_finder
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 FOUND = sorted(path.stem for kind in ("bench_*.py", "figure_*.py") for path in FOLDER.glob(kind))

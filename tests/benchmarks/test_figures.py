@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import click
 import numpy as np
 import pytest
-from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
+from workers import leave_a_mark_or_fail, leave_a_mark_or_wait
 
 from figures import __main__ as figures_main, commands, readings, recordings
 from figures.commands import answers, made_by

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from dask_cluster import NEEDS_DASK, Cluster
-from folder_contents import contents
+from effects import contents
+from workers import NEEDS_DASK, Cluster
 
 from figures import recordings
 from figures.eyes import FigureEye

@@ -10,8 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from analytic_walls import LIBRARY
-from calibrated_eye import calibration_of_a_sealed_eye
+from analytic_frames import LIBRARY
+from small_recordings import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.one_tissue import FrameWalls, frame_order

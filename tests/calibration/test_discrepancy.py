@@ -5,7 +5,7 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
+from analytic_frames import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
 from scleraforce.calibration import known_forces
 from scleraforce.calibration.known_forces import read_again, settled

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged_info import LOGGED_INFO
+from small_recordings import LOGGED_INFO
 
 from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, rest_zeros, zero_line
 from scleraforce.recording.folder import ForceInfo, Recording

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged_info import LOGGED_INFO
+from small_recordings import LOGGED_INFO
 
 from scleraforce.calibration.forces import label_sds
 from scleraforce.laboratory.phantom import plan_phantom

@@ -7,7 +7,7 @@ from typing import Any
 import analytic_library as analytic
 import numpy as np
 import pytest
-from told_finder import told_finder
+from small_models import told_finder
 
 from scleraforce.calibration import assimilation, one_tissue
 from scleraforce.calibration.calibrate import calibrate_recordings

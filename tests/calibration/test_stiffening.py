@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
-from calibrated_eye import calibration_of_a_sealed_eye
-from stiffened_library import STIFFENINGS, made_up_library, solved_library
-from without_rests import without_rests
+from analytic_library import STIFFENINGS, analytic_library, made_up_library, solved_library, without_rests
+from small_recordings import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, EyeCalibration

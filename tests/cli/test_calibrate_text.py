@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from calibrated_eye import calibration_of_a_sealed_eye
+from small_recordings import calibration_of_a_sealed_eye
 
 import scleraforce
 from scleraforce.calibration.result import found_words

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from format_frames import told
+from foreign_files import told
 
 from scleraforce.cli import main as entry
 

@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 
 import pytest
-from format_frames import with_log
-from small_recording import write_small_recording
+from foreign_files import with_log
+from small_recordings import write_small_recording
 
 from scleraforce.cli.main import run
 

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.cli.main import run
 from scleraforce.dataset.store import open_dataset

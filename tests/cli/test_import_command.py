@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 import tifffile
 from click.testing import CliRunner
-from dicom_file import write_dicom
-from folder_contents import contents
-from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_log
-from small_recording import write_small_recording
+from effects import contents
+from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_dicom, write_log
+from small_recordings import write_small_recording
 
 from scleraforce.cli import import_terminal as terminal, main
 from scleraforce.cli.import_ import import_

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from format_frames import FRAMES, told, write_log
-from looked_at import looked_at_frames
+from foreign_files import FRAMES, told, write_log
+from small_recordings import looked_at_frames
 
 from scleraforce.cli import import_terminal as terminal
 from scleraforce.cli.import_ import import_

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from looked_at import looked_at_frames
+from small_recordings import looked_at_frames
 
 import scleraforce as sf
 from scleraforce.cli.main import run

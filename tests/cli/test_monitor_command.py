@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
-from fixed_reader import fixed_study
-from monitor_command import BINS, Started, monitor_folder, started
-from peer import FUSE_S, Peer, wait_until
+from commands import BINS, Started, monitor_folder, started
+from small_models import fixed_study
+from small_monitor import FUSE_S, Peer, wait_until
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError

@@ -12,8 +12,8 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
-from monitor_command import monitor_folder, program, started
-from peer import FUSE_S, Peer, wait_until
+from commands import monitor_folder, program, started
+from small_monitor import FUSE_S, Peer, wait_until
 
 from scleraforce.service.black_box.decision_log import read_log
 

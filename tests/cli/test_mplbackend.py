@@ -7,8 +7,8 @@ from pathlib import Path
 
 import cv2
 import pytest
-from format_frames import FRAMES, told
-from looked_at import looked_at_frames
+from foreign_files import FRAMES, told
+from small_recordings import looked_at_frames
 
 SCLERAFORCE = Path(sys.executable).with_name("scleraforce")
 BACKEND = "refused"  # as module://matplotlib_inline.backend_inline is where Jupyter is not installed

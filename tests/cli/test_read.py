@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tifffile
 from analytic_frames import MODULUS_PA, SCALE, SMALL_LIBRARY, image, recording_toml, tip_of, wall_section
-from calibration_file import calibration_text
-from fixed_reader import write_fixed_reader
+from small_models import write_fixed_reader
+from small_recordings import calibration_text
 
 import scleraforce as sf
 from scleraforce.cli.main import run

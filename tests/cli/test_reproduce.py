@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from frame_answers import frame_answer
+from small_recordings import frame_answer
 
 from scleraforce.cli.reproduce import _coverage_words, _stage, _true_metrics
 from scleraforce.reader.evaluate import Evaluation

@@ -4,7 +4,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from drawn_eyes import drawn_counts
+from analytic_frames import drawn_counts
 
 from scleraforce.cli.main import run
 from scleraforce.study import Range, read_study

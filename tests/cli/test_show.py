@@ -8,12 +8,10 @@ from shutil import copytree
 
 import pytest
 from analytic_frames import SMALL_LIBRARY
-from calibrated_eye import calibration_of_a_sealed_eye
-from decisions import READ_ENTRY, verdict
-from fixed_reader import write_fixed_reader
-from folder_contents import contents
-from notebook_folder import write_notebook_folder
-from small_recording import write_small_recording
+from effects import contents
+from small_models import write_fixed_reader
+from small_monitor import READ_ENTRY, verdict
+from small_recordings import calibration_of_a_sealed_eye, write_notebook_folder, write_small_recording
 
 from scleraforce.calibration.result import calibration_as_json
 from scleraforce.cli.main import run

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import cv2
 import pytest
-from drawn_eyes import drawn_counts
-from notebook_folder import write_notebook_folder
+from analytic_frames import drawn_counts
+from small_recordings import write_notebook_folder
 
 from scleraforce.cli.main import COMMANDS, NEVER_QUIET, run
 from scleraforce.library import build as library_build

@@ -17,7 +17,7 @@ from scleraforce.study import ScenesStudy, format_study
 
 pytest.importorskip("torch")  # the extra `train`
 
-from small_finder import SMALL_STUDY, write_blind_finder
+from small_models import SMALL_STUDY, write_blind_finder
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from analytic_library import analytic_library
-from dask_cluster import NEEDS_DASK, Cluster
-from folder_contents import contents
+from effects import contents
+from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
 from scleraforce.dataset.generate import generate_dataset

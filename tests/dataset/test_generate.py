@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from folder_contents import contents
+from effects import contents
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
-from rehash import rehash_store
+from small_models import rehash_store
 
 from scleraforce import processes
 from scleraforce.dataset import generate

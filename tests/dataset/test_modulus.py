@@ -2,7 +2,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.dataset.modulus import read_population_modulus
 

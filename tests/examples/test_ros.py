@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from example_module import example_module
 from fake_monitor import FakeMonitor, fake_monitor
+from sources import example_module
 
 from scleraforce.openigtlink import Image, Received, Status
 

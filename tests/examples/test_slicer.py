@@ -9,9 +9,9 @@ from unittest.mock import MagicMock
 import numpy as np
 import pyigtl
 import pytest
-from example_module import example_module
 from fake_monitor import fake_monitor
-from peer import FUSE_S, Peer, wait_until
+from small_monitor import FUSE_S, Peer, wait_until
+from sources import example_module
 
 from scleraforce.openigtlink import Image, Status
 

@@ -13,7 +13,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from example_module import example_module
+from sources import example_module
 
 vendor_frames = example_module("vendor_frames")
 FRAMES, ROWS, COLUMNS = 3, 20, 28

@@ -7,8 +7,8 @@ import fit_arrays
 import library_arrays
 import numpy as np
 import pytest
+from analytic_frames import BOTH, LATERAL_M, LIBRARY
 from analytic_library import bulging
-from analytic_walls import BOTH, LATERAL_M, LIBRARY
 
 from scleraforce.errors import InputError
 from scleraforce.fitting.globe_term import law_slope, off_the_law

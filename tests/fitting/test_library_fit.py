@@ -5,8 +5,8 @@ from math import exp, log
 
 import numpy as np
 import pytest
+from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 from analytic_library import RADIUS_M
-from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
 from scleraforce.fitting.library_fit import POLE_STRIDE, _step, fit_boundaries
 from scleraforce.fitting.prediction import Walls, cut_by_plane, force_n, predict_wall

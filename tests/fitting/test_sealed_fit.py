@@ -5,7 +5,7 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
+from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
 from scleraforce.fitting.library_fit import BoundaryFit, _Problem, fit_boundaries
 from scleraforce.fitting.prediction import Walls, force_n, predict_wall

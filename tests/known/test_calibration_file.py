@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import globe_entry, known_of_eye, read_calibration

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.calibration_file import globe_entry, read_calibration

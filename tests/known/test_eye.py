@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.known.calibration_file import (
     CalibrationSummary,

@@ -5,7 +5,7 @@ from math import pi, radians
 from pathlib import Path
 
 import pytest
-from folder_contents import contents
+from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError

@@ -4,8 +4,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from dask_cluster import NEEDS_DASK, Cluster
-from folder_contents import contents
+from effects import contents
+from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes

@@ -5,7 +5,7 @@ from math import pi, radians, tan
 
 import numpy as np
 import pytest
-from shafts import STEEL
+from analytic_frames import STEEL
 
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import NeedleShaft, Pose, sample_optics

@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from folder_contents import contents
+from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError

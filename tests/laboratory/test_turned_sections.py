@@ -6,7 +6,7 @@ from math import pi, radians
 
 import numpy as np
 import pytest
-from folder_contents import contents
+from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import RecordingError

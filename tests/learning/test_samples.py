@@ -4,9 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, bulging
+from analytic_library import analytic_library, bulging, made_up_library
 from library_arrays import reached_tips
-from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
 from scleraforce.fitting.prediction import Walls, place_walls

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dask_cluster import NEEDS_DASK, Cluster
-from small_finder import SMALL_STUDY
+from small_models import SMALL_STUDY
+from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes

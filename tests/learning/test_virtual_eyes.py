@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
-from logged_info import LOGGED_INFO
-from stiffened_library import made_up_library
-from without_rests import without_rests
+from analytic_library import analytic_library, made_up_library, without_rests
+from small_recordings import LOGGED_INFO
 
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.calibration.known_forces import _certain, read_again

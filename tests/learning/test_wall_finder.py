@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from small_finder import SMALL_STUDY
+from small_models import SMALL_STUDY
 
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.laboratory.scenes.scene import draw_scene

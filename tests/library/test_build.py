@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import zarr
 from analytic_library import no_solution, no_worker, solve_analytic
-from folder_contents import contents
-from rehash import rehash_store
+from effects import contents
+from small_models import rehash_store
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path

@@ -4,8 +4,8 @@ import signal
 
 import pytest
 from analytic_library import no_solution, no_worker, solve_analytic, solve_slowly
-from dask_cluster import NEEDS_DASK, Cluster
-from folder_contents import contents
+from effects import contents
+from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
 from scleraforce.errors import SolverError

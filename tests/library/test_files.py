@@ -6,8 +6,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, draw_walls
-from stiffened_library import made_up_library, solved_library
+from analytic_library import analytic_library, draw_walls, made_up_library, solved_library
 
 from scleraforce.errors import InputError
 from scleraforce.library import Library, load_library, save_library

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
-from stiffened_library import solved_library
+from analytic_library import analytic_library, solved_library
 
 from scleraforce.errors import InputError
 from scleraforce.library import Library

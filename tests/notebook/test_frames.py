@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
-from fixed_network import force_reader
+from small_models import force_reader
 
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from folder_contents import contents
-from format_frames import COUNT, FRAMES, write_log
+from effects import contents
+from foreign_files import COUNT, FRAMES, write_log
 
 import scleraforce as sf
 from scleraforce.cli.main import run

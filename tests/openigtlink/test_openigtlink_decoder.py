@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effects import less_than
 from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings, strategies as st
-from peak_memory import less_than
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import (

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peer import FUSE_S, Peer, serving, wait_until
-from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
-from small_recording import write_small_recording
+from small_monitor import COLUMNS, FUSE_S, ROWS, SCALE_M, Peer, frame_of, serving, wait_until
+from small_recordings import write_small_recording
 
 from scleraforce.recording.folder import read_recording
 from scleraforce.replay.answer_log import AnswerLog

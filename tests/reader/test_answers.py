@@ -20,7 +20,7 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )  # fmt: skip
-from fixed_network import FIVE_MN, force_reader
+from small_models import FIVE_MN, force_reader
 from tifffile import TiffFile
 
 from scleraforce.known.eye import Known, Modulus

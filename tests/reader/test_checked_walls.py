@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
-from fixed_network import FIVE_MN, FixedNetwork
-from known_forces import write_places
-from small_finder import write_blind_finder
-from told_finder import STUDY as FINDER_STUDY, told_finder
+from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, told_finder, write_blind_finder
+from small_recordings import write_places
 
 from scleraforce.cli.main import run
 from scleraforce.reader import load_classifier

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 from scleraforce.cli.main import run
 from scleraforce.errors import RecordingError

@@ -17,7 +17,7 @@ from analytic_frames import (
     STUDY,
     THICKNESS_M,
 )
-from known_forces import FORCES_N, write_places
+from small_recordings import FORCES_N, write_places
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run

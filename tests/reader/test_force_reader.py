@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 from analytic_frames import STUDY
-from fixed_network import FIVE_MN, FixedNetwork
-from stiffened_library import made_up_library
+from analytic_library import made_up_library
+from small_models import FIVE_MN, FixedNetwork
 
 from scleraforce.errors import InputError
 from scleraforce.known.eye import Known

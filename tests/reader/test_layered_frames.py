@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 from analytic_frames import CLEAN, MODULUS_PA, STUDY, THICKNESS_M, recording_toml, tip_of, wall_section
-from known_forces import FORCE_TOML, write_places
-from small_finder import write_blind_finder
+from small_models import write_blind_finder
+from small_recordings import FORCE_TOML, write_places
 
 import scleraforce as sf
 from scleraforce.cli.main import run

@@ -6,7 +6,7 @@ from math import nan
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
-from fixed_network import FIVE_MN, force_reader
+from small_models import FIVE_MN, force_reader
 
 from scleraforce.known.eye import Known
 from scleraforce.reader import load_classifier

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import CLEAN, GAP_M, KNOWN, SCALE, STUDY, image, tip_of, wall_section
-from fixed_network import FIVE_MN, force_reader
-from shafts import STEEL
+from analytic_frames import CLEAN, GAP_M, KNOWN, SCALE, STEEL, STUDY, image, tip_of, wall_section
+from small_models import FIVE_MN, force_reader
 
 from scleraforce.fitting.unknowns import GAP
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan

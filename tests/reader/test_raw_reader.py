@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("torch")
 from analytic_frames import KNOWN, SCALE, image, recording_toml, tip_of, wall_section
-from raw_model import RAW_STUDY, write_raw_model
+from small_models import RAW_STUDY, write_raw_model
 
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError

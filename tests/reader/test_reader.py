@@ -4,8 +4,8 @@ import ast
 from pathlib import Path
 
 import pytest
-from fixed_network import force_reader
-from parsed import syntax_nodes
+from small_models import force_reader
+from sources import syntax_nodes
 
 import scleraforce
 from scleraforce.errors import ModelError

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_library import analytic_library
-from fixed_reader import write_fixed_reader
+from small_models import write_fixed_reader
 
 from scleraforce.errors import ModelError
 from scleraforce.known.eye import ForceDiscrepancy, Known, Modulus

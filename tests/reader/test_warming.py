@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, SCALE, STUDY
-from fixed_network import force_reader
+from small_models import force_reader
 
 from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.reader.model import LiveReader, warming_frame

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from format_frames import COLUMNS, FRAMES, ROWS, pictures_of
+from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording.bags import read_bag

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from dicom_file import write_dicom
-from format_frames import FRAMES, write_log
+from foreign_files import FRAMES, write_dicom, write_log
 from pydicom.uid import RLELossless
 from ros_bag import write_bag
 

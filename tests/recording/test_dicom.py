@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from dicom_file import write_dicom
-from format_frames import COLUMNS, COUNT, FRAMES, pictures_of
-from peak_memory import less_than
+from effects import less_than
+from foreign_files import COLUMNS, COUNT, FRAMES, pictures_of, write_dicom
 from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate, generate_frames
 from pydicom.sequence import Sequence

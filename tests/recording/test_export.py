@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import with_log
-from small_recording import COLUMNS, ROWS, write_small_recording
+from foreign_files import with_log
+from small_recordings import COLUMNS, ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from format_frames import pictures_of
+from foreign_files import pictures_of
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.film import read_film

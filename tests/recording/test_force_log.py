@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import write_log
+from foreign_files import write_log
 
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording.force_log import (

@@ -10,8 +10,7 @@ import numpy as np
 import pydicom
 import pytest
 import tifffile
-from dicom_file import write_dicom
-from format_frames import FRAMES, pictures_of
+from foreign_files import FRAMES, pictures_of, write_dicom
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import FrameError

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import COLUMNS, FRAMES, ROWS
-from small_recording import write_small_recording
+from foreign_files import COLUMNS, FRAMES, ROWS
+from small_recordings import write_small_recording
 
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from logged_info import LOGGED_INFO
+from small_recordings import LOGGED_INFO
 
 from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_phantom

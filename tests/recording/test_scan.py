@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import COLUMNS, FRAMES, ROWS, pictures_of
+from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording import scan as scans

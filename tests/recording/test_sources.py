@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from dicom_file import write_dicom
-from format_frames import COUNT, FRAMES, pictures_of, write_log
+from foreign_files import COUNT, FRAMES, pictures_of, write_dicom, write_log
 
 from scleraforce.errors import InputError
 from scleraforce.recording.scan import Times

@@ -5,7 +5,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
-from format_frames import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
+from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.sources import read_scan, source_kind

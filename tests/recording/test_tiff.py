@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, pictures_of
-from peak_memory import less_than
+from effects import less_than
+from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.folder import Scanner, read_scaled_frame

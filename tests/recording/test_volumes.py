@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
-from peak_memory import less_than
-from plus_fields import plus_fields
+from effects import less_than
+from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scan import UnansweredError

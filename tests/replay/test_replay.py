@@ -9,9 +9,8 @@ import sys
 
 import numpy as np
 import pytest
-from clocked_client import ClockedClient
-from fake_monitor import FakeMonitor, MonitorRule, fake_monitor
-from small_recording import write_small_recording
+from fake_monitor import ClockedClient, FakeMonitor, MonitorRule, fake_monitor
+from small_recordings import write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.cli.replay import _Show, _when

@@ -7,9 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from clocked_client import ClockedClient
-from fake_monitor import MonitorRule
-from small_recording import ROWS, write_small_recording
+from fake_monitor import ClockedClient, MonitorRule
+from small_recordings import ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError

@@ -6,9 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from peer import FRAME_S, FUSE_S, serving
-from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
-from turned_clock import TurnedClock
+from small_monitor import COLUMNS, FRAME_S, FUSE_S, ROWS, SCALE_M, TurnedClock, frame_of, serving
 
 from scleraforce.errors import InputError
 from scleraforce.recording.folder import Recording, read_recording

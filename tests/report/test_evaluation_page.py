@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from frame_answers import frame_answer, refused_frame
+from small_recordings import frame_answer, refused_frame
 
 from scleraforce import __version__
 from scleraforce.errors import InputError

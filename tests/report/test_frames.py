@@ -9,10 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from format_frames import with_log
-from frame_answers import frame_answer
-from looked_at import looked_at_frames
-from small_recording import write_small_recording
+from foreign_files import with_log
+from small_recordings import frame_answer, looked_at_frames, write_small_recording
 
 from bench_conjunctiva import SCALE, STUDY, drawn
 from scleraforce.models.folder import SHIPPED_READER

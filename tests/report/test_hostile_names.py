@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
-from looked_at import looked_at_frames
+from small_recordings import looked_at_frames
 
 from scleraforce.cli.main import run
 from scleraforce.report.html import embedded

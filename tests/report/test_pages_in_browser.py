@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
-from looked_at import looked_at_frames
 from playwright.sync_api import Browser, Page
+from small_recordings import looked_at_frames
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
-from calibrated_eye import calibration_of_a_sealed_eye
-from frame_answers import frame_answer, refused_frame
 from matplotlib.figure import Figure
+from small_recordings import calibration_of_a_sealed_eye, frame_answer, refused_frame
 
 from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stiffened_library import made_up_library
+from analytic_library import made_up_library
 
 from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.eye.contact import Contact

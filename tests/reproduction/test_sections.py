@@ -4,8 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from calibrated_eye import calibration_of_a_sealed_eye
-from frame_answers import frame_answer
+from small_recordings import calibration_of_a_sealed_eye, frame_answer
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial

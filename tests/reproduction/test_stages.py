@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from machine_code import cache_of_its_own
+from commands import cache_of_its_own
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn_eyes import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
+from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan

@@ -7,8 +7,8 @@ from math import radians
 import numpy as np
 import pytest
 import wall_arrays
+from analytic_frames import STEEL
 from hypothesis import example, given, settings, strategies as st
-from shafts import STEEL
 
 from bench_segmentation import draw_frames
 from dented_walls import dented_wall

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 import wall_arrays
-from drawn_eyes import SCANNER, drawn_counts
+from analytic_frames import SCANNER, drawn_counts
 from hypothesis import given, strategies as st
 
 from scleraforce.models.folder import SHIPPED_WALL_FINDER

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from shafts import STEEL
+from analytic_frames import STEEL
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan

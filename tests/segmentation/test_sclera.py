@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_frames import SCALE, image, tip_of, wall_section
-from told_finder import STUDY, told_finder
+from small_models import FINDER_STUDY as STUDY, told_finder
 
 from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.models.folder import SHIPPED_WALL_FINDER

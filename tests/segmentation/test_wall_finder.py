@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_finder import STUDY, ToldSession, distributions, told_finder
+from small_models import FINDER_STUDY as STUDY, ToldSession, distributions, told_finder
 
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan

@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from time import sleep
 
 import pytest
-from peer import FUSE_S, NoGuard, wait_until
+from small_monitor import FUSE_S, NoGuard, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import Clients

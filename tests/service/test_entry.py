@@ -2,7 +2,7 @@ import json
 from dataclasses import fields, replace
 
 import pytest
-from decisions import READ_ENTRY, TICK_ENTRY, verdict
+from small_monitor import READ_ENTRY, TICK_ENTRY, verdict
 
 from scleraforce.service.connection import reading_messages
 from scleraforce.service.entry import LATER, Entry

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fake_companion import FakeCompanion
+from small_monitor import FakeCompanion
 
 from scleraforce.known.eye import (
     OPEN,

@@ -2,7 +2,7 @@
 
 from threading import Event
 
-from peer import FUSE_S
+from small_monitor import FUSE_S
 
 from scleraforce.service.notes import WAITING, Notes
 

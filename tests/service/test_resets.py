@@ -3,8 +3,7 @@
 from contextlib import ExitStack
 
 import pytest
-from peer import FUSE_S, Peer, serving
-from small_monitor import TOKEN
+from small_monitor import FUSE_S, TOKEN, Peer, serving
 
 from scleraforce.openigtlink import Text, encode
 from scleraforce.service.operator import ask_reset

@@ -5,8 +5,8 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from effects import less_than
 from hypothesis import given, settings, strategies as st
-from peak_memory import less_than
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Image

@@ -10,11 +10,28 @@ from itertools import count
 
 import numpy as np
 import pytest
-from decisions import verdict
-from fake_companion import FakeCompanion
-from peer import FUSE_S, MATRIX, NoGuard, Peer, Running, serving, small_monitor, wait_until
-from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of, small_server
-from turned_clock import TurnedClock
+from small_monitor import (
+    COLUMNS,
+    FUSE_S,
+    HANGS,
+    MATRIX,
+    NO_NUMBER,
+    RAISES,
+    ROWS,
+    TOKEN,
+    UNUSABLE,
+    FakeCompanion,
+    NoGuard,
+    Peer,
+    Running,
+    TurnedClock,
+    frame_of,
+    serving,
+    small_monitor,
+    small_server,
+    verdict,
+    wait_until,
+)
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Tick

@@ -7,7 +7,7 @@ import termios
 from contextlib import suppress
 
 import pytest
-from peer import Peer, small_monitor
+from small_monitor import Peer, small_monitor
 
 from scleraforce.monitor.causes import Cause
 

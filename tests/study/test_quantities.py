@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
-from calibration_file import calibration_text
+from small_recordings import calibration_text
 
 import scleraforce as sf
 from scleraforce.cli.main import COMMANDS, cli, run

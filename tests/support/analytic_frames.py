@@ -1,19 +1,22 @@
-"""Raw frames of the analytic library's walls: what a scanner would see of them."""
+"""Frames of known walls: of the analytic library, and of round eyes at rest drawn with given optics."""
 
 from dataclasses import replace
-from math import log
+from math import log, pi
 
 import numpy as np
 from analytic_library import analytic_library
 
+from scleraforce.fitting.placement import Placed, Places
 from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import sample_optics
+from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.scanner.imaged_eye import ImagedEye
 from scleraforce.section.plane import Section
-from scleraforce.study import OctStudy, Study, fixed
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 
 LIBRARY = analytic_library()
 SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)  # for models that each test loads anew
@@ -75,3 +78,85 @@ width_m = {STUDY.oct.width_m}
 depth_m = {STUDY.oct.depth_m}
 {more}
 """
+
+
+COLUMNS = 256
+RANGES = ReaderStudy(
+    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
+    iop_pa=Range(min=100.0, max=600.0),
+    thickness_m=Range(min=0.4e-3, max=0.9e-3),
+    gap_m=Range(min=0.3e-3, max=1.0e-3),
+)
+LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
+BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
+
+
+def noisy_boundaries(predicted: Placed, noise_m: float, rng: np.random.Generator | None) -> np.ndarray:
+    """Boundaries at BOTH (2, column); where rng is given, with errors along the normal, correlated over 0.35 mm."""
+    depth = predicted.depth_m.reshape(2, -1)
+    if rng is None:
+        return depth
+    kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
+    kernel /= np.sqrt((kernel**2).sum())
+    rough = [np.convolve(rng.standard_normal(COLUMNS + len(kernel) - 1), kernel, "valid") for _ in "oi"]
+    return depth + noise_m * np.array(rough) * np.sqrt(1 + predicted.slope.reshape(2, -1) ** 2)
+
+
+STEEL = NeedleShaft(
+    diameter_m=0.5e-3,
+    gap_m=0.0,
+    angle_rad=0.0,
+    lean_rad=0.0,
+    bevel_rad=pi / 2,
+    above_m=1e-3,
+    loss_fraction=1.0,
+    level_db=28.0,
+    far_edge_db=-6.0,
+)
+
+
+SCANNER = OctStudy()
+OPTICS = BscanOptics(
+    snr_db=22.0,
+    attenuation_per_m=1000.0,
+    axial_resolution_m=8e-6,
+    lateral_resolution_m=32e-6,
+    reflection_db=6.0,
+    reflection_angle_rad=np.deg2rad(6.0),
+    choroid_level_db=-8.0,
+    choroid_attenuation_per_m=5000.0,
+    choroid_thickness_m=180e-6,
+    display_floor_db=-7.0,
+    display_range_db=42.0,
+    band_m=0.5e-3,
+)
+RADIUS_M = 12e-3
+
+
+def round_wall(top_m: float, lateral_m: float, thickness_m: float = 0.7e-3) -> Section:
+    angle = np.linspace(-1.2, 1.2, 1201)
+    ray = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    middle = np.array([lateral_m, top_m + RADIUS_M])
+    return Section(middle + RADIUS_M * ray, middle + (RADIUS_M - thickness_m) * ray)
+
+
+def drawn_counts(seed: int, scanner: OctStudy = SCANNER, **optics: object) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    wall = round_wall(rng.uniform(0.4e-3, 0.6e-3), rng.uniform(-0.2e-3, 0.2e-3))
+    frame = render_bscan(wall, scanner, replace(OPTICS, **optics), rng).frame
+    return frame.astype(np.uint8) if scanner.bits == 8 else frame
+
+
+def imaged(counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame") -> ImagedEye:
+    scale = PixelScale(
+        lateral_m=scanner.width_m / scanner.columns,
+        depth_m=scanner.depth_m / scanner.rows,
+        refractive_index=scanner.refractive_index,
+    )
+    wall = find_wall(counts, scale)
+    assert wall.usable, wall.reason
+    return ImagedEye(name, counts, scale, scanner.bits, wall, wall.inner_found)
+
+
+def drawn_eyes(seeds: range, scanner: OctStudy = SCANNER, **optics: object) -> list[ImagedEye]:
+    return [imaged(drawn_counts(seed, scanner, **optics), scanner, f"frame {seed}") for seed in seeds]

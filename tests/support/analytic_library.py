@@ -1,15 +1,21 @@
-"""A made-up eye with a closed form, smooth and of the right sizes, whose force may fall along the path."""
+"""A made-up eye with a closed form, libraries of it, and a small library of solved walls."""
 
 import os
 import signal
 import time
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
-from scleraforce.library.build import SolvedPath
+from scleraforce.library.build import SolvedPath, solve_path
+from scleraforce.library.family import library_of
+from scleraforce.library.plan import plan_library
+from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
+from scleraforce.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
 
@@ -118,3 +124,61 @@ def no_solution(plan, number):
 def no_worker(_plan, _number):
     """The end of the process that is asked."""
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+STIFFENINGS = plan_library(Study()).stiffening  # of the made-up library: 0, 0.5, 2.3, 8.4, 30
+
+
+@cache
+def solved_library(grid: LibraryStudy) -> Library:
+    """The library of a study's load paths, without those of other supports: beside the pole forces grow as made up."""
+    plan = plan_library(Study(library=grid))
+    shape = (grid.stiffenings, grid.thicknesses, grid.tensions)
+    forces, volumes, curves = (
+        np.stack(each).reshape(*shape, *each[0].shape)
+        for each in zip(*(solve_path(plan, unit) for unit in range(plan.paths)), strict=True)
+    )
+    walls = StiffenedWalls(
+        stiffening=plan.stiffening,
+        force_ratio_btpd=forces,
+        displaced_btpd=volumes,
+        undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]),
+        curves=WholeCurves(curves),
+    )
+    return library_of(
+        walls,
+        thickness_m=plan.thickness_m,
+        tension=plan.tension,
+        tip_m=plan.tip_m,
+        radius_m=plan.radius_m,
+        poisson_ratio=plan.poisson_ratio,
+        needle_radius_m=plan.needle_radius_m,
+        max_force_ratio=plan.grid.max_force_ratio_m2,
+        polar_rad=POLAR_RAD,
+        stiffness_atpd=np.stack([np.full(forces.shape[1:], stiffness(polar)) for polar in POLAR_RAD]),
+        contact_polar_rad=0.0,
+    )
+
+
+def made_up_library(most: float = 30.0) -> Library:
+    """The analytic library, small, with walls of five stiffenings from 0 on; those that stiffen bear more."""
+    grid = LibraryStudy(stiffening=Range(min=0.0, max=most))
+    stiffenings, count = plan_library(Study(library=grid)).stiffening, grid.stiffenings
+    soft = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
+    factor = (1.0 + 0.2 * np.log1p(stiffenings))[:, None, None, None]
+    walls = StiffenedWalls(
+        stiffening=stiffenings,
+        force_ratio_btpd=factor * soft.force_ratio_tpd,
+        displaced_btpd=np.tile(soft.displaced_tpd, (count, 1, 1, 1)),
+        undented_btpbnc=np.tile(soft.undented_tpbnc, (count, 1, 1, 1, 1, 1)),
+        curves=WholeCurves(np.tile(soft.curves_tpdbnc, (count, 1, 1, 1, 1, 1, 1))),
+    )
+    names = ("thickness_m", "tension", "tip_m", "radius_m", "poisson_ratio", "needle_radius_m", "max_force_ratio",
+             "polar_rad", "stiffness_atpd", "contact_polar_rad")  # fmt: skip
+    return library_of(walls, **{name: getattr(soft, name) for name in names})
+
+
+def without_rests(forces_n: np.ndarray, rng: np.random.Generator, sd_n: float = LABEL_SD_N) -> FrameForces:
+    """Return true forces with noise, in the place of `virtual_eyes.label_forces`."""
+    noise_n = sd_n * rng.standard_normal(len(forces_n))
+    return FrameForces(forces_n + noise_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR)

@@ -6,9 +6,8 @@ from time import monotonic, time
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from decisions import decision
 from numpy.typing import NDArray
-from peer import FUSE_S
+from small_monitor import FUSE_S, decision
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.channel import Child

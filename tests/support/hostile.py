@@ -19,10 +19,8 @@ from typing import Any
 import cv2
 import numpy as np
 from analytic_library import analytic_library, solve_analytic
-from calibration_file import calibration_text
-from fixed_reader import write_fixed_reader
-from rehash import rehash_model, rehash_store
-from small_recording import write_small_recording
+from small_models import rehash_model, rehash_store, write_fixed_reader
+from small_recordings import calibration_text, write_small_recording
 
 from scleraforce.errors import InputError
 from scleraforce.study import LibraryStudy, Study, format_study

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_frames import FRAMES
+from foreign_files import FRAMES
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1

@@ -1,27 +1,58 @@
-"""A monitor whose reader is a rule: its answer stands in the frame's first pixels. In a process of its own or a thread.
-
-Started as `python small_monitor.py LOOK_S`, with the time of a look of its watchdog: prints its port and the watchdog's
-process id, and serves until its standard input closes.
-"""
+"""A monitor whose reader is a rule (the answer is in the frame's first pixels), its clock and its clients."""
 
 import socket
+import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from threading import RLock, Thread
+from time import monotonic, sleep, time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from turned_clock import TurnedClock
 
 from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.events import Verdict
+from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
 from scleraforce.reader.answer import Answer, LiveReading
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.companions import Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
+from scleraforce.service.companions.messages import CompanionMessage
+from scleraforce.service.entry import Entry
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
+from scleraforce.units import to_si
+
+
+class TurnedClock:
+    """Seconds since 1970, of a clock that stands still until a test turns it on; one for all threads."""
+
+    def __init__(self, now_s: float = 1.8e9) -> None:
+        self._now_s, self._lock = now_s, RLock()
+
+    def __call__(self) -> float:
+        with self._lock:
+            return self._now_s
+
+    def turn(self, by_s: float) -> None:
+        """Let time pass."""
+        with self._lock:
+            self._now_s += by_s
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let other threads wait where they look at the clock: what is sent meanwhile has arrived when they go on."""
+        with self._lock:
+            yield
+
 
 ROWS, COLUMNS = 64, 96
 SCALE_M = (20e-6, 10e-6)
@@ -102,3 +133,200 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+def verdict(
+    force_mn: float | None = None, interval_mn: tuple[float, float] | None = None, predicted: int = 1, **said: Any
+) -> Verdict:
+    """A usable verdict with a force in mN; `said` are other attributes."""
+    others: dict[str, Any] = {"probabilities": (0.0, 0.75, 0.25), "usable": True, "reason": None, **said}
+    force_n = None if force_mn is None else to_si(force_mn, "mn")
+    interval_n = interval_mn and (to_si(interval_mn[0], "mn"), to_si(interval_mn[1], "mn"))
+    return Verdict(predicted=predicted, force_n=force_n, interval_n=interval_n, **others)
+
+
+TICK_ENTRY = Entry(
+    number=1, time_s=1.8e9, at_s=12.5, event="tick", state="NOT_READY", code=13, sub_code=0, cause=None,
+    message="no good frame yet",
+)  # fmt: skip
+READ_ENTRY = Entry(
+    number=3, time_s=1.8e9, at_s=12.5, event="frame", state="WATCHING", code=1, sub_code=0, cause=None,
+    message="OK:\n“12 mN”", frame=3, frame_id=77, verdict=verdict(12.5, (11.0, 13.5)), latency_ms=0.75, lost=2,
+)  # fmt: skip
+OF_VERDICT = ("force_mn", "interval_mn", "predicted", "probabilities", "usable", "reason")
+
+
+def decision(state: str = "WATCHING", **said: Any) -> Entry:
+    """A decision; `said` are attributes of the entry and of its verdict, which exists if one of its own is given."""
+    read = {name: said.pop(name) for name in OF_VERDICT if name in said}
+    others = {"event": "frame", "state": state, "code": 1, "message": "x", **said}
+    return replace(TICK_ENTRY, verdict=verdict(**read) if read else None, **others)
+
+
+class FakeCompanion:
+    """In place of a `Child`: `theirs` is its end of the channel."""
+
+    def __init__(self) -> None:
+        self.channel, self.theirs = Channel.pair()
+
+    def says(self, message: CompanionMessage) -> None:
+        assert self.theirs.send(message)
+
+    def end(self) -> None:
+        self.channel.close()
+        self.theirs.close()
+
+
+MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+SERIALS = count(1)
+FUSE_S = 300.0  # nothing takes so long, on any machine: what has not come by then never will
+FRAME_S = 0.01  # between two frames of a scanner
+LOOK_S = 6.0  # of a watchdog that no busy machine makes impatient
+
+
+@dataclass(frozen=True)
+class Running:
+    """A small monitor that runs."""
+
+    process: subprocess.Popen[str]
+    port: int
+    watchdog_pid: int
+
+
+class NoGuard:
+    """In place of the watchdog, which would kill this process."""
+
+    def watch(self, client: object) -> None: ...
+    def version(self, client: object) -> None: ...
+    def forget(self, client: object) -> None: ...
+    def beat(self, now_s: float) -> None: ...
+
+
+@contextmanager
+def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
+    """Run a small server in a thread until the block ends; what it gives is its port.
+
+    Its time is that of a `clock`, by default of one that stands still; `clock=None` is the machine's.
+    """
+    settings.setdefault("clock", TurnedClock())
+    server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
+    thread = Thread(target=server.run)
+    thread.start()
+    try:
+        yield port
+    finally:
+        server.stop()
+        thread.join()
+        server.close()
+
+
+@contextmanager
+def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator[Running]:
+    """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
+    script = Path(__file__).with_name("small_monitor.py")
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(look_s)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=errors,
+        text=True,
+    )
+    assert process.stdin
+    assert process.stdout
+    try:
+        port, watchdog_pid = map(int, process.stdout.readline().split())
+        yield Running(process, port, watchdog_pid)
+    finally:
+        process.stdin.close()
+        process.wait(FUSE_S)
+        process.stdout.close()
+
+
+class Peer:
+    """One connection; `heard` has (device, message) of all that came. With a clock, a frame comes every 10 ms of it."""
+
+    def __init__(self, port: int, version: int = 1, clock: TurnedClock | None = None) -> None:
+        self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
+        self.clock, self.closed = clock, False
+        self.version, self.heard, self.decoder = version, list[tuple[str, Message]](), Decoder()
+        self.versions: set[int] = set()
+
+    def __enter__(self) -> "Peer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.link.close()
+
+    def say(self, message: Message, device: str = "Scanner", time_s: float | None = None, message_id: int = 0) -> None:
+        if self.clock and isinstance(message, Image):
+            self.clock.turn(FRAME_S)
+        stamp = (self.clock or time)() if time_s is None else time_s
+        self.link.sendall(encode(message, device, version=self.version, time_s=stamp, message_id=message_id))
+
+    def show(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
+        """Send a frame that reads as a force."""
+        pixels = frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
+        self.say(Image(pixels[None], MATRIX), **header)  # type: ignore[arg-type]
+
+    def read(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
+        """Send a frame and wait until it is answered."""
+        before = self.readings()
+        self.show(force_mn, pixels, **header)
+        self.hear(lambda peer: peer.readings() > before)
+
+    def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float = FUSE_S) -> None:
+        """Take what comes until `done` or the time is over; a closed connection ends it as well."""
+        end_s = monotonic() + within_s
+        while not done(self) and (left_s := end_s - monotonic()) > 0:
+            self.link.settimeout(left_s)
+            try:
+                data = self.link.recv(1 << 16)
+            except TimeoutError:
+                return
+            except ConnectionResetError:
+                data = b""
+            if not data:
+                self.closed = True
+                return
+            for event in self.decoder.feed(data):
+                assert isinstance(event, Received)
+                self.versions.add(event.header.version)
+                self.heard.append((event.header.device, event.message))
+
+    def statuses(self) -> list[Status]:
+        return [message for _, message in self.heard if isinstance(message, Status)]
+
+    def texts(self) -> list[Text]:
+        return [message for _, message in self.heard if isinstance(message, Text)]
+
+    def readings(self) -> int:
+        """Return how many frames were read so far."""
+        return len(self.texts())
+
+    def wait_for_code(self, code: int) -> Status:
+        """Return the first STATUS of a code that comes from now on."""
+        since = len(self.statuses())
+        self.hear(lambda peer: any(status.code == code for status in peer.statuses()[since:]))
+        found = [status for status in self.statuses()[since:] if status.code == code]
+        assert found, f"no STATUS {code} came, but {self.statuses()[since:]}"
+        return found[0]
+
+    def watch(self, force_mn: float = 10.0, frames: int = 12) -> None:
+        """Send harmless frames in contact, each when the last one was answered, until the monitor watches."""
+        for number in range(frames):
+            self.read(force_mn + 0.01 * (number % 3))
+        assert self.statuses()[-1].code == 1, self.statuses()[-1]
+
+    def watch_until(self, code: int) -> Status:
+        """Send harmless frames until the monitor says a code; return that STATUS."""
+        since = len(self.statuses())
+        while not (found := [status for status in self.statuses()[since:] if status.code == code]):
+            self.read(10.0)
+        return found[0]
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    end_s = monotonic() + FUSE_S
+    while not holds():
+        assert monotonic() < end_s, "it did not come about"
+        sleep(0.01)

@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from decisions import READ_ENTRY, decision
 from msgspec import structs
-from peer import FUSE_S
+from small_monitor import FUSE_S, READ_ENTRY, decision
 
 import scleraforce.service.black_box.journal as log_sync
 import scleraforce.service.black_box.process as module

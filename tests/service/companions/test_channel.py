@@ -12,9 +12,8 @@ from typing import Any, get_args
 import msgspec
 import numpy as np
 import pytest
-from decisions import READ_ENTRY, TICK_ENTRY, verdict
 from hypothesis import given, strategies as st
-from peer import FUSE_S, wait_until
+from small_monitor import FUSE_S, READ_ENTRY, TICK_ENTRY, verdict, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, known_globe

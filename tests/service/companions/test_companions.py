@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
-from decisions import decision, verdict
-from fake_companion import FakeCompanion
 from msgspec.msgpack import encode as packb
+from small_monitor import FakeCompanion, decision, verdict
 
 from scleraforce.service.companions.channel import encode_message
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions

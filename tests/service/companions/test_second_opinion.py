@@ -7,8 +7,8 @@ from select import select
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
-from fixed_reader import write_fixed_reader
-from peer import FUSE_S
+from small_models import write_fixed_reader
+from small_monitor import FUSE_S
 
 from scleraforce.service.companions import second_opinion
 from scleraforce.service.companions.channel import Channel, ChannelClosedError, Child

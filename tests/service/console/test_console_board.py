@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import reading
-from decisions import decision, verdict
+from small_monitor import decision, verdict
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing

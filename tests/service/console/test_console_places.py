@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 from console_monitor import TOKEN, ConsoleMonitor
-from peer import FUSE_S
+from small_monitor import FUSE_S
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 

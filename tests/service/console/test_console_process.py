@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import TOKEN, ConsoleMonitor, reading
-from peer import FUSE_S
+from small_monitor import FUSE_S
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect

@@ -1,10 +1,23 @@
-"""A script of the folder `examples`, as a module."""
+"""Sources as syntax trees, and scripts of the folder `examples` as modules."""
 
+import ast
 import importlib.util
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["example_module"]
+
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def syntax_nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Every node of that tree, in the order of `ast.walk`."""
+    return tuple(ast.walk(parsed(path)))
+
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -1,4 +1,4 @@
-"""Commands under `strace`: which addresses they spoke to, and which files they opened to write."""
+"""Effects of running code: files in a folder, memory, addresses and opened files."""
 
 import os
 import re
@@ -7,13 +7,30 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ended import ends
+from commands import ends
 
-__all__ = ["SCLERAFORCE", "STRACE", "Traced", "fresh_home", "traced"]
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """The bytes of each file below a folder, by its path there."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@contextmanager
+def less_than(limit_bytes: float) -> Iterator[None]:
+    """Check that at no time in between more memory is taken than this."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < limit_bytes
+    finally:
+        tracemalloc.stop()
+
 
 STRACE = shutil.which("strace")
 SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")

@@ -1,0 +1,71 @@
+"""Files of other programs: DICOM images, and frames whose pixels cannot be mistaken for each other."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
+
+ROWS, COLUMNS, COUNT = 24, 40, 5
+FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(COUNT, ROWS, COLUMNS)  # below 2**13
+DEPTH_M, LATERAL_M = 4e-6, 15e-6  # of a pixel
+
+
+def pictures_of(scan) -> np.ndarray:
+    """All frames of a scan; its names and its size are those of its pixels."""
+    found = np.stack([np.asarray(picture) for picture in scan.pictures()])
+    assert found.shape == (len(scan.names), scan.rows, scan.columns)
+    return found
+
+
+def told(*options: object) -> list[str]:
+    """Options that answer what no file states, and `options`."""
+    needle = ["--eye", "eye-1", "--gauge", "22", "--gap-mm", "0.6"]
+    return [*needle, "--refractive-index", "1.38", *map(str, options)]
+
+
+def with_log(recording: Path) -> Path:
+    """Give a small recording a log that begins before its frames and ends after them."""
+    time_s = np.arange(0.0, 3.0, 0.005)
+    lines = [f"{t:.3f},{-0.02 * np.clip(t - 0.5, 0.0, 0.5):.6f}" for t in time_s]
+    (recording / "forces.csv").write_text("\n".join(["time_s,fz_n", *lines]) + "\n")
+    return recording
+
+
+def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.ndarray:
+    """Write a log of a push after two seconds in columns of its own, mN against ms; return the force in N."""
+    time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
+    force_n = -0.02 * np.clip(time_s - 2.0, 0.0, 1.0)
+    lines = [f"{t * 1e3:.3f},{n * 1e3:.4f}" for t, n in zip(time_s, force_n, strict=True)]
+    path.write_text("\n".join(["Time (ms),Force_Z [mN]", *lines]) + "\n")
+    return force_n
+
+
+def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
+    """Write pixels (rows, columns) or (frames, rows, columns), 8 or 16 bits; `tags` replace or add."""
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = SecondaryCaptureImageStorage
+    meta.MediaStorageSOPInstanceUID = "1.2.3"
+    meta.TransferSyntaxUID = tags.pop("TransferSyntaxUID", ExplicitVRLittleEndian)
+    dataset = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
+    bits = 8 * pixels.dtype.itemsize
+    dataset.Rows, dataset.Columns = pixels.shape[-2:]
+    dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
+    dataset.BitsAllocated = dataset.BitsStored = bits
+    dataset.HighBit, dataset.PixelRepresentation = bits - 1, int(pixels.dtype == np.int16)
+    if pixels.ndim == 3:
+        dataset.NumberOfFrames = len(pixels)
+    dataset.PixelData = pixels.tobytes()
+    for name, value in tags.items():
+        setattr(dataset, name, value)
+    dataset.save_as(path)
+    return dataset
+
+
+def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
+    """Return the header fields that PLUS writes for each frame."""
+    fields: dict[str, object] = {"UltrasoundImageOrientation": "MF"}
+    for nth, (stamp, state) in enumerate(zip(stamps, states, strict=True)):
+        fields |= {f"Seq_Frame{nth:04d}_Timestamp": stamp, f"Seq_Frame{nth:04d}_ImageStatus": state}
+    return fields

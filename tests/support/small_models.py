@@ -1,0 +1,227 @@
+"""Model folders and readers that need no training: their networks give fixed answers, or train in a moment."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from hashlib import sha256
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from analytic_frames import LIBRARY, STUDY
+
+from scleraforce.known.eye import Known
+from scleraforce.library import Library, save_library
+from scleraforce.models.folder import LIBRARY_FILE, write_folder
+from scleraforce.reader.answer import Reading
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, SLICES, TOLD
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
+from scleraforce.study import RawReaderStudy, ReaderStudy, ScenesStudy, Study, WallFinderStudy, format_study, study_hash
+from scleraforce.study.fields import Range, fixed
+
+
+def rehash_model(model: Path, *names: str) -> None:
+    """Of files of a model folder."""
+    record = json.loads((model / "model.json").read_text())
+    record["files"] |= {name: sha256((model / name).read_bytes()).hexdigest() for name in names}
+    (model / "model.json").write_text(json.dumps(record))
+
+
+def rehash_store(store: Path) -> None:
+    """Of the chunks of a data set or a library."""
+    metadata = json.loads((store / "zarr.json").read_text())
+    for name, hashes in metadata["attributes"]["sha256"].items():
+        chunks = store / name / "c"
+        files = (file for file in chunks.rglob("*") if file.is_file())
+        ordered = sorted(files, key=lambda file: [int(part) for part in file.relative_to(chunks).parts])
+        hashes[:] = [sha256(file.read_bytes()).hexdigest() for file in ordered]
+    (store / "zarr.json").write_text(json.dumps(metadata))
+
+
+def fixed_study(bins: int) -> Study:
+    """The paper's study with so many bins in the reader's histogram."""
+    return replace(Study(), reader=replace(Study().reader, bins=bins))
+
+
+def write_fixed_reader(
+    path: Path, library: Library, shares: Sequence[float], contact_m: float = 0.0, default: str = "fit"
+) -> Study:
+    """Write the folder; returns its study."""
+    import onnx
+    from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info, set_model_props
+
+    from scleraforce.models.folder import write_folder
+
+    study = fixed_study(len(shares))
+    values = {
+        "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
+        "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),
+        "no_place": np.zeros((len(GIVEN), 1), dtype=np.float32),
+        "place": np.array([contact_m], dtype=np.float32),
+        "second": np.array([1], dtype=np.int64),
+    }
+    nodes = [
+        make_node("Gemm", [TOLD, "none", "shares"], ["logits"]),
+        make_node("Softmax", ["logits"], [HISTOGRAM], axis=1),
+        make_node("Gemm", [TOLD, "no_place", "place"], ["places"]),
+        make_node("Squeeze", ["places", "second"], [CONTACT]),
+    ]
+    float32 = onnx.TensorProto.FLOAT
+    graph = make_graph(
+        nodes,
+        "fixed",
+        [
+            make_tensor_value_info(SLICES, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
+            make_tensor_value_info(TOLD, float32, ["n", len(GIVEN)]),
+        ],
+        [
+            make_tensor_value_info(HISTOGRAM, float32, ["n", len(shares)]),
+            make_tensor_value_info(CONTACT, float32, ["n"]),
+        ],
+        [onnx.numpy_helper.from_array(value, name) for name, value in values.items()],
+    )
+    model = make_model(graph, opset_imports=[make_opsetid("", 17)], ir_version=8)
+    set_model_props(model, {"study_sha256": study_hash(study)})
+    folder = path.parent / f"{path.name}.library"
+    save_library(library, folder)
+    content = folder.read_bytes()
+    folder.unlink()
+    record = {"kind": "reader", "default": default, "metrics": {}}
+    write_folder(path, model.SerializeToString(), format_study(study), "# card\n", record, {LIBRARY_FILE: content})
+    return study
+
+
+FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.004, 0.006), contact_m=0.3e-3)
+
+
+class FixedNetwork:
+    """Reads the same whatever it sees, and keeps what it was shown."""
+
+    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.shown: list[tuple[np.ndarray, Known]] = []
+
+    def read(self, cuts: np.ndarray, known: Known) -> Reading:
+        self.shown.append((cuts, known))
+        return self.reading
+
+
+def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReader:
+    return ForceReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
+
+
+RAW_STUDY = replace(
+    Study(),
+    reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=32),
+    raw_reader=RawReaderStudy(channels=(4, 6, 8)),
+)
+
+
+def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
+    """Write the folder."""
+    import torch
+
+    from scleraforce.learning.raw_reader import RawReaderNetwork, raw_reader_bytes
+    from scleraforce.learning.reader import ReaderNetwork
+
+    with torch.random.fork_rng():
+        torch.manual_seed(3)
+        reads_slices = ReaderNetwork(study.reader, study.slice, study.eye.radius_m)
+        network = RawReaderNetwork(study, reads_slices).eval()
+    content = raw_reader_bytes(network, {"study_sha256": study_hash(study)})
+    write_folder(path, content, format_study(study), "# card\n", {"kind": "raw-reader", "metrics": {}})
+
+
+def _without_disturbance(record: Any) -> Any:
+    """A record whose shares are 0 and whose counts are none."""
+    shares = {item.name: 0.0 for item in fields(record) if isinstance(getattr(record, item.name), float)}
+    counts = {item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")}
+    return replace(record, **shares, **counts)
+
+
+def _easy(scenes: ScenesStudy) -> ScenesStudy:
+    return ScenesStudy(
+        window=replace(
+            scenes.window,
+            rows=fixed(64),
+            columns=fixed(64),
+            pixel_m=Range(min=1e-6, max=100e-6),
+            width_m=fixed(10e-3),
+            depth_share=fixed(0.4),
+            centred_share=1.0,
+            facing=fixed(1.0),
+            surface_share=Range(min=0.1, max=0.4),
+        ),
+        eye=replace(_without_disturbance(scenes.eye), half_sphere_share=1.0, wave_m=fixed(0.0)),
+        tissue=replace(_without_disturbance(scenes.tissue), corrected_share=1.0, snr_db=fixed(30.0)),
+        over=_without_disturbance(scenes.over),
+        scanner=replace(_without_disturbance(scenes.scanner), rolloff_db=fixed(0.0)),
+    )
+
+
+SMALL_STUDY = Study(
+    scenes=_easy(ScenesStudy()),
+    wall_finder=WallFinderStudy(
+        rows=32, columns=32, channels=(8, 12), batch_size=8, batches=80, validation_scenes=12, learning_rate=0.01
+    ),
+)
+
+
+def write_blind_finder(folder: Path) -> None:
+    """Write the model folder of a network with random weights."""
+    import torch
+
+    from scleraforce.learning.wall_finder import WallFinderNetwork, finder_bytes
+
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        network = WallFinderNetwork(SMALL_STUDY.wall_finder).eval()
+    provenance = {"study_sha256": study_hash(SMALL_STUDY)}
+    record = {"kind": "wall-finder", "provenance": provenance}
+    write_folder(folder, finder_bytes(network, provenance), format_study(SMALL_STUDY), "Blind.", record)
+
+
+FINDER_STUDY = WallFinderStudy()
+
+
+class ToldSession:
+    """What `WallFinder` uses of a session of ONNX Runtime."""
+
+    def __init__(self, rows: np.ndarray, wall: np.ndarray) -> None:
+        self._answers = [rows[None].astype(np.float32), wall[None].astype(np.float32)]
+
+    def get_inputs(self) -> list[Any]:
+        return [
+            SimpleNamespace(
+                name=FINDER_FRAMES, type="tensor(float)", shape=["n", FINDER_STUDY.rows, FINDER_STUDY.columns]
+            )
+        ]
+
+    def get_outputs(self) -> list[Any]:
+        half = FINDER_STUDY.columns // 2
+        return [
+            SimpleNamespace(name=FINDER_ROWS, type="tensor(float)", shape=["n", 2, FINDER_STUDY.rows, half]),
+            SimpleNamespace(name=FINDER_WALL, type="tensor(float)", shape=["n", half]),
+        ]
+
+    def run(self, _outputs: list[str], _inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+        return self._answers
+
+
+def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
+    """Distributions over rows (row, column) about a boundary (column,); NaN: even."""
+    row = np.arange(FINDER_STUDY.rows)[:, None]
+    mean = np.nan_to_num(boundary, nan=-1e6)
+    log = -np.minimum((row - mean) ** 2 / (2 * sd**2), 80.0)
+    weight = np.exp(log - log.max(axis=0))
+    return weight / weight.sum(axis=0)
+
+
+def told_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
+    """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
+    rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
+    return WallFinder(ToldSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")

@@ -1,0 +1,282 @@
+"""Small recordings, their answers and their calibrations."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
+from typing import Any
+
+import cv2
+import numpy as np
+from analytic_frames import (
+    GAP_M,
+    IOP_PA,
+    LIBRARY,
+    MODULUS_PA,
+    SMALL_LIBRARY,
+    THICKNESS_M,
+    image,
+    recording_toml,
+    tip_of,
+    wall_section,
+)
+from analytic_library import solve_analytic
+from small_models import write_fixed_reader
+
+from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
+from scleraforce.calibration.known_forces import KnownForce
+from scleraforce.calibration.registration import NUISANCES, PoseBelief
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
+from scleraforce.calibration.roukf import Posterior
+from scleraforce.dataset import generate_dataset
+from scleraforce.known.eye import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.library.cache import cached_library
+from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.recording.folder import (
+    EyeInfo,
+    ForceInfo,
+    NeedleInfo,
+    OctInfo,
+    RecordingInfo,
+    frame_digest,
+    read_recording,
+)
+from scleraforce.recording.images import read_frame
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.report.frames import AnsweredFrame, look_at_all
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.study import read_study
+
+ROWS, COLUMNS = 24, 32
+
+
+def write_small_recording(
+    folder: Path, frames: int = 40, rate_hz: float = 100.0, forces_mn=None, log: bool = True
+) -> Path:
+    (folder / "frames").mkdir(parents=True)
+    force = "[force]\naxis = 'fz'\ncontact_sign = -1\naverage_s = 0.1\n" if log else ""
+    (folder / "recording.toml").write_text(
+        "[eye]\nid = 'small'\n"
+        f"[oct]\ncolumns = {COLUMNS}\nrows = {ROWS}\nbits = 12\nwidth_m = 0.008\ndepth_m = 0.003\n"
+        f"[needle]\ngauge = 22\nslice_gap_m = 0.0005\n{force}"
+    )
+    rng = np.random.default_rng(0)
+    lines = ["file,time_s"]
+    for index in range(frames):
+        pixels = rng.integers(0, 4096, (ROWS, COLUMNS), dtype=np.uint16)
+        pixels[0, 0] = index
+        assert cv2.imwrite(str(folder / "frames" / f"{index:04d}.png"), pixels)
+        lines.append(f"{index:04d}.png,{1.0 + index / rate_hz:.4f}")
+    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
+    if log:
+        samples = np.arange(1.0, 1.0 + frames / rate_hz, 0.005)
+        rows = [f"{time_s:.4f},0.001,0.002,{-time_s:.4f},0.1,0.2,0.3" for time_s in samples]
+        (folder / "forces.csv").write_text("\n".join(["time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm", *rows]) + "\n")
+    if forces_mn is not None:
+        truth = [{"file": f"{n:04d}.png", "force_n": force / 1e3} for n, force in enumerate(forces_mn)]
+        (folder / "truth.json").write_text(json.dumps({"frames": truth}))
+    return folder
+
+
+LOGGED_INFO = RecordingInfo(
+    EyeInfo("eye"),
+    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    ForceInfo("fz", -1),
+)
+
+
+RIGHT = FrameAnswer(
+    recording="rec", eye="eye", file="0000.png", measured_force_n=0.020, target=1, predicted=1,
+    probabilities=(0.0, 1.0, 0.0), usable=True,
+)  # fmt: skip
+
+
+def frame_answer(**said: Any) -> FrameAnswer:
+    """The answer to a frame, 20 mN that is read as class 1, but for what is said: its attributes."""
+    return replace(RIGHT, **said)
+
+
+def refused_frame(**said: Any) -> FrameAnswer:
+    """The answer to a frame that cannot be judged, of the highest class, but for what is said."""
+    return frame_answer(**{"predicted": 2, "probabilities": None, "usable": False, **said})
+
+
+LOOKED_AT_ROWS, LOOKED_AT_COLUMNS = 256, 300
+LOOKED_AT_TOML = f"""[eye]
+id = "eye"
+[oct]
+columns = {LOOKED_AT_COLUMNS}
+rows = {LOOKED_AT_ROWS}
+bits = 12
+width_m = 15e-3
+depth_m = 4e-3
+[needle]
+gauge = 22
+slice_gap_m = 5e-4
+"""
+
+
+def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
+    """Return frames of a wall 0.6 mm thick, each read as it was measured: 20 mN, class 1."""
+    (folder / "frames").mkdir(parents=True)
+    (folder / "recording.toml").write_text(LOOKED_AT_TOML)
+    names = [f"{number:04d}.png" for number in range(1, count + 1)]
+    (folder / "frames.csv").write_text("\n".join(["file,time_s", *(f"{name},{n}" for n, name in enumerate(names))]))
+    rng = np.random.default_rng(7)
+    for name in names:
+        cv2.imwrite(str(folder / "frames" / name), _wall(rng))
+    recording = read_recording(folder)
+    scale = PixelScale.of(recording.info.oct)
+    return look_at_all(
+        frame_answer(recording=str(folder), file=entry.file, segmentation=find_wall(recording.frame(entry), scale))
+        for entry in recording.frames
+    )
+
+
+def _wall(rng: np.random.Generator) -> np.ndarray:
+    lateral_m = (np.arange(LOOKED_AT_COLUMNS) + 0.5) / LOOKED_AT_COLUMNS * 15e-3 - 7.5e-3
+    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + 0.6e-3 * np.exp(-((lateral_m / 2e-3) ** 2))
+    depth_m = (np.arange(LOOKED_AT_ROWS)[:, None] + 0.5) / LOOKED_AT_ROWS * 4e-3
+    wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
+    return np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
+
+
+def calibration_text(mean_mpa: Any = 0.27, eyes: Mapping[str, Any] | None = None, **keys: Any) -> str:
+    """The JSON text; `eyes` maps ids to what an entry has other than the usual, `keys` replace the file's own."""
+    usual = {"mean_mpa": mean_mpa, "sd_mpa": 0.005, "thickness_um": 700.0, "frames": [], "status": "ok"}
+    content = {
+        "format": 3,
+        "mechanics": "finite-strain",
+        "population": {"mean_mpa": mean_mpa, "sd_mpa": 0.03},
+        "eyes": {name: {**usual, **entry} for name, entry in (eyes or {}).items()},
+    }
+    return json.dumps({**content, **keys})
+
+
+def calibration_of_a_sealed_eye() -> Calibration:
+    """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl; forces 13 % high."""
+    names, pose = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY), len(NUISANCES)
+    count = len(names)
+    posterior = Posterior(np.zeros(count), np.eye(count), np.eye(count), 3, ())
+    state = EyeState(posterior, PoseBelief(np.zeros(pose), np.eye(pose)), np.zeros((count, len(SHARED))), np.eye(2))
+    frames = tuple(
+        FrameRecord(
+            recording="mine",
+            file=f"{number}.png",
+            sha256=str(number),
+            force_n=0.015 * number,
+            mean_pa=0.3e6,
+            sd_pa=1e4,
+            own_modulus_pa=(0.2 + 0.05 * number) * 1e6,
+            again=KnownForce(
+                force_n=0.015 * number,
+                library_n=0.014 * number,
+                sd_n=2e-4,
+                modulus_pa=0.3e6,
+                rigidity=REFERENCE_RIGIDITY,
+            ),
+        )
+        for number in (1, 2, 3)
+    )
+    eye = EyeCalibration(
+        id="mine",
+        names=names,
+        means=(0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
+        sds=(1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
+        stated_thickness_m=650e-6,
+        globe=SEALED,
+        state=state,
+        recordings=(UsedRecording(path="mine", sha256="0" * 64, zero_n=0.0, drift_n_per_s=0.0),),
+        frames=frames,
+        discrepancy=ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.02, growth_sd=0.04, correlation=0.0),
+    )
+    return Calibration({"mine": eye}, "0" * 64, (0.005, 0.03), "finite-strain")
+
+
+FORCES_N = (0.002, 0.012, 0.022, 0.036)
+FORCE_TOML = '[force]\naxis = "fz"\ncontact_sign = -1'
+
+
+def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -> Path:
+    """Four frames of the analytic wall under known forces, and one that shows nothing."""
+    (path / "frames").mkdir(parents=True)
+    (path / "recording.toml").write_text(recording_toml(eye, gap_m, more=FORCE_TOML))
+    forces_n = (*FORCES_N, 0.010)
+    images = [image(wall_section(tip_of(force_n)), seed + k) for k, force_n in enumerate(FORCES_N)]
+    images.append(np.full_like(images[0], 600))
+    for number, pixels in enumerate(images):
+        cv2.imwrite(str(path / "frames" / f"{number}.png"), pixels)
+    lines = ["file,time_s", *(f"{number}.png,{5 + 6 * number}" for number in range(len(images)))]
+    (path / "frames.csv").write_text("\n".join(lines) + "\n")
+    time_s = np.arange(0.0, 40.0, 0.01)
+    log = np.zeros((len(time_s), 7))
+    log[:, 0] = time_s
+    log[:, 3] = 0.1 - sum(f * (np.abs(time_s - 5 - 6 * n) < 2.0) for n, f in enumerate(forces_n))
+    header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    return path
+
+
+def write_places(folder: Path) -> dict[str, Path]:
+    """Write a model, calibrations and recordings of three eyes."""
+    write_fixed_reader(folder / "model", SMALL_LIBRARY, (0.125,) * 8)
+    mpa = MODULUS_PA / 1e6
+    mine = write_recording(folder / "mine", "mine")
+    used = [{"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}]
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": used}}
+    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
+    (folder / "calibration.json").write_text(calibration_text(eyes=eyes, population=population))
+    (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
+    return {
+        "model": folder / "model",
+        "calibration": folder / "calibration.json",
+        "linear": folder / "linear.json",
+        "mine": mine,
+        "other": write_recording(folder / "other", "stranger", seed=100),
+        "far": write_recording(folder / "far", "far", gap_m=1.5e-3),
+    }
+
+
+NOTEBOOK_STUDY = """
+[library]
+thicknesses = 4
+tension = { min = 3e-3, max = 0.1 }
+tensions = 4
+tips = 24
+
+[dataset]
+contacts = 10
+
+[[dataset.group]]
+thickness_um = 600
+images = 200
+max_force_mn = 60
+
+[network]
+hidden = [20]
+epochs = 2
+"""
+
+
+def write_notebook_folder(folder: Path) -> None:
+    """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the library of the study for the user."""
+    (folder / "study.toml").write_text(NOTEBOOK_STUDY)
+    study = read_study(folder / "study.toml")
+    eye = PhantomEye(
+        id="eye-a", thickness_m=THICKNESS_M, youngs_modulus_pa=MODULUS_PA, iop_pa=IOP_PA, gap_m=GAP_M, polar_rad=0.61
+    )
+    plan = plan_phantom(eye, (0.010, 0.020, 0.040), study, seed=0)
+    write_phantom(folder / "eye-a", plan, _sections, study)
+    cache = folder / "cache" / "scleraforce" / "libraries"
+    cached_library(study, folder=cache, workers=1, solve=solve_analytic)
+    copytree(next(cache.glob("*.zarr")), folder / "responses")
+    generate_dataset(study, folder / "dataset", library=LIBRARY, workers=1)
+    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
+
+
+def _sections(forces_n):
+    return [wall_section(tip_of(force_n), surface_m=0.0, lateral_m=0.0) for force_n in forces_n]
