@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from calibration_eyes import drawn_eye, stated
+from ideal_boundaries import ideal_boundaries, virtual_sections
 from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimilate, eye_filter, first_state
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.eye.mesh import build_mesh
-from scleraforce.laboratory.ideal_boundaries import ideal_boundaries, virtual_sections
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
 from scleraforce.library.cache import cached_library

@@ -18,10 +18,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from least_time import least_s
-from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.plan import plan_dataset
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
+from scleraforce.learning.dataset import plan_dataset
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scleraforce.dataset.store import open_dataset
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Fitted, Samples, classifier_bytes, fit
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.learning.train import split_samples
 from scleraforce.models.folder import write_folder
 from scleraforce.reader import load_classifier

@@ -23,9 +23,8 @@ from time import perf_counter
 import numpy as np
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import complete_dataset, create_dataset, write_dataset_unit
+from scleraforce.learning.dataset import complete_dataset, create_dataset, plan_dataset, write_dataset_unit
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
 

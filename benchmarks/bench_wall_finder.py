@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics, sample_pose
-from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.wall_finder import mask_dice, seen_mask
 from scleraforce.models.folder import SHIPPED_WALL_FINDER, read_folder
 from scleraforce.models.session import folder_study

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import open_calibration, read_calibration
+from scleraforce.learning.dataset import open_dataset, read_population_modulus
 from scleraforce.library.files import load_library
 from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_force_reader, load_model

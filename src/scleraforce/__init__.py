@@ -8,8 +8,8 @@ import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scleraforce.dataset.store import open_dataset
     from scleraforce.errors import InputError
+    from scleraforce.learning.dataset import open_dataset
     from scleraforce.library.store import open_library
     from scleraforce.notebook.calibrating import calibrate
     from scleraforce.notebook.evaluating import evaluate
@@ -60,7 +60,7 @@ _MODULES = {
     "import_recording": "notebook.importing",
     "library_of": "notebook.training",
     "load_model": "notebook.frames",
-    "open_dataset": "dataset.store",
+    "open_dataset": "learning.dataset",
     "open_library": "library.store",
     "parse_study": "study.toml",
     "phantom": "notebook.virtual",

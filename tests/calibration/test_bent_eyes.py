@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calibration_eyes import stated
+from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep
-from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.library.cache import cached_library

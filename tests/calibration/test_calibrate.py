@@ -13,6 +13,7 @@ import pytest
 from analytic_frames import LIBRARY
 from small_recordings import calibration_of_a_sealed_eye
 
+from ideal_boundaries import virtual_sections
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.one_tissue import FrameWalls, frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
@@ -20,7 +21,6 @@ from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import known_of_eye, open_calibration, parse_calibration_file, summary_of
 from scleraforce.known.eye import SEALED, UNKNOWN, known_of_recording
-from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.folder import Recording, read_recording

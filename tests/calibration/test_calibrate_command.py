@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from analytic_library import analytic_library
 
+from ideal_boundaries import virtual_sections
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library

@@ -8,12 +8,12 @@ import analytic_library as analytic
 import numpy as np
 import pytest
 
+from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
 from scleraforce.calibration.eye_model import EyeConstants, parameter_sections, stated_wall
 from scleraforce.calibration.library_eye import library_eye, section_depths
 from scleraforce.errors import CalibrationError
-from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.light import Pose
 from scleraforce.library import Library
 from scleraforce.section.plane import Section

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, KnownGlobe
-from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye

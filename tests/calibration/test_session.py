@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small_models import told_finder
 
+from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation, one_tissue
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants
@@ -17,7 +18,6 @@ from scleraforce.calibration.one_tissue import eye_constants
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
-from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye

@@ -11,7 +11,7 @@ import pytest
 from small_recordings import calibration_text
 
 from scleraforce.cli.main import run
-from scleraforce.dataset.store import open_dataset
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.notebook import training
 
 STUDY = """

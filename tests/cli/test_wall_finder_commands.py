@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scleraforce.cli.main import run
-from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale

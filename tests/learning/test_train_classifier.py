@@ -12,10 +12,15 @@ import pytest
 import torch
 
 from scleraforce.cli.main import run
-from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import complete_dataset, create_dataset, open_dataset, write_dataset_unit
 from scleraforce.errors import ModelError
 from scleraforce.learning.classifier import TrainedNetwork
+from scleraforce.learning.dataset import (
+    complete_dataset,
+    create_dataset,
+    open_dataset,
+    plan_dataset,
+    write_dataset_unit,
+)
 from scleraforce.learning.train import split_samples, train_classifier
 from scleraforce.reader import load_model
 from scleraforce.study import DatasetGroup, DatasetStudy, NetworkStudy, SliceStudy, Study, study_hash

@@ -10,7 +10,7 @@ import torch
 from small_models import SMALL_STUDY
 
 from scleraforce.errors import ModelError, SolverError
-from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.train import TrainedFinder, train_wall_finder
 from scleraforce.learning.wall_finder import (
     VALIDATION_SCENES,

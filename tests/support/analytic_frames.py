@@ -12,8 +12,8 @@ from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAME
 from scleraforce.known.eye import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
+from scleraforce.laboratory.scanner_display import ImagedEye
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.scanner.imaged_eye import ImagedEye
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed

@@ -40,8 +40,7 @@ VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"
 def write_whole_ones(folder: Path) -> None:
     """Write a file or folder of every kind."""
     write_whole_files(folder)
-    from scleraforce.dataset.plan import plan_dataset
-    from scleraforce.dataset.store import complete_dataset, create_dataset, write_dataset_unit
+    from scleraforce.learning.dataset import complete_dataset, create_dataset, plan_dataset, write_dataset_unit
     from scleraforce.library.build import build_library
     from scleraforce.study import DatasetGroup, DatasetStudy, SliceStudy
 
@@ -122,7 +121,7 @@ def _read_model(folder: Path) -> None:
 
 
 def _read_dataset(folder: Path) -> None:
-    from scleraforce.dataset.store import DTYPES, open_dataset
+    from scleraforce.learning.dataset import DTYPES, open_dataset
 
     dataset = open_dataset(folder / "dataset")
     for name in ("slices", *DTYPES):

@@ -4,7 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.dataset.store import open_dataset
+from scleraforce.learning.dataset import open_dataset
 from speed.parts.dataset import made_dataset
 from speed.record import Row, Table
 from speed.run import Run

@@ -33,7 +33,7 @@ def generate(
     number of workers.
     """
     # Imported here: the simulation takes longer to import than the help to print.
-    from scleraforce.dataset.modulus import read_population_modulus
+    from scleraforce.learning.dataset import read_population_modulus
     from scleraforce.notebook.training import simulate_slices
     from scleraforce.study.unused import refuse_unused
 

@@ -16,9 +16,9 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
+    from scleraforce.laboratory.scanner import MeasuredRange, MeasuredScanner
+    from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.recording.folder import ScaledFrame, Scanner
-    from scleraforce.scanner.imaged_eye import ImagedEye
-    from scleraforce.scanner.measure import MeasuredRange, MeasuredScanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
 SEED = 0  # of the drawn frame
@@ -59,8 +59,8 @@ def scanner(
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
     """
+    from scleraforce.laboratory.scanner import measure_scanner
     from scleraforce.recording.folder import Scanner
-    from scleraforce.scanner.measure import measure_scanner
 
     if out.suffix != ".toml":
         raise InputError(f"--out: {out}: give a name that ends in .toml")
@@ -108,7 +108,7 @@ def _bits(path: Path, frame: "ScaledFrame", given: int | None) -> int:
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
     """Return a frame with its wall."""
-    from scleraforce.scanner.imaged_eye import ImagedEye
+    from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.segmentation.wall import find_wall
 
     rows, columns = frame.pixels.shape
@@ -126,9 +126,9 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
     """Write the picture, then the study; return how far the histograms of a real and a drawn frame agree."""
     import numpy as np
 
+    from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, oct_of, study_text
     from scleraforce.report.files import write_figure
     from scleraforce.report.model_figures import FramePair, draw_scanner
-    from scleraforce.scanner.measure import drawn_alike, histogram_overlap, oct_of, study_text
 
     frame = measured.frames[0]
     drawn = drawn_alike(frame, measured.phantom(), np.random.default_rng(SEED))
@@ -142,7 +142,7 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
 
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
     """Return what was measured, by the study's keys, and why the rest was not."""
-    from scleraforce.scanner.measure import MeasuredRange
+    from scleraforce.laboratory.scanner import MeasuredRange
 
     found: dict[str, Any] = {}
     missing: dict[str, str] = {}
@@ -171,7 +171,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
 
 
 def _is_drawn(name: str) -> bool:
-    from scleraforce.scanner.measure import NOT_DRAWN
+    from scleraforce.laboratory.scanner import NOT_DRAWN
 
     return name not in NOT_DRAWN
 
@@ -193,7 +193,7 @@ def _key(name: str) -> tuple[str, Any]:
 
 def _lines(measured: "MeasuredScanner", out: Path, picture: Path, overlap: float) -> list[str]:
     """Return what is told: a line for each key, what was not measured, and what the frames are doubted for."""
-    from scleraforce.scanner.measure import MeasuredRange
+    from scleraforce.laboratory.scanner import MeasuredRange
 
     lines = [f"display = {measured.display.name}"]
     for name, found in measured.ranges.items():
@@ -219,7 +219,7 @@ def _words(found: "MeasuredRange", change: Any) -> str:
 
 def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
     """Return in what the scanner differs from what a study draws."""
-    from scleraforce.scanner.measure import MeasuredRange
+    from scleraforce.laboratory.scanner import MeasuredRange
 
     notes = []
     kind = measured.display.name

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
-from scleraforce.learning.descent import descend, repeatable
-from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.learning.descent import descend, onnx_bytes, repeatable, torch
 from scleraforce.processes import work_in_order
 from scleraforce.reader.kinds import INPUT, OUTPUT
 from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, with_half_weights
-from scleraforce.learning.framework import torch
+from scleraforce.learning.dataset import plan_dataset
+from scleraforce.learning.descent import torch
+from scleraforce.learning.generate import SampleSimulator
 from scleraforce.learning.intervals import STREAM, measuring, trait_factors
 from scleraforce.learning.reader import descend_reader
 from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples, Source, draw_seen

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import curve, descend, repeatable
-from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.learning.descent import curve, descend, onnx_bytes, repeatable, torch
 from scleraforce.learning.intervals import STREAM, calibrated_eye, intervals_of, network_score
 from scleraforce.learning.reader import (
     READER_THREADS,

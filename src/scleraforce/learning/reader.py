@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.descent import descend, repeatable
-from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.learning.descent import descend, onnx_bytes, repeatable, torch
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, chunks_ahead, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import (

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from scleraforce import __version__
-from scleraforce.dataset.store import Dataset
 from scleraforce.errors import DatasetError, InputError
 from scleraforce.learning.cards import classifier_card, finder_card, raw_reader_card, reader_card
 from scleraforce.learning.classifier import (
@@ -26,13 +25,14 @@ from scleraforce.learning.classifier import (
     search_sizes,
     with_half_weights,
 )
+from scleraforce.learning.dataset import Dataset
+from scleraforce.learning.descent import onnx, torch
 from scleraforce.learning.fingerprint import (
     classifier_fingerprint,
     finder_fingerprint,
     interval_fingerprint,
     reader_fingerprint,
 )
-from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.intervals import measured_intervals
 from scleraforce.learning.raw_reader import (
     RawSource,

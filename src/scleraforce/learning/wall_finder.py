@@ -18,9 +18,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.scenes.scene import Scene, draw_scene
-from scleraforce.learning.descent import curve, descend, repeatable
-from scleraforce.learning.framework import onnx_bytes, torch
+from scleraforce.laboratory.scenes import Scene, draw_scene
+from scleraforce.learning.descent import curve, descend, onnx_bytes, repeatable, torch
 from scleraforce.processes import work_in_order
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder

@@ -5,9 +5,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scleraforce.dataset import CalibratedModulus, Dataset, Generation, open_dataset
-from scleraforce.dataset.generate import generate_dataset
 from scleraforce.errors import InputError
+from scleraforce.learning.dataset import CalibratedModulus, Dataset, open_dataset
+from scleraforce.learning.generate import Generation, generate_dataset
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
 from scleraforce.library.cache import cached_library

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scleraforce.dataset import open_dataset
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import linear_sections
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import read_recording

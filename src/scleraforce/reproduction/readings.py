@@ -21,11 +21,11 @@ import numpy as np
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, calibration_as_json
-from scleraforce.dataset import Dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, paper_eyes
 from scleraforce.learning.classifier import TrainedNetwork, fit
+from scleraforce.learning.dataset import Dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import split_samples, train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library

@@ -11,10 +11,11 @@ from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
-from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
+from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.train import train_classifier
 from scleraforce.library.plan import plan_library
 from scleraforce.models.folder import SHIPPED_WALL_FINDER

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.dataset import Dataset, open_dataset
+from scleraforce.learning.dataset import Dataset, open_dataset
 from scleraforce.report.shown.kinds import Thing, span
 from scleraforce.report.slice_figures import draw_montage
 from scleraforce.units import from_si

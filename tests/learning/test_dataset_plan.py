@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scleraforce.dataset.plan import DatasetPlan, draft_plan, plan_dataset
+from scleraforce.learning.dataset import DatasetPlan, draft_plan, plan_dataset
 from scleraforce.study import Choice, DatasetGroup, Range, Study
 
 

@@ -7,9 +7,16 @@ import pytest
 from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
-from scleraforce.scanner.display import DISPLAY_KINDS, LOGARITHMIC, display_kind, fit_display, spread_slope
-from scleraforce.scanner.imaged_eye import Estimate, Unmeasured
-from scleraforce.scanner.measure import drawn_alike, histogram_overlap, measure_scanner
+from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, measure_scanner
+from scleraforce.laboratory.scanner_display import (
+    DISPLAY_KINDS,
+    LOGARITHMIC,
+    Estimate,
+    Unmeasured,
+    display_kind,
+    fit_display,
+    spread_slope,
+)
 
 FEW = range(7110, 7113)
 WITHIN_1_DB = ("display_floor_db", "display_range_db", "snr_db", "choroid_level_db")

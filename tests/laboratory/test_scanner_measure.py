@@ -10,8 +10,8 @@ from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan
 from scleraforce.laboratory.light import Line, Shadow
-from scleraforce.scanner.imaged_eye import Unmeasured
-from scleraforce.scanner.measure import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner, study_text
+from scleraforce.laboratory.scanner import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner, study_text
+from scleraforce.laboratory.scanner_display import Unmeasured
 from scleraforce.study import PhantomStudy, parse_study
 
 SEEDS = range(7000, 7006)

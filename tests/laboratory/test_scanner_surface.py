@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from scleraforce.scanner import surface
-from scleraforce.scanner.imaged_eye import Estimate, Unmeasured
-from scleraforce.scanner.surface import SurfaceLight, reflections
+from scleraforce.laboratory import scanner_light
+from scleraforce.laboratory.scanner_display import Estimate, Unmeasured
+from scleraforce.laboratory.scanner_light import SurfaceLight, reflections
 
 
 def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
     """Light of one look about a surface that is where it was found."""
     rng = np.random.default_rng(seed)
     slope, below = rng.uniform(0.0, 0.4, 60_000), rng.uniform(-5.0, 5.0, 60_000)
-    mean = surface._seen(slope, below, np.full(60_000, 1.2), np.array([gain, angle_rad, 0.3, *[0.0] * 6]))
+    mean = scanner_light._seen(slope, below, np.full(60_000, 1.2), np.array([gain, angle_rad, 0.3, *[0.0] * 6]))
     light = mean * rng.exponential(1.0, 60_000)
     return SurfaceLight(slope_rad=slope, below=below, light=light, sigma_rows=1.2, noise=0.05)
 

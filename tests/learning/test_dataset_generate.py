@@ -16,20 +16,20 @@ from numcodecs.checksum32 import CRC32C
 from small_models import rehash_store
 
 from scleraforce import processes
-from scleraforce.dataset import generate
-from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.modulus import CalibratedModulus
-from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import (
+from scleraforce.errors import DatasetError, SolverError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import build_mesh
+from scleraforce.learning import generate
+from scleraforce.learning.dataset import (
+    CalibratedModulus,
     complete_dataset,
     create_dataset,
     missing_dataset_units,
     open_dataset,
+    plan_dataset,
     write_dataset_unit,
 )
-from scleraforce.errors import DatasetError, SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane

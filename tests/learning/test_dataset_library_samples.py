@@ -7,11 +7,9 @@ import pytest
 import zarr
 from analytic_library import analytic_library
 
-from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.plan import draft_plan, plan_dataset
-from scleraforce.dataset.samples import library_slices, near_library
-from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
+from scleraforce.learning.dataset import draft_plan, open_dataset, plan_dataset
+from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, GlobeStudy, MechanicsStudy, Range, Study, format_study, parse_study

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import StudyError
-from scleraforce.laboratory.scenes.scene import Scene, draw_scene, judged_columns, seen_columns
+from scleraforce.laboratory.scenes import Scene, draw_scene, judged_columns, seen_columns
 from scleraforce.study import (
     Range,
     SceneEyeStudy,

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.dataset.modulus import read_population_modulus
+from scleraforce.learning.dataset import read_population_modulus
 
 
 def test_the_populations_modulus_is_read_with_its_provenance(tmp_path: Path) -> None:

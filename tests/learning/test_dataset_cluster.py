@@ -11,7 +11,7 @@ from effects import contents
 from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.dataset.generate import generate_dataset
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.study import DatasetGroup, MeshStudy, Study
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow]

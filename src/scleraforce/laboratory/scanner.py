@@ -11,20 +11,34 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, Line, Shadow, sample_optics
-from scleraforce.recording.pixels import Pixels
-from scleraforce.scanner.display import (
+from scleraforce.laboratory.scanner_display import (
     LOGARITHMIC,
     QUARTILES_DB,
     Display,
     DisplayKind,
+    Estimate,
+    ImagedEye,
+    Unmeasured,
     display_kind,
     display_of_speckle,
     fit_display,
     spread_slope,
 )
-from scleraforce.scanner.imaged_eye import Estimate, ImagedEye, Unmeasured
-from scleraforce.scanner.surface import SeenLine, SurfaceLight, find_lines, reflections, resolutions, surface_light
-from scleraforce.scanner.tissue import SeenShadow, WallLight, find_shadows, layer_below, light_in_wall, roll_off
+from scleraforce.laboratory.scanner_light import (
+    SeenLine,
+    SeenShadow,
+    SurfaceLight,
+    WallLight,
+    find_lines,
+    find_shadows,
+    layer_below,
+    light_in_wall,
+    reflections,
+    resolutions,
+    roll_off,
+    surface_light,
+)
+from scleraforce.recording.pixels import Pixels
 from scleraforce.section.plane import Section
 from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Study, format_study
 from scleraforce.study.fields import field_key, field_unit

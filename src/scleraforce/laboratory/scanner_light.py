@@ -1,0 +1,601 @@
+"""What a scanner shows of tissue: the wall's light and its fall, the layer below the wall, shadows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.ndimage import find_objects, gaussian_filter1d, label, median_filter
+from scipy.optimize import brentq, curve_fit
+from scipy.signal import find_peaks
+from scipy.special import ndtr, spence
+from scipy.stats import ncx2, theilslopes
+
+from scleraforce.errors import FrameError
+from scleraforce.fitting.least_squares import robust_spread
+from scleraforce.laboratory.light import amplitude_sigma
+from scleraforce.laboratory.scanner_display import (
+    MEDIAN_DB,
+    Display,
+    Estimate,
+    ImagedEye,
+    Trace,
+    Unmeasured,
+    fitted,
+    level_db,
+)
+
+BIN_M = 15e-6  # of depth
+LEAST_BINS, LEAST_IN_BIN = 5, 50
+OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light
+SHADED_DB, SHADED_SDS = 0.7, 3.0  # a column that gets so much less, and by so many of its deviations, is left out
+SMOOTH_M = 60e-6  # of the columns' light
+BASE_M = 2.5e-3  # of what its slow changes are: they are none of a shadow
+MOST_ATTENUATION_SHARE = 0.3
+FACING_RAD = 0.35  # up to this slope columns tell a roll-off
+LEAST_REACH_M = 0.3e-3  # of depths of the surface
+MOST_ROLL_OFF_ERROR = 2e3  # dB/m
+
+
+@dataclass(frozen=True, eq=False)
+class WallLight:
+    """Light in the wall of a frame.
+
+    `levels` (row, column): the frame in dB over the mean noise; `inside`: what of it is wall, away from its boundaries.
+    `expected` (row, column): mean intensity of the wall over the noise, the columns' own light left out.
+    `column_db` (column,): light of a column against the typical one, NaN without a wall; `clear`: no shadow is on it.
+    """
+
+    levels: NDArray[np.float64]
+    inside: NDArray[np.bool_]
+    expected: NDArray[np.float64]
+    column_db: Trace
+    clear: NDArray[np.bool_]
+    snr_db: Estimate
+    attenuation_per_m: Estimate | Unmeasured
+
+
+def depth_profile(
+    levels: NDArray[np.float64], depth_m: NDArray[np.float64], chosen: NDArray[np.bool_], bin_m: float
+) -> tuple[Trace, Trace, Trace]:
+    """Return each bin's mean depth, the mean level in dB there as its median tells it, and how many pixels it has."""
+    number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
+    order = np.argsort(number, kind="stable")
+    bins, start = np.unique(number[order], return_index=True)
+    parts = np.split(np.arange(len(order)), start[1:])
+    level, depth = levels[chosen][order], depth_m[chosen][order]
+    middle = np.array([np.median(level[part]) for part in parts]) - MEDIAN_DB
+    at_m = np.array([depth[part].mean() for part in parts])
+    count = np.array([len(part) for part in parts], dtype=np.float64)
+    return (at_m, middle, count) if len(bins) else (np.empty(0), np.empty(0), np.empty(0))
+
+
+def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
+    """Fit the light in the wall; columns in a shadow are left out, in a second pass.
+
+    Raises:
+        FrameError: too little of the wall can be seen to tell its light.
+    """
+    levels = display.levels(eye.pixels)
+    depth_m = eye.below_surface_rows * eye.row_m
+    inside = eye.inside
+    clear = eye.walled.copy()
+    for _ in range(2):
+        value, error = _fit_light(eye, levels, depth_m, inside & clear, display)
+        fall = np.exp(-2.0 * value[1] * np.maximum(depth_m, 0.0))
+        expected = 10.0 ** (value[0] / 10.0) * np.nan_to_num(fall)
+        column_db = _column_light(eye, levels - level_db(expected + 1.0), inside)
+        dips = column_db - _slow(eye, column_db)
+        least = max(SHADED_DB, SHADED_SDS * robust_spread(np.abs(dips[np.isfinite(dips)])))
+        clear = np.nan_to_num(dips, nan=-np.inf) > -least
+    snr = Estimate(value=float(value[0]), error=float(error[0]))
+    attenuation = fitted(
+        value[1],
+        error[1],
+        max(MOST_ATTENUATION_SHARE * abs(value[1]), 100.0),
+        "the light does not fall evenly with depth in the wall",
+    )
+    if isinstance(attenuation, Estimate) and attenuation.value <= 0.0:
+        attenuation = Unmeasured("the wall grows brighter with depth")
+    return WallLight(levels, inside, expected, column_db, clear, snr, attenuation)
+
+
+def _fit_light(
+    eye: ImagedEye,
+    levels: NDArray[np.float64],
+    depth_m: NDArray[np.float64],
+    chosen: NDArray[np.bool_],
+    display: Display,
+) -> tuple[Trace, Trace]:
+    """Return level at the surface, dB, and attenuation, 1/m, with their standard errors."""
+    at_m, found_db, count = depth_profile(levels, depth_m, chosen, max(BIN_M, eye.row_m))
+    seen = (count >= LEAST_IN_BIN) & (found_db > OVER_NOISE_DB) & (found_db < display.highest_db - BELOW_TOP_DB)
+    if np.count_nonzero(seen) < LEAST_BINS:
+        dark = np.median(found_db) < OVER_NOISE_DB if len(found_db) else True
+        why = "is hardly brighter than the noise" if dark else "saturates the display"
+        raise FrameError(f"{eye.name}: the wall {why}: its light cannot be measured")
+    try:
+        value, covariance = curve_fit(
+            _seen_db, at_m[seen], found_db[seen], (found_db[seen].max(), 500.0), sigma=1.0 / np.sqrt(count[seen]),
+            method="trf", loss="soft_l1", x_scale=(10.0, 1000.0),
+        )  # fmt: skip
+    except RuntimeError as fault:
+        raise FrameError(f"{eye.name}: the light in the wall follows no law that could be fitted") from fault
+    return value, np.sqrt(np.diag(covariance))
+
+
+def _seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
+    """Return the mean level at depths in the wall, over the mean noise."""
+    return level_db(10.0 ** (snr_db / 10.0) * np.exp(-2.0 * attenuation_per_m * depth_m) + 1.0)
+
+
+def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Trace:
+    """Return how much more light each column gets than the typical one, dB."""
+    light = np.full(inside.shape[1], np.nan)
+    enough = inside.sum(axis=0) >= LEAST_BINS
+    if enough.any():
+        light[enough] = np.nanmedian(np.where(inside, residual_db, np.nan)[:, enough], axis=0) - MEDIAN_DB
+        columns = np.flatnonzero(enough)
+        sigma = max(SMOOTH_M / eye.scale.lateral_m / 2, 0.5)
+        light[columns] = gaussian_filter1d(light[columns], sigma, mode="nearest")
+    return light
+
+
+def _slow(eye: ImagedEye, column_db: Trace) -> Trace:
+    """Return the slow changes of the columns' light: a median over what is wider than shadows are."""
+    slow, columns = np.full(len(column_db), np.nan), np.flatnonzero(np.isfinite(column_db))
+    width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
+    slow[columns] = median_filter(column_db[columns], min(width, len(columns) | 1), mode="nearest")
+    return slow
+
+
+def typical(eye: ImagedEye, column_db: Trace) -> Trace:
+    """Return the columns' light without its slow changes: what shadows do, dB."""
+    dips: Trace = column_db - _slow(eye, column_db)
+    return dips
+
+
+def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
+    """Return how fast the light of the wall's columns falls with the depth of their surface in the frame, dB/m.
+
+    This is the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame does not tell them
+    apart. Steep columns are left out.
+    """
+    used = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FACING_RAD)
+    depth_m = eye.surface_row[used] * eye.scale.depth_m
+    if np.count_nonzero(used) < LEAST_IN_BIN or np.ptp(depth_m) < LEAST_REACH_M:
+        return Unmeasured("the surface lies at one depth of the frame")
+    step = max(1, len(depth_m) // 400)  # of neighbours that are alike
+    slope, _, low, high = theilslopes(tissue.column_db[used][::step], depth_m[::step], 0.68)
+    return fitted(-slope, (high - low) / 2 * 2.0, MOST_ROLL_OFF_ERROR, "the columns' light does not follow their depth")
+
+
+LayerBelow = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
+
+LAYER_BIN_M = 8e-6
+ABOVE_M, BELOW_M = 60e-6, 700e-6  # of the inner boundary: what is fitted
+LAYER_BINS, LAYER_IN_BIN, LAYER_COLUMNS = 15, 50, 50
+STEEPEST_RAD = 0.35  # of the surface: beyond, the light's way through the wall grows
+MOST_LEVEL_ERROR_DB, MOST_SHARE = 1.5, 0.3
+LEAST_SEEN_DB = 1.0  # over the noise: the layer's end must be brighter than that, to be one
+NO_INNER = "the wall's inner boundary is not seen"
+BLURRED = "what lies below the wall is no even layer, or too dark"
+NO_END = "the layer below the wall fades into the noise before it ends"
+
+
+def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBelow:
+    """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
+    columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
+    if (
+        not eye.inner_found
+        or np.count_nonzero(columns) < LAYER_COLUMNS
+        or isinstance(tissue.attenuation_per_m, Unmeasured)
+    ):
+        reason = Unmeasured(BLURRED if eye.inner_found else NO_INNER)
+        return reason, reason, reason
+    depth_m = eye.below_inner_rows * eye.row_m
+    chosen = (depth_m > -ABOVE_M) & (depth_m < BELOW_M) & columns & (eye.below_surface_rows > eye.edge_rows)
+    at_m, found_db, count = depth_profile(tissue.levels, depth_m, chosen, max(LAYER_BIN_M, eye.row_m))
+    seen = (count >= LAYER_IN_BIN) & (found_db < display.highest_db - LEAST_SEEN_DB)
+    if np.count_nonzero(seen) < LAYER_BINS:
+        reason = Unmeasured("too little is seen below the wall")
+        return reason, reason, reason
+    wall_m = np.nanmedian((eye.wall.inner_row - eye.surface_row)[columns]) * eye.row_m
+    mu = tissue.attenuation_per_m.value
+    at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
+
+    def model(below_m: Trace, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Trace:
+        y = below_m - off_m
+        wall = 10.0 ** (at_inner_db / 10.0) * np.exp(-2.0 * mu * y) * ndtr(-y / blur_m)
+        inside = ndtr(y / blur_m) * ndtr((thick_m - y) / blur_m)
+        layer = 10.0 ** ((at_inner_db + level) / 10.0) * np.exp(-2.0 * per_m * np.maximum(y, 0.0)) * inside
+        return level_db(wall + layer + 1.0)
+
+    try:
+        value, covariance = curve_fit(
+            model, at_m[seen], found_db[seen], (-8.0, 4000.0, 150e-6, 0.0, 15e-6), sigma=1.0 / np.sqrt(count[seen]),
+            method="trf", loss="soft_l1", x_scale=(3.0, 1000.0, 5e-5, 1e-5, 1e-5),
+            bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
+        )  # fmt: skip
+    except RuntimeError:
+        reason = Unmeasured(BLURRED)
+        return reason, reason, reason
+    error = np.sqrt(np.diag(covariance))
+    level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
+    if isinstance(level, Unmeasured):
+        return level, level, level
+    end_db = at_inner_db + value[0] - 20.0 / np.log(10.0) * value[1] * value[2]
+    thickness = fitted(value[2], error[2], MOST_SHARE * value[2], NO_END)
+    if level_db(np.array(10.0 ** (end_db / 10.0) + 1.0)) < LEAST_SEEN_DB or value[2] > 0.9 * (BELOW_M - 50e-6):
+        thickness = Unmeasured(NO_END)
+    return level, fitted(value[1], error[1], MOST_SHARE * value[1], BLURRED), thickness
+
+
+SHADOW_DB, SHADOW_SDS = 1.0, 4.0  # by which a shadow's columns are darker, in dB and in the others' deviations
+MARGIN = 1.5  # widths beside a shadow that are fitted with it
+MOST_LOSS_ERROR = 0.15
+SHADOW_COLUMNS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenShadow:
+    """A shadow: the column of its middle, its full width at half loss, m, and the share of the light that it takes."""
+
+    column: float
+    width_m: float
+    loss_fraction: float
+
+
+def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
+    """Return the shadows on a frame's wall."""
+    light_db = typical(eye, tissue.column_db)
+    known = np.isfinite(light_db)
+    deviation = robust_spread(np.abs(light_db[known]))
+    dark, _ = label(np.nan_to_num(light_db) < -max(SHADOW_DB, SHADOW_SDS * deviation))
+    found = [_fitted_shadow(eye, light_db, place[0]) for place in find_objects(dark)]
+    return _distinct([shadow for shadow in found if shadow is not None], eye.scale.lateral_m)
+
+
+def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, ...]:
+    """Return shadows without those that lie in another one: parts of it that speckle has cut off."""
+    kept: list[SeenShadow] = []
+    for shadow in sorted(shadows, key=lambda each: -each.width_m):
+        if all(abs(shadow.column - other.column) * lateral_m > other.width_m / 2 for other in kept):
+            kept.append(shadow)
+    return tuple(sorted(kept, key=lambda each: each.column))
+
+
+def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow | None:
+    """Return the shadow that lies about a run of dark columns; None: none fits."""
+    columns = place.stop - place.start
+    if columns < SHADOW_COLUMNS:
+        return None
+    margin = max(4, round(MARGIN * columns))
+    near = np.arange(max(place.start - margin, 0), min(place.stop + margin, len(light_db)))
+    near = near[np.isfinite(light_db[near])]
+    light = 10.0 ** (light_db[near] / 10.0)
+    start = ((place.start + place.stop - 1) / 2, columns, 1.0 - light.min(), 1.0)
+    try:
+        value, covariance = curve_fit(
+            _light, near, light, start, bounds=((near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0))
+        )
+    except (RuntimeError, ValueError):
+        return None
+    if not np.sqrt(covariance[2, 2]) < MOST_LOSS_ERROR:
+        return None
+    return SeenShadow(
+        column=float(value[0]), width_m=float(value[1] * eye.scale.lateral_m), loss_fraction=float(value[2])
+    )
+
+
+def _light(column: Trace, middle: float, width: float, loss: float, base: float) -> Trace:
+    light: Trace = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
+    return light
+
+
+SPECKLE_DB, UNDER_TOP_DB = 6.0, 5.0  # over the noise and below the display's end: pixels whose speckle is whole
+LEAST_PIXELS = 2000
+FAR = 60  # the longest lag, pixels
+LEAST_LAGS = 6
+NARROW, WIDE = 0.2, 40.0  # standard deviations of the amplitude, pixels
+SURE = 2.0  # standard errors over which a correlation is one
+
+
+def resolutions(
+    eye: ImagedEye, display: Display, tissue: WallLight
+) -> tuple[Estimate | Unmeasured, Estimate | Unmeasured]:
+    """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
+    expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
+    chosen = (
+        tissue.inside & tissue.clear & (expected_db > SPECKLE_DB) & (expected_db < display.highest_db - UNDER_TOP_DB)
+    )
+    pixels = int(np.count_nonzero(chosen))
+    if pixels < LEAST_PIXELS:
+        reason = Unmeasured("too little of the wall lies between the noise and the display's end")
+        return reason, reason
+    speckle = np.where(chosen, tissue.levels - expected_db, 0.0)
+    speckle[chosen] -= speckle[chosen].mean()
+    light = 10.0 ** (expected_db[chosen] / 10.0)
+    share = float(np.mean((1.0 - 1.0 / np.maximum(light, 1.0)) ** 2))
+    down, across = _autocorrelation(speckle, chosen)
+    steps_m = (eye.scale.depth_m, eye.scale.lateral_m)
+    found = [_width(curve, share, pixels) for curve in (down, across)]
+    axial, lateral = (
+        Estimate(value=width.value * step, error=width.error * step, at_most=width.at_most)
+        if isinstance(width, Estimate)
+        else width
+        for width, step in zip(found, steps_m, strict=True)
+    )
+    return axial, lateral
+
+
+def drawn_correlation(sigma: float, lags: int) -> Trace:
+    """Return how intensities of drawn speckle correlate at lags of 0, 1, ... pixels.
+
+    Args:
+        sigma: standard deviation of the Gaussian amplitude, pixels.
+        lags: how many.
+    """
+    reach = int(np.ceil(3.5 * sigma))
+    kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
+    field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
+    padded: Trace = np.square(np.pad(field, (0, lags))[:lags])
+    return padded
+
+
+def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) -> tuple[Trace, Trace]:
+    """Return the autocorrelation of the chosen pixels along the columns and along the rows, at lags from 0 on."""
+    shape = [next_fast_len(size + FAR, real=True) for size in speckle.shape]
+    power, pairs = (irfft2(np.abs(rfft2(values, shape)) ** 2, shape) for values in (speckle, chosen.astype(np.float64)))
+    mean = np.divide(power, pairs, out=np.zeros_like(power), where=pairs > LEAST_PIXELS / 2)
+    down: Trace = mean[:FAR, 0] / mean[0, 0]
+    across: Trace = mean[0, :FAR] / mean[0, 0]
+    return down, across
+
+
+def _width(correlation: Trace, share: float, pixels: int) -> Estimate | Unmeasured:
+    """Return the full width of the intensity's spread, in pixels, from the autocorrelation of the speckle in dB."""
+    fallen = np.flatnonzero(correlation < 0.15)
+    if not len(fallen) or fallen[0] * 3 > FAR:
+        return Unmeasured("the wall's texture is coarser than speckle")
+    lags = max(LEAST_LAGS, 3 * int(fallen[0]))
+    seen = correlation[1:lags]
+
+    def model(_: Trace, sigma: float, offset: float) -> Trace:
+        return _of_logarithms(share * drawn_correlation(sigma, lags)[1:]) + offset
+
+    error = float(np.sqrt((1.0 + 2.0 * np.sum(np.maximum(seen, 0.0) ** 2)) / pixels))
+    least = _independent(share, SURE * error)
+    start = (max(0.5, fallen[0] * 0.6), 0.0)
+    value, covariance = curve_fit(
+        model, np.arange(1.0, lags), seen, start, sigma=np.full(lags - 1, error), absolute_sigma=True,
+        bounds=((NARROW, -0.2), (WIDE, 0.4)), x_scale=(0.1, 0.01),
+    )  # fmt: skip
+    sigma, per_sigma = float(value[0]), 1.0 / amplitude_sigma(1.0)
+    if sigma <= least:
+        return Estimate(value=least * per_sigma, error=0.0, at_most=True)
+    misfit = float(np.std(seen - model(seen, *value))) / error
+    return Estimate(value=sigma * per_sigma, error=float(np.sqrt(covariance[0, 0])) * max(1.0, misfit) * per_sigma)
+
+
+def _of_logarithms(rho: Trace) -> Trace:
+    """Return how logarithms of exponential intensities correlate that correlate by rho themselves."""
+    correlated: Trace = spence(1.0 - rho) / spence(0.0)
+    return correlated
+
+
+def _independent(share: float, correlation: float) -> float:
+    """Return the standard deviation of the amplitude, in pixels, below which neighbours correlate by less than that."""
+
+    def over(sigma: float) -> float:
+        rho = share * drawn_correlation(sigma, 2)[1:]
+        return float(_of_logarithms(rho)[0]) - correlation
+
+    return float(brentq(over, NARROW, 2.0)) if over(NARROW) < 0.0 < over(2.0) else NARROW
+
+
+LEAST_SIGMA = 0.4  # pixels: no ridge is drawn narrower
+REACH_SIGMAS, REACH_ROWS = 2.5, 2.0  # of the rows about the surface that are looked at
+NORMAL_RAD, STEEP_RAD = 0.05, 0.2  # such slopes have to be seen: for the reflection, and for where the surface is
+FARTHEST_RAD = 0.4  # beyond, the surface leaves the picture, or is found less well
+SURFACE_COLUMNS = 20
+MOST_AT_TOP = 0.05  # of the columns near the normal may reach the display's largest count
+MOST_ERROR_DB, MOST_ANGLE_SHARE = 1.5, 0.35
+SPREAD = 2.0  # of the angle over its fit's standard error: neighbours are alike
+START_RAD, START_ROWS = 0.1, 0.3  # angle; deviation of the surface that was found
+KNOTS_RAD = (0.0, 0.05, 0.1, 0.15, 0.25, 0.4)  # slopes between which the offset of that surface changes evenly
+WEAK = "the surface hardly reflects over its speckle"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceLight:
+    """Pixels about a frame's surface, (pixel,).
+
+    `slope_rad` of the surface, rows `below` it, and the `light` over the speckle of the column. `sigma_rows`: of the
+    amplitude along the depth; `noise`: over the speckle; `fault`: why the reflection cannot be told.
+    """
+
+    slope_rad: Trace
+    below: Trace
+    light: Trace
+    sigma_rows: float
+    noise: float
+    fault: str = ""
+
+
+def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Estimate | Unmeasured) -> SurfaceLight:
+    """Return the light about the surface of a frame's unshaded columns."""
+    sigma = LEAST_SIGMA
+    if isinstance(axial, Estimate):
+        sigma = max(amplitude_sigma(axial.value) / eye.scale.depth_m, LEAST_SIGMA)
+    columns = np.flatnonzero(tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FARTHEST_RAD))
+    reach = round(REACH_SIGMAS * sigma + REACH_ROWS)
+    rows = np.rint(eye.surface_row[columns]).astype(np.intp) + np.arange(-reach, reach + 1)[:, None]
+    rows = np.clip(rows, 0, len(eye.pixels) - 1)
+    speckle = 10.0 ** ((tissue.snr_db.value + tissue.column_db[columns]) / 10.0)
+    light = (10.0 ** (tissue.levels[rows, columns] / 10.0) - 1.0) / speckle
+    slope = eye.slope_rad[columns]
+    at_top = (eye.pixels[rows, columns] >= display.top).any(axis=0)[slope < NORMAL_RAD]
+    fault = ""
+    if len(at_top) < SURFACE_COLUMNS or np.count_nonzero(slope > STEEP_RAD) < SURFACE_COLUMNS:
+        fault = "the surface is not seen both along the normal and well off it"
+    elif at_top.mean() > MOST_AT_TOP:
+        fault = "the surface's reflection is brighter than the display's end"
+    return SurfaceLight(
+        slope_rad=np.broadcast_to(slope, rows.shape).ravel(),
+        below=(rows - eye.surface_row[columns]).ravel(),
+        light=light.ravel(),
+        sigma_rows=sigma,
+        noise=float(10.0 ** (-tissue.snr_db.value / 10.0)),
+        fault=fault,
+    )
+
+
+def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasured], Estimate | Unmeasured]:
+    """Return each frame's reflection at normal incidence over its speckle, dB, and the angle of all, rad.
+
+    The angle is the slope at which the reflection has fallen to 1/e.
+    """
+    usable = [frame for frame in frames if not frame.fault]
+    if not usable:
+        return [Unmeasured(frame.fault) for frame in frames], Unmeasured(frames[0].fault)
+    pooled = _fit_reflection(usable, (1.0, START_RAD, START_ROWS, *[0.0] * len(KNOTS_RAD)))
+    reason = Unmeasured(WEAK)
+    angle: Estimate | Unmeasured = reason
+    if pooled is not None:
+        angle = fitted(pooled[0][1], SPREAD * pooled[1][1], MOST_ANGLE_SHARE * pooled[0][1], WEAK)
+    if pooled is None or isinstance(angle, Unmeasured) or pooled[0][1] > NEAR_END * HIGH[1]:
+        return [Unmeasured(frame.fault or WEAK) for frame in frames], reason
+    strengths = [_strength(frame, pooled[0]) for frame in frames]
+    return strengths, angle if any(isinstance(each, Estimate) for each in strengths) else reason
+
+
+def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
+    """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
+    if frame.fault:
+        return Unmeasured(frame.fault)
+    found = _fit_reflection([frame], tuple(pooled), held=tuple(range(1, len(LOW))))
+    if found is None:
+        return Unmeasured(WEAK)
+    gain = max(float(found[0][0]), 1e-9)
+    return fitted(10.0 * np.log10(gain), 10.0 / np.log(10.0) * float(found[1][0]) / gain, MOST_ERROR_DB, WEAK)
+
+
+# Gain, angle, deviation, and the offsets at KNOTS_RAD.
+LOW = np.array([0.0, 0.01, 0.05] + [-3.0] * len(KNOTS_RAD))
+HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
+NEAR_END = 0.95  # of the largest angle that is looked for: a fit that runs there has found none
+
+
+def _fit_reflection(
+    frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
+) -> tuple[Trace, Trace] | None:
+    """Fit the light of frames' pixels; return the values and standard errors, None where none fit.
+
+    Values: the reflection over the speckle; its angle, rad; the deviation of the surface that was found, rows, and how
+    many rows the true one lies below it, at KNOTS_RAD. Those `held` are the start.
+    """
+    slope, below, light = (
+        np.concatenate([getattr(frame, name) for frame in frames]) for name in ("slope_rad", "below", "light")
+    )
+    sigma, noise = (
+        np.concatenate([np.full(len(frame.light), getattr(frame, name)) for frame in frames])
+        for name in ("sigma_rows", "noise")
+    )
+    free = np.array([number for number in range(len(start)) if number not in held])
+    value, errors = np.array(start), np.zeros(len(start))
+
+    def model(_: Trace, *parameters: float) -> Trace:
+        whole = np.array(start)
+        whole[free] = parameters
+        return _seen(slope, below, sigma, whole)
+
+    weight = np.ones(len(light))
+    try:
+        for _ in range(3):  # the spread of speckle is its light
+            value[free], covariance = curve_fit(
+                model, below, light, np.clip(value[free], LOW[free], HIGH[free]), sigma=weight,
+                bounds=(LOW[free], HIGH[free]), max_nfev=300,
+            )  # fmt: skip
+            errors[free] = np.sqrt(np.diag(covariance))
+            weight = _seen(slope, below, sigma, value) + noise
+    except RuntimeError:
+        return None
+    return value, errors
+
+
+def _seen(slope: Trace, below: Trace, sigma: Trace, parameters: Trace) -> Trace:
+    """Return the mean light of pixels about the surface, over the speckle: the step of the wall, and the ridge."""
+    gain, angle, deviation = parameters[:3]
+    share = np.exp(-((slope / angle) ** 2))
+    rows = below - np.interp(slope, KNOTS_RAD, parameters[3:])
+    wide = np.sqrt(sigma**2 + 2.0 * deviation**2)
+    step = ndtr(rows / np.sqrt(1.0 / 12.0 + wide**2 / 2.0))
+    light: Trace = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
+    return light
+
+
+LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
+LINE_DB, LINE_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
+REACH = 8  # rows about a line that are fitted
+NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenLine:
+    """A line: depth below the frame's top edge and full width of the intensity at half maximum, m; level, dB."""
+
+    depth_m: float
+    level_db: float
+    thickness_m: float
+
+
+def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
+    """Return the lines across a frame, in rows in which some columns show the air above the tissue."""
+    air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
+    imaged = air.shape[1] - sum(eye.bands)
+    rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
+    if len(rows) < 2 * REACH:
+        return ()
+    rows = np.arange(rows[0], rows[-1] + 1)
+    levels = np.where(air[rows], display.levels(eye.pixels[rows]), np.nan)
+    level_db = np.nanmedian(levels, axis=1) - MEDIAN_DB
+    level_db = np.nan_to_num(level_db - np.nanmedian(level_db))
+    deviation = robust_spread(np.abs(level_db))
+    peaks, _ = find_peaks(level_db, height=max(LINE_DB, LINE_SDS * deviation), distance=REACH)
+    found = [_fitted_line(eye, rows, _mirrored(level_db), int(peak)) for peak in peaks]
+    return tuple(line for line in found if line is not None)
+
+
+def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> SeenLine | None:
+    """Return the line at a peak of the rows' light over the noise; None: it is wider than a line."""
+    near = slice(max(peak - REACH, 0), peak + REACH + 1)
+    try:
+        value, _ = curve_fit(
+            _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
+            bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
+        )  # fmt: skip
+    except RuntimeError:
+        return None
+    if value[2] > WIDEST:
+        return None
+    width_m = max(float(value[2]), NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
+    return SeenLine(
+        depth_m=float((value[0] + 0.5) * eye.scale.depth_m),
+        level_db=float(10.0 * np.log10(value[1])),
+        thickness_m=width_m,
+    )
+
+
+def _mirrored(level_db: Trace) -> Trace:
+    """Return the light of mirrors over the mean noise, by the level of the median over that of the noise."""
+    light = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])
+    median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * light) / 2.0) - MEDIAN_DB
+    mirrored: Trace = np.interp(level_db, median_db, light)
+    return mirrored
+
+
+def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
+    light: Trace = gain * np.exp(-(((row - middle) / sigma) ** 2))
+    return light

@@ -1,0 +1,428 @@
+"""The plan of a data set: what every sample is, before anything is simulated (paper sec. 2.3, 3.3)."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from hashlib import sha256
+from importlib.metadata import version
+from math import lcm
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.checked_store import CheckedStore, StoredArray
+from scleraforce.errors import DatasetError
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.study import Choice, DatasetGroup, Sampled, Study, format_study, parse_study, study_hash
+from scleraforce.units import from_si
+
+UNIT_IMAGES = 200  # about this many samples are simulated and stored together
+DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth")
+
+
+@dataclass(frozen=True)
+class DatasetPlan:
+    """Every sample's metadata, each of shape (samples,); the samples of a contact stand together.
+
+    `contact` numbers the contacts through all groups. `validation` marks the samples of the contacts that training
+    never sees. `seed` reproduces a sample's own draws (see `sample_draws`).
+    """
+
+    force_n: NDArray[np.float64]
+    target: NDArray[np.uint8]
+    thickness_m: NDArray[np.float64]
+    contact: NDArray[np.int32]
+    polar_rad: NDArray[np.float64]
+    azimuth_rad: NDArray[np.float64]
+    gap_m: NDArray[np.float64]
+    tilt_rad: NDArray[np.float64]
+    direction_rad: NDArray[np.float64]
+    framing_lateral_m: NDArray[np.float64]
+    framing_depth_m: NDArray[np.float64]
+    validation: NDArray[np.bool_]
+    seed: NDArray[np.uint32]
+    unit_images: int  # samples of a unit of work, which is a chunk of the store
+
+    @property
+    def images(self) -> int:
+        """Number of samples."""
+        return len(self.force_n)
+
+    @property
+    def units(self) -> int:
+        """Number of units of work; the last may be smaller."""
+        return -(-self.images // self.unit_images)
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The metadata by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "unit_images"}
+
+    def unit(self, number: int) -> slice:
+        """Return the samples of a unit of work."""
+        return slice(number * self.unit_images, min((number + 1) * self.unit_images, self.images))
+
+
+def plan_dataset(study: Study) -> DatasetPlan:
+    """Draw the samples that a study asks for; the same study gives the same plan.
+
+    For each group: `contacts` random contacts (fewer where there are fewer images), of which `validation_fraction`,
+    but at least one, is kept for validation; the polar angle is drawn from the needle's range (uniform in angle), the
+    azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own
+    force, uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
+
+    Args:
+        study: the study; `[dataset]`, `[needle]` and `[classes]` matter here.
+
+    Returns:
+        The plan, in the order of groups, contacts, samples.
+
+    >>> plan_dataset(Study()).images
+    19200
+    """
+    draft = draft_plan(study)
+    return draft.samples(slice(0, draft.images))
+
+
+@dataclass(frozen=True)
+class PlanDraft:
+    """A plan without what each sample draws for itself: it is made fast, and gives any part of the plan."""
+
+    study: Study
+    groups: "tuple[_GroupDraft, ...]"
+
+    @property
+    def images(self) -> int:
+        """Number of samples."""
+        return sum(len(group.seed) for group in self.groups)
+
+    def unit(self, number: int) -> DatasetPlan:
+        """Return the plan of the samples of a unit of work alone, numbered from 0."""
+        size = unit_images(self.study)
+        return self.samples(slice(number * size, min((number + 1) * size, self.images)))
+
+    def samples(self, samples: slice) -> DatasetPlan:
+        """Return the plan of consecutive samples alone, numbered from 0."""
+        parts, first = [], 0
+        for group in self.groups:
+            count = len(group.seed)
+            low, high = max(samples.start - first, 0), min(samples.stop - first, count)
+            if low < high:
+                parts.append(group.plan(self.study, slice(low, high)))
+            first += count
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return DatasetPlan(unit_images=unit_images(self.study), **joined)
+
+
+def draft_plan(study: Study) -> PlanDraft:
+    """Draw the contacts of a plan and the seeds of its samples."""
+    rng = np.random.default_rng(study.dataset.seed)
+    groups = study.dataset.group
+    first_contact = np.cumsum([0, *(_contacts(study, group) for group in groups)])
+    drafts = (_draft_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False))
+    return PlanDraft(study, tuple(drafts))
+
+
+def sample_draws(seed: NDArray[np.uint32]) -> dict[str, NDArray[np.float64]]:
+    """Return the uniform draws in [0, 1) of samples with these seeds, each of shape (samples,), by `DRAWS` name."""
+    uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
+    return dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
+
+
+@dataclass(frozen=True)
+class _GroupDraft:
+    """A group: its contacts, numbered from `first_contact` and each with the number of its samples, and all seeds."""
+
+    group: DatasetGroup
+    first_contact: int
+    polar_rad: NDArray[np.float64]
+    azimuth_rad: NDArray[np.float64]
+    validation: NDArray[np.bool_]
+    spread: NDArray[np.intp]
+    seed: NDArray[np.uint32]
+
+    def plan(self, study: Study, samples: slice) -> dict[str, Any]:
+        """Return the columns of consecutive samples."""
+        seed, group = self.seed[samples], self.group
+        numbers = np.arange(samples.start, samples.stop)
+        contact = np.searchsorted(np.cumsum(self.spread), numbers, side="right")
+        draws = sample_draws(seed)
+        gap = study.dataset.gap_m
+        force_n = group.max_force_n * draws["force"]
+        return {
+            "force_n": force_n,
+            "target": np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
+            "thickness_m": np.full(len(seed), group.thickness_m),
+            "contact": (self.first_contact + contact).astype(np.int32),
+            "polar_rad": self.polar_rad[contact],
+            "azimuth_rad": self.azimuth_rad[contact],
+            "gap_m": np.full(len(seed), study.needle.gap_m) if gap is None else _at(gap, draws["gap"]),
+            "tilt_rad": _at(study.dataset.tilt_rad, draws["tilt"]),
+            "direction_rad": _at(study.dataset.direction_rad, draws["direction"]),
+            "framing_lateral_m": _at(study.dataset.framing_lateral_m, draws["framing_lateral"]),
+            "framing_depth_m": _at(study.dataset.framing_depth_m, draws["framing_depth"]),
+            "validation": self.validation[contact],
+            "seed": seed,
+        }
+
+
+def _draft_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> _GroupDraft:
+    contacts = _contacts(study, group)
+    return _GroupDraft(
+        group,
+        first,
+        polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
+        azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
+        validation=_validation_contacts(study, contacts, rng),
+        spread=_spread(group.images, contacts),
+        seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
+    )
+
+
+def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Map draws in [0, 1) to a sampled value: all of its choices are equally likely, or its range is uniform."""
+    if isinstance(sampled, Choice):
+        values = np.asarray(sampled.values, dtype=np.float64)
+        return values[(uniform * len(values)).astype(np.intp)]
+    return sampled.min + (sampled.max - sampled.min) * uniform
+
+
+def _contacts(study: Study, group: DatasetGroup) -> int:
+    return min(study.dataset.contacts, group.images)
+
+
+def _validation_contacts(study: Study, contacts: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Choose the contacts of the validation set; both sets get at least one where there are two."""
+    wanted = round(study.dataset.validation_fraction * contacts)
+    count = min(max(wanted, 1), contacts - 1)
+    return rng.permutation(np.arange(contacts) < count)
+
+
+def _spread(images: int, contacts: int) -> NDArray[np.intp]:
+    """Return the images of each contact: equal, but for one more on the first few where they do not divide."""
+    return images // contacts + (np.arange(contacts) < images % contacts)
+
+
+def unit_images(study: Study) -> int:
+    """Return the samples in a unit: whole contacts in every group where a common multiple near `UNIT_IMAGES` exists."""
+    even = [group.images // _contacts(study, group) for group in study.dataset.group]
+    whole = lcm(*even)
+    return whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
+
+
+@dataclass(frozen=True)
+class CalibratedModulus:
+    """The population's Young's modulus, the mechanics it was fitted with, and the file it is from with its SHA-256."""
+
+    youngs_modulus_pa: float
+    mechanics: str
+    path: str
+    sha256: str
+
+
+def read_population_modulus(path: str | PathLike[str]) -> CalibratedModulus:
+    """Read the population's mean from the file that `scleraforce calibrate` writes.
+
+    Raises:
+        CalibrationError: the file is missing, is not JSON, or has no usable `population.mean_mpa`.
+    """
+    found = read_calibration(path)
+    return CalibratedModulus(found.population_mean_pa, found.mechanics, found.path, found.sha256)
+
+
+STORE = CheckedStore(
+    noun="data set",
+    command="generate",
+    verb="generate",
+    schema="scleraforce-dataset-2",
+    required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
+    same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
+    others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
+    error=DatasetError,
+)
+SLICES = "slices"
+MAX_MODULUS_PA = 1e12
+SLACK = 1e-12
+DTYPES = {
+    "force_n": "float64",
+    "target": "uint8",
+    "thickness_m": "float64",
+    "contact": "int32",
+    "polar_rad": "float64",
+    "azimuth_rad": "float64",
+    "gap_m": "float64",
+    "tilt_rad": "float64",
+    "direction_rad": "float64",
+    "framing_lateral_m": "float64",
+    "framing_depth_m": "float64",
+    "validation": "bool",
+    "seed": "uint32",
+}
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A complete data set, checked on opening; its arrays are read on first use.
+
+    Attributes:
+        path: the store.
+        study: the study that it was made from.
+        youngs_modulus_pa: Young's modulus of the simulated walls.
+        attributes: everything else that the store says about itself (seed, versions, calibration ...).
+    """
+
+    path: Path
+    study: Study
+    youngs_modulus_pa: float
+    attributes: Mapping[str, Any]
+
+    @cached_property
+    def slices(self) -> NDArray[np.uint8]:
+        """The slices, shape (samples, rows, columns), 255 = wall."""
+        return self.read(SLICES)
+
+    @cached_property
+    def force_n(self) -> NDArray[np.float64]:
+        """The force of the needle, shape (samples,)."""
+        return self.read("force_n")
+
+    @cached_property
+    def target(self) -> NDArray[np.uint8]:
+        """The class of the force, shape (samples,)."""
+        return self.read("target")
+
+    @property
+    def images(self) -> int:
+        """Number of samples."""
+        return len(self.force_n)
+
+    def split(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the numbers of the training and of the validation samples; they share no contact."""
+        validation = self.read("validation")
+        return np.flatnonzero(~validation), np.flatnonzero(validation)
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Read a whole array: `slices` or a name of the metadata.
+
+        Raises:
+            DatasetError: there is no such array, a part of it is missing or damaged, or it has impossible values.
+        """
+        arrays = {array.name: array for array in _arrays(self.study)}
+        if name not in arrays:
+            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(arrays)}")
+        values = STORE.read(self.path, self.attributes, arrays[name])
+        if wrong := _impossible(name, values, self.study):
+            raise DatasetError(f"{self.path / name}: {wrong}; generate the data set again")
+        return values
+
+
+def open_dataset(path: str | PathLike[str]) -> Dataset:
+    """Open a data set that `generate_dataset` has completed.
+
+    Raises:
+        DatasetError: nothing there, not a data set, not complete, or not consistent.
+        StudyError: its study cannot be used.
+
+    >>> import scleraforce as sf
+    >>> sf.open_dataset("dataset").images
+    200
+    """
+    path = Path(path)
+    attributes = STORE.complete_attributes(path)
+    text, modulus_pa = attributes["study"], attributes["youngs_modulus_pa"]
+    # Of the text as it was written: a later version may know more keys, and format the same study differently.
+    if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["study_hash"]:
+        raise DatasetError(f"{path}: its study does not match its hash: the store is damaged; generate it again")
+    if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
+        raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0")
+    study = parse_study(text, f"{path}: study")
+    for array in _arrays(study):
+        STORE.check_array(path, attributes, array)
+    return Dataset(path, study, float(modulus_pa), attributes)
+
+
+def _arrays(study: Study) -> tuple[StoredArray, ...]:
+    """Return the arrays of a data set: the slices, a unit of work in each chunk, and the metadata of all samples."""
+    images = sum(part.images for part in study.dataset.group)
+    size = (study.slice.rows, study.slice.columns)
+    slices = StoredArray(SLICES, (images, *size), (min(unit_images(study), images), *size), "uint8", compressed=True)
+    return (slices, *(StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()))
+
+
+def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
+    """Return what no sample of a study has; None where all is possible."""
+    if name == SLICES:
+        return "a pixel other than 0 (no wall) and 255 (wall)" if (values + np.uint8(1) > 1).any() else None
+    if name == "validation":
+        return "a value other than true and false" if (values.view(np.uint8) > 1).any() else None
+    if name == "target":
+        return f"a class above {len(study.classes.bounds_n)}" if values.max() > len(study.classes.bounds_n) else None
+    if not np.isfinite(values).all():
+        return "a value that is not finite"
+    if name == "force_n":
+        largest_n = max(group.max_force_n for group in study.dataset.group)
+        if values.min() < 0.0 or values.max() > largest_n * (1.0 + SLACK):
+            found = f"{from_si(values.min(), 'mn'):g} to {from_si(values.max(), 'mn'):g} mN"
+            return f"{found}; its study asks for 0 to {from_si(largest_n, 'mn'):g} mN"
+    return None
+
+
+def create_dataset(
+    path: Path,
+    study: Study,
+    youngs_modulus_pa: float,
+    calibration: CalibratedModulus | None,
+    plan: DatasetPlan,
+    mechanics: str = "linear",
+) -> None:
+    """Create the store with all metadata and no slices, or take up what a killed run of the same study has left.
+
+    Raises:
+        DatasetError: `path` holds something else, another run, or a complete data set.
+    """
+    described = _describe(study, youngs_modulus_pa, calibration, mechanics)
+    STORE.begin(path, described, _arrays(study), plan.columns)
+
+
+def missing_dataset_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
+    """Return the units of work whose slices are not in the store, or cannot be read there."""
+    slices, *_ = _arrays(study)
+    return [unit for unit in range(plan.units) if not STORE.is_readable(path, slices, (unit,))]
+
+
+def write_dataset_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
+    """Write the slices of one unit of work, shape (samples of the unit, rows, columns).
+
+    Raises:
+        DatasetError: the folder cannot be written to, or the disk is full.
+    """
+    slices, *_ = _arrays(study)
+    STORE.write(path, slices, plan.unit(unit), images)
+
+
+def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
+    """Mark the store as complete, and clear what killed runs have left beside their chunks.
+
+    Raises:
+        DatasetError: units are missing.
+    """
+    missing = len(missing_dataset_units(path, plan, study))
+    STORE.finish(path, _arrays(study), missing, f"{plan.units} parts")
+
+
+def _describe(
+    study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None, mechanics: str
+) -> dict[str, Any]:
+    packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
+    return {
+        "study": format_study(study),
+        "study_hash": study_hash(study),
+        "seed": study.dataset.seed,
+        "mechanics": mechanics,
+        "youngs_modulus_pa": youngs_modulus_pa,
+        "calibration": asdict(calibration) if calibration else None,
+        "versions": {name: version(name) for name in packages},
+    }
