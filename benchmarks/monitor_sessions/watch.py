@@ -51,7 +51,7 @@ class Watch:
 
     def read(self, frame: Frame, at_s: float, number: int, shown_back: int) -> tuple[Answer, Withdrawal | None]:
         """Read a frame; return the network's answer, and the withdrawal where one begins."""
-        answer = self._live.read(frame, self._scale).answer
+        answer = self._live.read(frame, self._scale)
         event = FrameRead(
             at_s=at_s,
             frame_id=number,

@@ -100,7 +100,7 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
     recording = read_recording(path)
     answers = evaluate_recordings(load_model("default"), [path]).frames
     forces_n = [
-        [value for value in (answer.predicted_force_n, *(answer.interval_n or ())) if value] for answer in answers
+        [value for value in (frame.answer.force_n, *(frame.answer.interval_n or ())) if value] for frame in answers
     ]
     entries = {
         "forces": item([made.forces_n, made.tips_m, made.lowest_m.T[0]], SCORES),

@@ -20,7 +20,7 @@ def read_beside_log_and_truth(folder: Path) -> Evaluation:
             file=file,
             measured_force_n=1e-3 * (force_mn + 2.0),
             true_force_n=1e-3 * force_mn,
-            predicted_force_n=1e-3 * (force_mn + 0.5),
+            force_n=1e-3 * (force_mn + 0.5),
             interval_n=(1e-3 * (force_mn - 0.5), 1e-3 * (force_mn + 1.5)),
         )
         for file, force_mn in list(true_mn.items())[:2]

@@ -281,7 +281,7 @@ def test_a_reading_that_is_no_number_never_passes(field: str) -> None:
     model = force_reader(replace(FIVE_MN, **{field: broken[field]}), "network")
     found = answer(image(wall_section(tip_of(0.015))), model=model)
     assert (found.usable, found.predicted, found.probabilities, found.force_n) == (False, 2, None, None)
-    assert "no number" in found.reason
+    assert "not a number" in found.reason
 
 
 def test_two_methods_so_far_apart_that_no_class_is_left_are_no_answer() -> None:
@@ -302,7 +302,7 @@ def test_two_methods_so_far_apart_that_no_class_is_left_are_no_answer() -> None:
 def test_a_check_that_is_no_number_is_a_warning() -> None:
     found = answer(image(wall_section(tip_of(0.015))), model=force_reader(replace(FIVE_MN, force_n=nan)))
     assert found.usable
-    assert "no number" in found.warnings[0]
+    assert "not a number" in found.warnings[0]
 
 
 def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_tell_enough() -> None:

@@ -39,7 +39,7 @@ def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     assert answer.predicted == 2
     assert answer.reason.startswith(SAID[0])
     assert not answer.can_calibrate
-    assert reader.read_live(frame, SCALE, KNOWN).answer.usable
+    assert reader.read_live(frame, SCALE, KNOWN).usable
 
 
 def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_model) -> None:
@@ -49,7 +49,7 @@ def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_mo
     assert alone.read(frame, SCALE).usable
     assert not checked.read(frame, SCALE).usable
     assert checked.read(frame, SCALE).reason.startswith(SAID)
-    assert checked.read_live(frame, SCALE).answer.usable
+    assert checked.read_live(frame, SCALE).usable
 
 
 def told(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:

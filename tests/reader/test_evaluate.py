@@ -96,7 +96,7 @@ def test_labels_exclusions_and_metrics_are_those_of_the_recording(places) -> Non
     assert [frame.scored for frame in frames] == [True] * 4 + [False] * 2
     assert "largest force" in frames[4].excluded
     assert frames[5].excluded == "pierced"
-    right = [frame.predicted == frame.target for frame in frames[:4]]
+    right = [frame.answer.predicted == frame.target for frame in frames[:4]]
     assert found.accuracy.value == np.mean(right)
     assert found.confusion.sum(axis=1).tolist() == [1, 2, 1]
     assert found.notes == ()
@@ -110,9 +110,9 @@ def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places) 
     scale = PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
     cut = boundary_slice(find_wall(pixels, scale), scale, reader.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
-    np.testing.assert_allclose(frame.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
-    assert frame.predicted == np.argmax(frame.probabilities)
-    answers = [found.probabilities for found in frames if found.usable]
+    np.testing.assert_allclose(frame.answer.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
+    assert frame.answer.predicted == np.argmax(frame.answer.probabilities)
+    answers = [found.answer.probabilities for found in frames if found.answer.usable]
     assert np.ptp(answers, axis=0).max() > 0.02, "a network that answers always the same proves nothing"
 
 
@@ -129,8 +129,8 @@ def test_a_recording_that_was_read_is_not_read_again(places, tmp_path: Path) -> 
 
 def test_a_frame_that_shows_nothing_counts_as_class_2_and_was_never_shown_to_the_network(places) -> None:
     blank = evaluate_recordings(load_model(places["model"]), [places["a"]]).frames[3]
-    assert (blank.usable, blank.predicted, blank.probabilities) == (False, 2, None)
-    assert blank.reason
+    assert (blank.answer.usable, blank.answer.predicted, blank.answer.probabilities) == (False, 2, None)
+    assert blank.answer.reason
     assert blank.scored
 
 
@@ -329,9 +329,9 @@ def test_classify_answers_as_evaluate_does(places, capsys) -> None:
     answers = json.loads(capsys.readouterr().out)["frames"]
     expected = evaluate_recordings(load_model(places["model"]), [places["a"]]).frames
     assert [entry["file"] for entry in answers] == frames
-    assert [entry["predicted"] for entry in answers] == [frame.predicted for frame in expected]
-    assert [entry["usable"] for entry in answers] == [frame.usable for frame in expected]
-    np.testing.assert_allclose(answers[1]["probabilities"], expected[1].probabilities)
+    assert [entry["predicted"] for entry in answers] == [frame.answer.predicted for frame in expected]
+    assert [entry["usable"] for entry in answers] == [frame.answer.usable for frame in expected]
+    np.testing.assert_allclose(answers[1]["probabilities"], expected[1].answer.probabilities)
 
 
 def test_classify_reads_a_frame_at_the_scale_that_it_is_told(places, capsys) -> None:

@@ -61,24 +61,27 @@ def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations
     assert told["stranger"] == (pytest.approx(1.1 * MODULUS_PA), "population")
     mine, other = (both.frames[start : start + 4] for start in (0, 5))
     for frame, stranger, force_n in zip(mine, other, FORCES_N, strict=True):
-        low, high = frame.interval_n
-        assert frame.predicted_force_n == pytest.approx(force_n, abs=1e-3)
+        low, high = frame.answer.interval_n
+        assert frame.answer.force_n == pytest.approx(force_n, abs=1e-3)
         assert low < force_n < high
-        wide_low, wide_high = stranger.interval_n
+        wide_low, wide_high = stranger.answer.interval_n
         assert wide_high - wide_low > 1.2 * (high - low)
         assert wide_low < force_n < wide_high
 
 
 def test_errors_and_coverage_are_those_of_the_usable_frames_that_count(both) -> None:
-    counted = [f for f in both.frames if f.usable and not f.calibration]
-    assert [(f.recording[-4:], f.file) for f in both.frames if not f.usable] == [("mine", "4.png"), ("ther", "4.png")]
+    counted = [f for f in both.frames if f.answer.usable and not f.calibration]
+    assert [(f.recording[-4:], f.file) for f in both.frames if not f.answer.usable] == [
+        ("mine", "4.png"),
+        ("ther", "4.png"),
+    ]
     assert len(counted) == 7
-    errors = [abs(f.predicted_force_n - f.measured_force_n) for f in counted]
+    errors = [abs(f.answer.force_n - f.measured_force_n) for f in counted]
     assert both.mae_n == pytest.approx(np.mean(errors))
     assert all(f.measured_force_sd_n > 0.0 for f in counted)
     sds_n = 1.6449 * np.array([f.measured_force_sd_n for f in counted])
-    off_n = np.array([f.measured_force_n - f.predicted_force_n for f in counted])
-    below_n, above_n = np.array([np.subtract(f.interval_n, f.predicted_force_n) for f in counted]).T
+    off_n = np.array([f.measured_force_n - f.answer.force_n for f in counted])
+    below_n, above_n = np.array([np.subtract(f.answer.interval_n, f.answer.force_n) for f in counted]).T
     assert both.coverage.value == np.mean((off_n >= -np.hypot(below_n, sds_n)) & (off_n <= np.hypot(above_n, sds_n)))
     assert (both.accuracy.total, both.usable.accuracy.total) == (9, 7)
     assert both.accuracy.hits == 7
@@ -92,7 +95,7 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
     calibration = read_calibration(places["calibration"])
     without = evaluate_recordings(model, [mine], calibration)
     assert without.as_json()["truth"] is None
-    true_n = [frame.predicted_force_n or 0.0 for frame in without.frames]
+    true_n = [frame.answer.force_n or 0.0 for frame in without.frames]
     true_n[0] += 1.0  # far outside its interval
     truth = [{"file": frame.file, "force_n": n} for frame, n in zip(without.frames, true_n, strict=True)]
     (mine / "truth.json").write_text(json.dumps({"frames": truth}))
@@ -112,8 +115,8 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     (note,) = [note for note in both.notes if "population's modulus" in note]
     assert f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop" in note
     mine, other = both.frames[:5], both.frames[5:]
-    assert not any("population" in warning for frame in mine for warning in frame.warnings)
-    assert all("the modulus is the population's, not this eye's own" in frame.warnings for frame in other)
+    assert not any("population" in warning for frame in mine for warning in frame.answer.warnings)
+    assert all("the modulus is the population's, not this eye's own" in frame.answer.warnings for frame in other)
     assert (
         run(["evaluate", str(places["model"]), str(places["other"]), "--calibration", str(places["calibration"])]) == 0
     )
@@ -131,7 +134,7 @@ def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
     (path / "recording.toml").write_text(text.replace('globe = "open"\n', stated))
     found = evaluate_recordings(model, [path])
     for frame, of_open in zip(found.frames[1:4], uncalibrated.frames[1:4], strict=True):
-        assert np.diff(frame.interval_n) > 1.05 * np.diff(of_open.interval_n)
+        assert np.diff(frame.answer.interval_n) > 1.05 * np.diff(of_open.answer.interval_n)
     coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
     eye = calibrate_recordings([read_recording(path)], coarse, "0", library=LIBRARY, frames=2).eyes["mine"]
     assert (eye.globe.kind, eye.globe.calibrated) == (kind, True)
@@ -154,7 +157,7 @@ def test_forces_of_another_size_than_those_read_are_noted(places, model, tmp_pat
 
 def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(uncalibrated, both) -> None:
     widths = [
-        from_si(f.interval_n[1] - f.interval_n[0], "mn")
+        from_si(f.answer.interval_n[1] - f.answer.interval_n[0], "mn")
         for f in (uncalibrated.frames[2], both.frames[2], both.frames[7])
     ]
     assert widths[0] > widths[2] > widths[1]
@@ -169,9 +172,9 @@ def test_moduli_of_linear_walls_are_refused(places, model) -> None:
 def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places, model) -> None:
     found = evaluate_recordings(model, [places["far"]])
     assert "gap between B-scan and needle axis 1.5 mm" in found.notes[0]
-    assert {(frame.usable, frame.predicted) for frame in found.frames} == {(False, 2)}
+    assert {(frame.answer.usable, frame.answer.predicted) for frame in found.frames} == {(False, 2)}
     assert isnan(found.mae_n)
-    assert all(frame.can_calibrate for frame in found.frames[:3])
+    assert all(frame.answer.can_calibrate for frame in found.frames[:3])
 
 
 def test_the_command_prints_forces_in_millinewtons(places, both, capsys) -> None:

@@ -8,9 +8,9 @@ import pytest
 from scleraforce.reader.networks import (
     ForceDistribution,
     force_distribution,
+    histogram_reading,
     quantile,
     ratio_edges,
-    single_force,
 )
 
 EDGES_M2 = ratio_edges(20, 0.4e-6)
@@ -30,7 +30,7 @@ def drawn_forces(histogram: np.ndarray, modulus_pa: float, count: int) -> np.nda
 
 
 def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, ...]) -> np.ndarray:
-    """The probability of each class (sample, class), with arrays: the oracle of `single_force`."""
+    """The probability of each class (sample, class), with arrays: the oracle of `histogram_reading`."""
     below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
     below[:, 0], below[:, -1] = 0.0, 1.0
     for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
@@ -89,14 +89,14 @@ def test_a_single_frame_is_judged_as_many_are(concentration: float) -> None:
     many = force_distribution(histograms, EDGES_M2, moduli_pa)
     classes = class_probabilities(many, BOUNDS_N)
     for number, (histogram, modulus_pa) in enumerate(zip(histograms, moduli_pa, strict=True)):
-        single = single_force(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
-        np.testing.assert_allclose(single.median_n, many.median_n[number], rtol=1e-9)
+        single = histogram_reading(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
+        np.testing.assert_allclose(single.force_n, many.median_n[number], rtol=1e-9)
         np.testing.assert_allclose(single.interval_n, many.interval_n[number], rtol=1e-9)
         np.testing.assert_allclose(single.probabilities, classes[number], atol=1e-12)
 
 
 def test_a_single_frame_without_force_above_the_bounds_leaves_their_class_empty() -> None:
-    single = single_force([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
+    single = histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
     np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)
 
 
@@ -105,11 +105,11 @@ def test_a_single_frame_without_force_above_the_bounds_leaves_their_class_empty(
 def test_a_histogram_that_is_no_number_gives_no_number(wrong: float, place: int) -> None:
     histogram = [0.05] * 20
     histogram[place] = wrong
-    single = single_force(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
-    assert not isfinite(single.median_n)
+    single = histogram_reading(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+    assert not isfinite(single.force_n)
     assert not all(map(isfinite, single.probabilities))
 
 
 def test_an_empty_histogram_gives_no_number() -> None:
-    single = single_force([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
-    assert not any(map(isfinite, (single.median_n, *single.interval_n, single.probabilities[1])))
+    single = histogram_reading([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+    assert not any(map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1])))

@@ -27,7 +27,7 @@ from scleraforce.reader.intervals import (
     stretches,
     traits_of,
 )
-from scleraforce.reader.networks import ratio_edges, single_force
+from scleraforce.reader.networks import histogram_reading, ratio_edges
 from scleraforce.reader.verdicts import no_wall_of_an_eye
 from scleraforce.study import ReaderStudy
 
@@ -118,10 +118,12 @@ def test_a_stretched_histogram_is_that_of_stretched_forces(factor: float) -> Non
     rng = np.random.default_rng(1)
     edges_m2 = ratio_edges(64, 0.2e-6)
     histogram = np.exp(-0.5 * ((np.arange(64) - 40.0) / 4.0) ** 2)
-    plain = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N)
-    found = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, {plain.median_n: factor}.__getitem__)
+    plain = histogram_reading(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N)
+    found = histogram_reading(
+        histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, 0.0, {plain.force_n: factor}.__getitem__
+    )
     drawn = np.interp(rng.random(400_000), np.append(0.0, histogram.cumsum() / histogram.sum()), edges_m2) * 0.3e6
-    drawn = plain.median_n + factor * (drawn - plain.median_n)
+    drawn = plain.force_n + factor * (drawn - plain.force_n)
     assert found.interval_n == pytest.approx(tuple(np.quantile(drawn, [0.05, 0.95])), rel=5e-3)
     below = np.searchsorted(np.sort(drawn), BOUNDS_N) / len(drawn)
     assert found.probabilities == pytest.approx((below[0], below[1] - below[0], 1.0 - below[1]), abs=4e-3)

@@ -52,11 +52,11 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray, defau
 def test_in_the_loop_a_frame_with_a_needle_is_not_usable_and_says_why(crossed: np.ndarray) -> None:
     known = replace(NEAR, gap_m=0.32e-3)  # the network was trained on such gaps
     live = force_reader(FIVE_MN).read_live(crossed, SCALE, known)
-    assert not live.answer.usable
-    assert "a needle hides a part of the wall" in live.answer.reason
-    assert live.answer.needle is not None
-    assert np.isnan(live.outer_row[slice(*live.answer.needle.hidden)]).all()
-    near = force_reader(FIVE_MN).read_live(crossed, SCALE, NEAR).answer
+    assert not live.usable
+    assert "a needle hides a part of the wall" in live.reason
+    assert live.needle is not None
+    assert np.isnan(live.segmentation.outer_row[slice(*live.needle.hidden)]).all()
+    near = force_reader(FIVE_MN).read_live(crossed, SCALE, NEAR)
     assert near.reason == "gap between B-scan and needle axis 0.1 mm, the model was trained on 0.3 to 1 mm"
 
 
@@ -69,7 +69,7 @@ def test_a_needle_far_from_where_the_plane_is_said_to_be_is_not_read(crossed: np
 
 def test_a_classifier_withdraws_from_a_needle_in_the_picture(crossed: np.ndarray, write_model, tmp_path: Path) -> None:
     model = load_model(write_model(tmp_path / "model", STUDY).path)
-    for answer in (model.read(crossed, SCALE, NEAR), model.read_live(crossed, SCALE, NEAR).answer):
+    for answer in (model.read(crossed, SCALE, NEAR), model.read_live(crossed, SCALE, NEAR)):
         assert (answer.usable, answer.predicted) == (False, 2)
         assert "a needle hides a part of the wall" in answer.reason
         assert answer.needle is not None

@@ -73,8 +73,8 @@ def test_all_readings_of_a_frame_are_one(recording: Path, capsys: pytest.Capture
             expected = in_json(answer)
             assert {key: entry[key] for key in expected} == expected
     for answer, other, path in zip(answers, evaluated, paths, strict=True):
-        assert (other.predicted_force_n, other.interval_n) == (answer.force_n, answer.interval_n)
+        assert (other.answer.force_n, other.answer.interval_n) == (answer.force_n, answer.interval_n)
         for wall in (answer.segmentation, sf.segment(path)):
-            np.testing.assert_array_equal(wall.outer_row, other.segmentation.outer_row)
-            np.testing.assert_array_equal(wall.inner_row, other.segmentation.inner_row)
-            assert (wall.usable, wall.reason) == (other.segmentation.usable, other.segmentation.reason)
+            np.testing.assert_array_equal(wall.outer_row, other.answer.segmentation.outer_row)
+            np.testing.assert_array_equal(wall.inner_row, other.answer.segmentation.inner_row)
+            assert (wall.usable, wall.reason) == (other.answer.segmentation.usable, other.answer.segmentation.reason)

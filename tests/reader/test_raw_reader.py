@@ -20,7 +20,7 @@ from scleraforce.models.session import network_session
 from scleraforce.reader import RawReader, load_force_reader, load_model
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import IntervalFactors
-from scleraforce.reader.networks import OnnxRawNetwork
+from scleraforce.reader.networks import ForceNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.reduced import FrameWindow
@@ -46,13 +46,13 @@ def frame() -> np.ndarray:
     return image(wall_section(tip_of(0.02)))
 
 
-def network(folder: Path, factors: IntervalFactors | None = None) -> OnnxRawNetwork:
+def network(folder: Path, factors: IntervalFactors | None = None) -> ForceNetwork:
     session = network_session((folder / "model.onnx").read_bytes(), "place", 1)
-    return OnnxRawNetwork(session, RAW_STUDY, "place", factors or IntervalFactors())
+    return ForceNetwork(session, RAW_STUDY, "place", factors or IntervalFactors(), raw=True)
 
 
 def test_the_answer_is_the_networks_reading_of_the_reduced_frame(reader, folder, frame) -> None:
-    reduced = FrameWindow.of(RAW_STUDY.raw_reader).reduced(frame, SCALE)
+    reduced = FrameWindow.of(RAW_STUDY.raw_reader).reduced(frame, SCALE)[None]
     expected = network(folder).read(reduced, KNOWN)
     answer = reader.read(frame, SCALE, KNOWN)
     assert answer.usable
@@ -62,11 +62,11 @@ def test_the_answer_is_the_networks_reading_of_the_reduced_frame(reader, folder,
     assert answer.readings == (("network", expected),)
     assert answer.fit is None
     assert answer.can_calibrate
-    assert reader.read_live(frame, SCALE, KNOWN).answer == replace(answer, can_calibrate=False)
+    assert reader.read_live(frame, SCALE, KNOWN) == replace(answer, can_calibrate=False)
 
 
 def test_what_is_told_of_the_eye_counts(folder, frame) -> None:
-    reduced = FrameWindow.of(RAW_STUDY.raw_reader).reduced(frame, SCALE)
+    reduced = FrameWindow.of(RAW_STUDY.raw_reader).reduced(frame, SCALE)[None]
     first = network(folder).read(reduced, KNOWN)
     twice = Modulus(mean_pa=2.0 * KNOWN.modulus.mean_pa, sd_pa=KNOWN.modulus.sd_pa, source="own")
     assert network(folder).read(reduced, replace(KNOWN, modulus=twice)).force_n != first.force_n
@@ -118,14 +118,14 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_interval_is_narrow() ->
     beside = judged_answer(replace(reading, contact_m=3e-3), "network", leaves=False, study=Study())
     assert "contact 3.0 mm from the frame's middle" in (beside.reason or "")
     none = judged_answer(replace(reading, force_n=float("nan")), "network", leaves=False, study=Study())
-    assert none.reason == "what the network reads is no number"
+    assert none.reason == "the reading of the network is not a number"
 
 
 def test_a_network_of_another_size_than_its_study_is_refused(folder) -> None:
     other = replace(RAW_STUDY, raw_reader=replace(RAW_STUDY.raw_reader, columns=64))
     session = network_session((folder / "model.onnx").read_bytes(), "place", 1)
     with pytest.raises(ModelError, match="place: inputs: found"):
-        OnnxRawNetwork(session, other, "place")
+        ForceNetwork(session, other, "place", raw=True)
 
 
 def test_a_raw_reader_is_no_force_reader(folder) -> None:

@@ -13,7 +13,7 @@ from scleraforce.errors import ModelError
 from scleraforce.known.eye import ForceDiscrepancy, Known, Modulus
 from scleraforce.models.folder import sha256
 from scleraforce.reader import load_classifier, load_model
-from scleraforce.reader.networks import ratio_edges, told_of, unknown_modulus
+from scleraforce.reader.networks import given_eye, ratio_edges, unknown_modulus
 
 pytest.importorskip("torch")
 
@@ -103,13 +103,13 @@ def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
 
 
 def test_what_is_not_known_is_told_as_not_known() -> None:
-    told = told_of(Known(iop_pa=250.0, gap_m=0.5e-3))
+    told = given_eye(Known(iop_pa=250.0, gap_m=0.5e-3))
     assert np.isnan([told.modulus_pa[0], told.modulus_sd_fraction[0], told.thickness_m[0]]).all()
     assert (told.iop_pa[0], told.gap_m[0]) == (250.0, 0.5e-3)
-    sure = told_of(Known(modulus=Modulus(mean_pa=0.25e6, sd_pa=1.0, source="own")))
+    sure = given_eye(Known(modulus=Modulus(mean_pa=0.25e6, sd_pa=1.0, source="own")))
     assert sure.modulus_sd_fraction[0] == 0.01
     assert np.isnan([told.polar_rad[0], told.direction_rad[0]]).all()
-    placed = told_of(Known(polar_rad=0.6, direction_rad=-1.2))
+    placed = given_eye(Known(polar_rad=0.6, direction_rad=-1.2))
     assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
 
 

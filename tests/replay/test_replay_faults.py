@@ -15,7 +15,7 @@ from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
-from scleraforce.reader.answer import Answer, LiveReading
+from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog
@@ -136,8 +136,7 @@ def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(spec
                     interval_n=(7e-3, 9e-3))  # fmt: skip
     info = speckled.info.oct
     limits = MonitorLimits(size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256))
-    reading = LiveReading(answer, np.zeros(320), np.zeros(320))
-    session = Session(lambda *_: reading, limits, lambda: next(clock) / 100, lambda: 0.0)
+    session = Session(lambda *_: answer, limits, lambda: next(clock) / 100, lambda: 0.0)
 
     def show(sending: Unstamped, number: int) -> None:
         (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))

@@ -3,14 +3,13 @@
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
 from playwright.sync_api import Page
-from small_recordings import looked_at_frames
+from small_recordings import changed, looked_at_frames
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report import browser as browser_page
@@ -21,10 +20,10 @@ MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
 
 def evaluation(folder: Path, count: int = 4) -> Evaluation:
     """Frames of 20 mN, read as 21 mN; the second is misread, the third not usable, its reason ends a script."""
-    answers = [replace(look.answer, predicted_force_n=0.021, interval_n=(0.0187, 0.0234))
+    answers = [changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234))
                for look in looked_at_frames(folder, count)]  # fmt: skip
-    answers[1] = replace(answers[1], predicted=2, warnings=("the methods differ",))
-    answers[2] = replace(answers[2], usable=False, predicted=2, predicted_force_n=None, interval_n=None,
+    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ",))
+    answers[2] = changed(answers[2], usable=False, predicted=2, force_n=None, interval_n=None,
                          probabilities=None, reason="</script><b>no wall</b>")  # fmt: skip
     return Evaluation(model="reader", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6,
                       frames=tuple(answers), notes=("a gap of 0.9 mm",), kind="reader")  # fmt: skip

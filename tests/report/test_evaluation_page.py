@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_recordings import frame_answer, refused_frame
+from small_recordings import changed, frame_answer, refused_frame
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
@@ -180,7 +180,7 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_it_was_told(tmp_path
         frame = replace(frame, youngs_modulus_pa=modulus_pa, modulus_source=source)
         if frame.recording == "rec/a" and frame.file in read:
             force_n, interval_n = read[frame.file]
-            frame = replace(frame, predicted_force_n=force_n, interval_n=interval_n, warnings=("they differ",))
+            frame = changed(frame, force_n=force_n, interval_n=interval_n, warnings=("they differ",))
         frames.append(frame)
     page = Page(write_and_read(tmp_path, replace(answers(), kind="reader", frames=tuple(frames))))
     rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from foreign_files import with_log
-from small_recordings import frame_answer, looked_at_frames, write_small_recording
+from small_recordings import changed, frame_answer, looked_at_frames, write_small_recording
 
 from bench_conjunctiva import SCALE, STUDY, drawn
 from scleraforce.models.folder import SHIPPED_READER
@@ -60,9 +60,9 @@ def test_the_browsing_page_draws_the_wall_of_the_answer(tmp_path: Path) -> None:
     frame, _ = recording_under_a_conjunctiva(tmp_path / "rec")
     evaluation = evaluate_recordings(load_model(SHIPPED_READER), [tmp_path / "rec"])
     (answer,) = evaluation.frames
-    moved = moved_wall(answer.segmentation)
+    moved = moved_wall(answer.answer.segmentation)
     write_browser_html(
-        replace(evaluation, frames=(replace(answer, segmentation=moved),)),
+        replace(evaluation, frames=(changed(answer, segmentation=moved),)),
         tmp_path / "page.html", MADE_AT, lambda _: None,
     )  # fmt: skip
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -134,9 +134,9 @@ def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_wer
 
 def test_below_a_picture_stands_what_was_measured_and_read_and_the_misread_stand_out(tmp_path: Path) -> None:
     first, second, third = looked_at_frames(tmp_path, 3)
-    read = replace(first.answer, predicted=2, predicted_force_n=0.031, interval_n=(0.029, 0.033))
-    lost = replace(second.answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2)
-    bare = replace(third.answer, measured_force_n=None, target=None, predicted=0)
+    read = changed(first.answer, predicted=2, force_n=0.031, interval_n=(0.029, 0.033))
+    lost = changed(second.answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2)
+    bare = changed(third.answer, measured_force_n=None, target=None, predicted=0)
     looks = [
         replace(look, answer=answer) for look, answer in zip((first, second, third), (read, lost, bare), strict=True)
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
 from playwright.sync_api import Browser, Page
-from small_recordings import looked_at_frames
+from small_recordings import changed, looked_at_frames
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
@@ -35,12 +35,11 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     looks = looked_at_frames(folder / ("a-recording-with-a-name-as-long-as-they-are" * 2), 4)
     answers = [
-        replace(look.answer, predicted_force_n=0.021, interval_n=(0.0187, 0.0234), modulus_source="population")
-        for look in looks
+        changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234), modulus_source="population") for look in looks
     ]
-    answers[1] = replace(answers[1], predicted=2, warnings=("the methods differ by more than both intervals say",))
-    answers[2] = replace(
-        answers[2], usable=False, predicted=2, predicted_force_n=None, interval_n=None, probabilities=None,
+    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ by more than both intervals say",))
+    answers[2] = changed(
+        answers[2], usable=False, predicted=2, force_n=None, interval_n=None, probabilities=None,
         reason="the dent leaves the window of the slice, and its flanks leave the force open by 23 mN",
     )  # fmt: skip
     evaluation = Evaluation(

@@ -122,7 +122,7 @@ def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
 
 
 def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
-    read = {"predicted_force_n": 0.012, "interval_n": (0.009, 0.016)}
+    read = {"force_n": 0.012, "interval_n": (0.009, 0.016)}
     frames = [
         frame_answer(file="0.png", measured_force_n=0.010, **read),
         frame_answer(file="1.png", measured_force_n=0.040, target=2, probabilities=(0.0, 0.6, 0.4), **read),

@@ -39,7 +39,7 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
             measured_force_n=true_n + 2e-3,
             measured_force_sd_n=0.1e-3,
             true_force_n=true_n,
-            predicted_force_n=force_n,
+            force_n=force_n,
             interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
         )
         for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))

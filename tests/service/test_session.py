@@ -81,7 +81,7 @@ def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() ->
     take(session, clock, RAISES, 2)
     assert (session.decision.code, session.decision.cause.name) == (3, "EXCEPTION")
     assert "RuntimeError: the reader broke" in session.decision.message
-    assert session.reading is None
+    assert session.answer is None
 
 
 def test_a_frame_of_another_size_is_not_read() -> None:

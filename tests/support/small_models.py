@@ -16,7 +16,7 @@ from scleraforce.library import Library, save_library
 from scleraforce.models.folder import LIBRARY_FILE, write_folder
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, SLICES, TOLD
+from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
 from scleraforce.study import RawReaderStudy, ReaderStudy, ScenesStudy, Study, WallFinderStudy, format_study, study_hash
 from scleraforce.study.fields import Range, fixed
@@ -63,9 +63,9 @@ def write_fixed_reader(
         "second": np.array([1], dtype=np.int64),
     }
     nodes = [
-        make_node("Gemm", [TOLD, "none", "shares"], ["logits"]),
+        make_node("Gemm", [GIVEN_INPUT, "none", "shares"], ["logits"]),
         make_node("Softmax", ["logits"], [HISTOGRAM], axis=1),
-        make_node("Gemm", [TOLD, "no_place", "place"], ["places"]),
+        make_node("Gemm", [GIVEN_INPUT, "no_place", "place"], ["places"]),
         make_node("Squeeze", ["places", "second"], [CONTACT]),
     ]
     float32 = onnx.TensorProto.FLOAT
@@ -74,7 +74,7 @@ def write_fixed_reader(
         "fixed",
         [
             make_tensor_value_info(SLICES, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
-            make_tensor_value_info(TOLD, float32, ["n", len(GIVEN)]),
+            make_tensor_value_info(GIVEN_INPUT, float32, ["n", len(GIVEN)]),
         ],
         [
             make_tensor_value_info(HISTOGRAM, float32, ["n", len(shares)]),

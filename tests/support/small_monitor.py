@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Verdict
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
-from scleraforce.reader.answer import Answer, LiveReading
+from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.found import without_wall
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.companions import Companions
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -67,28 +68,23 @@ def frame_of(force_un: int, serial: int) -> NDArray[np.uint16]:
     return pixels
 
 
-def read(pixels: NDArray[Any], _: PixelScale) -> LiveReading:
+def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
     force_un = int(pixels[0, 0])
-    nowhere = np.full(pixels.shape[1], np.nan)
+    wall = without_wall(pixels.shape, "no wall was found")
     if force_un == RAISES:
         raise RuntimeError("the reader broke")
     while force_un == HANGS:
         pass
     if force_un == UNUSABLE:
-        return LiveReading(
-            Answer(predicted=2, probabilities=None, usable=False, reason="no wall was found"), nowhere, nowhere
-        )
+        return replace(unusable(3, "no wall was found"), segmentation=wall)
     force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
     predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
     shares = tuple(float(number == predicted) for number in range(3))
     interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
-    return LiveReading(
-        Answer(
-            predicted=predicted, probabilities=shares, usable=True, reason=None, force_n=force_n, interval_n=interval_n
-        ),
-        nowhere,
-        nowhere,
-    )
+    return Answer(
+        predicted=predicted, probabilities=shares, usable=True, reason=None, force_n=force_n, interval_n=interval_n,
+        segmentation=wall,
+    )  # fmt: skip
 
 
 def small_server(

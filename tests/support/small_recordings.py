@@ -34,6 +34,7 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.library.cache import cached_library
+from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.folder import (
     EyeInfo,
@@ -90,19 +91,25 @@ LOGGED_INFO = RecordingInfo(
 
 
 RIGHT = FrameAnswer(
-    recording="rec", eye="eye", file="0000.png", measured_force_n=0.020, target=1, predicted=1,
-    probabilities=(0.0, 1.0, 0.0), usable=True,
+    recording="rec", eye="eye", file="0000.png", measured_force_n=0.020, target=1,
+    answer=Answer(predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None),
 )  # fmt: skip
 
 
+def changed(frame: FrameAnswer, **said: Any) -> FrameAnswer:
+    """A frame with other attributes of it, or of its answer."""
+    of_answer = {name: said.pop(name) for name in [*said] if name in Answer.__dataclass_fields__}
+    return replace(frame, answer=replace(frame.answer, **of_answer), **said)
+
+
 def frame_answer(**said: Any) -> FrameAnswer:
-    """The answer to a frame, 20 mN that is read as class 1, but for what is said: its attributes."""
-    return replace(RIGHT, **said)
+    """The answer to a frame of 20 mN that is read as class 1, with other attributes."""
+    return changed(RIGHT, **said)
 
 
 def refused_frame(**said: Any) -> FrameAnswer:
-    """The answer to a frame that cannot be judged, of the highest class, but for what is said."""
-    return frame_answer(**{"predicted": 2, "probabilities": None, "usable": False, **said})
+    """The answer to a frame that cannot be judged, of the highest class, with other attributes."""
+    return changed(RIGHT, **{"predicted": 2, "probabilities": None, "usable": False, **said})
 
 
 LOOKED_AT_ROWS, LOOKED_AT_COLUMNS = 256, 300

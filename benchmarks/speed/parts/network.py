@@ -12,7 +12,7 @@ from scleraforce.known.eye import Known
 from scleraforce.models.folder import NETWORK_FILE, SHIPPED_READER
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
-from scleraforce.reader.networks import given_inputs, ratio_edges, single_force, told_modulus, told_of
+from scleraforce.reader.networks import given_eye, given_inputs, given_modulus, histogram_reading, ratio_edges
 from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
@@ -96,13 +96,13 @@ def _by_torch(network: bytes, study: Study) -> Read:
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
     def read(cuts: Slices, known: Known) -> float:
-        told = told_of(known)
+        told = given_eye(known)
         given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
         with torch.inference_mode():
             mixture, _ = module(torch.from_numpy((cuts > 0).astype(np.float32)), torch.from_numpy(given))
             mean = histogram(mixture, study.reader.bins).mean(dim=0).tolist()
-        modulus_pa, _ = told_modulus(told, study.reader)
-        return single_force(mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n).median_n
+        modulus_pa, _ = given_modulus(told, study.reader)
+        return histogram_reading(mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n).force_n
 
     return read
 
@@ -141,7 +141,7 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
             if found is None:
                 return None
             cuts, eye = found
-            given = given_inputs(told_of(eye.known), study.reader)
+            given = given_inputs(given_eye(eye.known), study.reader)
             return {"slices": cuts, "given": np.repeat(given, len(cuts), axis=0)}
 
     before, after = folder / "fp32.onnx", folder / "int8.onnx"

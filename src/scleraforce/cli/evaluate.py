@@ -68,8 +68,8 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> str:
     force = "-" if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
     force += "" if frame.measured_force_sd_n is None else f" ± {from_si(frame.measured_force_sd_n, 'mn'):.1f}"
     target = "-" if frame.target is None else str(frame.target)
-    share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
-    figures = f"  {frame.file:<16}{force:>12}{target:>7}{frame.predicted:>5}{share:>7}"
+    share = "-" if frame.answer.probabilities is None else f"{max(frame.answer.probabilities):.3f}"
+    figures = f"  {frame.file:<16}{force:>12}{target:>7}{frame.answer.predicted:>5}{share:>7}"
     if not with_force:
         return wrapped(_remark(frame), f"{figures}  ")
     lines = [f"{figures}{_read_force(frame)}"]
@@ -77,19 +77,19 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> str:
 
 
 def _read_force(frame: "FrameAnswer") -> str:
-    if frame.predicted_force_n is None or frame.interval_n is None:
+    if frame.answer.force_n is None or frame.answer.interval_n is None:
         return f"{'-':>9}{'-':>14}"
-    low, high = (from_si(end, "mn") for end in frame.interval_n)
-    return f"{from_si(frame.predicted_force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+    low, high = (from_si(end, "mn") for end in frame.answer.interval_n)
+    return f"{from_si(frame.answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
 
 
 def _remark(frame: "FrameAnswer") -> str:
     remarks = [
-        "misread" if frame.scored and frame.predicted != frame.target else "",
-        "" if frame.usable else f"not usable: {frame.reason}",
+        "misread" if frame.scored and frame.misread else "",
+        "" if frame.answer.usable else f"not usable: {frame.answer.reason}",
         f"left out: {frame.excluded}" if frame.excluded else "",
         "left out: calibrated on" if frame.calibration else "",
-        *frame.warnings,
+        *frame.answer.warnings,
     ]
     return "; ".join(remark for remark in remarks if remark)
 

@@ -16,7 +16,8 @@ from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.notebook.frames import Reading
-    from scleraforce.reader.answer import Answer, Reader
+    from scleraforce.reader import Reader
+    from scleraforce.reader.answer import Answer
 
 
 @click.command(cls=Command)
@@ -102,31 +103,10 @@ def _entry(path: Path, found: "Reading | InputError", reader: "Reader") -> dict[
     if isinstance(found, InputError):
         from scleraforce.reader.answer import unusable
 
-        return {**_answered(path, unusable(reader.classes, str(found))), "error": str(found)}
+        return {"file": str(path), **unusable(reader.classes, str(found)).as_json(), "error": str(found)}
     sources = known_sources(found.given, found.stated, found.known)
     known = {key: {"value": value, "source": source} for key, value, source in sources}
-    return {**_answered(path, found.answer), "scale": scale_entry(found.frame), "known": known}
-
-
-def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
-    from scleraforce.segmentation.needle import needle_entry
-
-    return {
-        "file": str(path),
-        "predicted": answer.predicted,
-        "probabilities": answer.probabilities,
-        "predicted_force_mn": from_si(answer.force_n, "mn"),
-        "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
-        "contact_mm": from_si(answer.contact_m, "mm"),
-        "pressure_pa": answer.iop_at_dent_pa,
-        "pressure_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
-        "needle": needle_entry(answer.needle),
-        "conjunctiva_um": from_si(answer.conjunctiva_m, "um"),
-        "usable": answer.usable,
-        "reason": answer.reason,
-        "warnings": answer.warnings,
-        "can_calibrate": answer.can_calibrate,
-    }
+    return {"file": str(path), **found.answer.as_json(), "scale": scale_entry(found.frame), "known": known}
 
 
 def _line(path: Path, answer: "Answer") -> str:

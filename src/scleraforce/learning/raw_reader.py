@@ -50,7 +50,15 @@ from scleraforce.library.slices import Framing
 from scleraforce.models.folder import NETWORK_FILE
 from scleraforce.models.session import network_session
 from scleraforce.reader.intervals import Score
-from scleraforce.reader.networks import CONTACT, GIVEN, HISTOGRAM, TOLD, OnnxRawNetwork, given_inputs, told_modulus
+from scleraforce.reader.networks import (
+    CONTACT,
+    GIVEN,
+    GIVEN_INPUT,
+    HISTOGRAM,
+    ForceNetwork,
+    given_inputs,
+    given_modulus,
+)
 from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
@@ -133,7 +141,7 @@ class _Reads(torch.nn.Module):
 def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
     """Return the network as an ONNX model; `reader.networks` says what goes in and comes out."""
     sees = network.sees_wall
-    inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), TOLD: torch.zeros(2, len(GIVEN))}
+    inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
     return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 
@@ -267,7 +275,7 @@ class RawSource:
             pair_rows(drawn.boundary_rows, window),
             given_inputs(eyes.told, trained),
             eyes.force_n,
-            told_modulus(eyes.told, trained)[0],
+            given_modulus(eyes.told, trained)[0],
             lateral_m,
         )
 
@@ -395,7 +403,7 @@ def measured_raw_intervals(
 
 def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return what scores an eye, in its process."""
-    reads_frames = OnnxRawNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE)
+    reads_frames = ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
 
     def scores_of(number: int) -> list[Score]:
         rng = np.random.default_rng([study.raw_reader.seed, STREAM + number])
@@ -406,7 +414,7 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            network_score(reads_frames.read(frame, told), told, str(number), float(force_n))
+            network_score(reads_frames.read(frame[None], told), told, str(number), float(force_n))
             for told in (known, of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]

@@ -23,9 +23,9 @@ from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import (
     CONTACT,
     GIVEN,
+    GIVEN_INPUT,
     HISTOGRAM,
     SLICES,
-    TOLD,
     ForceDistribution,
     force_distribution,
     ratio_edges,
@@ -176,7 +176,7 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
     `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
     """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
-    inputs = {SLICES: slices, TOLD: torch.zeros(2, len(GIVEN))}
+    inputs = {SLICES: slices, GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
     return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 

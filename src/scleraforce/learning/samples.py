@@ -21,7 +21,7 @@ from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.processes import work_in_order
-from scleraforce.reader.networks import Told, given_inputs, told_modulus
+from scleraforce.reader.networks import GivenEyes, given_inputs, given_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Eyes:
     the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
     """
 
-    told: Told
+    told: GivenEyes
     modulus_pa: Floats
     iop_pa: Floats
     thickness_m: Floats
@@ -118,7 +118,7 @@ def draw_samples(
     """
     eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
     slices = fill_boundaries(seen, slice_study)
-    told_pa, _ = told_modulus(eyes.told, reader)
+    told_pa, _ = given_modulus(eyes.told, reader)
     return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
 
 
@@ -198,7 +198,7 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     rigidity, low, high = _globes(reader, count, rng)
     pole, told_pole = _poles(reader, count, rng)
     tissue = np.full(count, library.stiffening)
-    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole, tissue)
+    told = GivenEyes(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole, tissue)
     iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
     eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
     return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)

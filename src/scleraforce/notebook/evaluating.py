@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from scleraforce.errors import InputError
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.frames import check_model, summary_of_calibration
-from scleraforce.reader.answer import Reader
+from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.folder import Recording, read_recording
 
@@ -42,7 +42,7 @@ def evaluate(
 
     >>> import scleraforce as sf
     >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
-    >>> [frame.predicted for frame in evaluation.frames]
+    >>> [frame.answer.predicted for frame in evaluation.frames]
     [1, 2, 2]
     """
     check_model(model)

@@ -25,7 +25,8 @@ from scleraforce.known.calibration_file import (
 )
 from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
-from scleraforce.reader.answer import Answer, Reader
+from scleraforce.reader import Reader
+from scleraforce.reader.answer import Answer
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import RecordingInfo, ScaledFrame, Scanner, read_scaled_frame, recording_of
 from scleraforce.recording.pixels import Pixels, Sourced

@@ -16,7 +16,7 @@ from scleraforce.library.store import open_library
 from scleraforce.models.folder import LIBRARY_FILE, SHIPPED_READER, read_folder
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.frames import load_model
-from scleraforce.reader.answer import Reader
+from scleraforce.reader import Reader
 from scleraforce.study import NetworkStudy, Study
 from scleraforce.study.unused import refuse_unused
 

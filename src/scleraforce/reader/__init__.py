@@ -3,8 +3,12 @@
 `evaluate` needs the recording room too, and is imported by name where it is wanted.
 """
 
-from scleraforce.reader.answer import Reader as Reader
-from scleraforce.reader.kinds import Classifier as Classifier, ForceReader as ForceReader, RawReader as RawReader
+from scleraforce.reader.kinds import (
+    Classifier as Classifier,
+    ForceReader as ForceReader,
+    RawReader as RawReader,
+    Reader as Reader,
+)
 from scleraforce.reader.model import (
     load_classifier as load_classifier,
     load_force_reader as load_force_reader,

@@ -1,7 +1,7 @@
 """An evaluation: a model's answers beside the measured forces, and the metrics (paper sec. 3.4, Table 3, Fig. 10)."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
 from os import PathLike
@@ -17,8 +17,9 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
 from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.models.folder import model_name
-from scleraforce.reader.answer import Answer, Reader
+from scleraforce.reader.answer import Answer
 from scleraforce.reader.intervals import Score, score, traits_of
+from scleraforce.reader.kinds import Reader
 from scleraforce.reader.metrics import (
     ForceTrial,
     Proportion,
@@ -33,54 +34,42 @@ from scleraforce.reader.metrics import (
 from scleraforce.recording.folder import Recording, RecordingInfo, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.units import from_si
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAnswer:
-    """One frame: what was measured, what the model said.
+    """One frame: the measured force, and the answer of the model.
 
-    `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None where there is
-    no force log; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`).
-    `true_force_n` is that of a virtual eye's `truth.json`: it is compared with, and decides nothing that is read. A
-    frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw), its `probabilities`
-    None, and `reason` says why. `excluded` says why a trial is left out of the metrics although it has a label
-    (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was fitted on, which
-    is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle; `needle` the one seen in the
-    picture, `conjunctiva_m` the median thickness of a layer over the wall, `segmentation` the wall that was read.
+    `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None without a force
+    log; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n` is that of
+    a virtual eye's `truth.json`, for comparison only. `excluded` says why a trial is left out of the metrics although
+    it has a label (pierced, or above the study's largest force); `calibration` marks a frame that Young's modulus was
+    fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`.
     """
 
     recording: str
     eye: str
     file: str
-    measured_force_n: float | None
-    target: int | None
-    predicted: int
-    probabilities: tuple[float, ...] | None
-    usable: bool
-    reason: str | None = None
+    answer: Answer
+    measured_force_n: float | None = None
+    target: int | None = None
     calibration: bool = False
     excluded: str | None = None
-    predicted_force_n: float | None = None
-    interval_n: tuple[float, float] | None = None
-    contact_m: float | None = None
-    iop_at_dent_pa: float | None = None
-    needle: SeenNeedle | None = None
-    conjunctiva_m: float | None = None
-    warnings: tuple[str, ...] = ()
-    can_calibrate: bool = False
     youngs_modulus_pa: float | None = None
     modulus_source: str | None = None
-    segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
     measured_force_sd_n: float | None = None
     true_force_n: float | None = None
 
     @property
     def scored(self) -> bool:
-        """Whether the frame counts in the metrics."""
+        """True if the frame counts in the metrics."""
         return self.target is not None and self.excluded is None and not self.calibration
+
+    @property
+    def misread(self) -> bool:
+        """True if the frame has a label and the answer is another class."""
+        return self.target is not None and self.answer.predicted != self.target
 
     def as_json(self) -> dict[str, Any]:
         """Return the frame as it stands in `evaluate --json`."""
@@ -92,19 +81,7 @@ class FrameAnswer:
             "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
             "true_force_mn": from_si(self.true_force_n, "mn"),
             "target": self.target,
-            "predicted": self.predicted,
-            "probabilities": self.probabilities,
-            "predicted_force_mn": from_si(self.predicted_force_n, "mn"),
-            "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
-            "contact_mm": from_si(self.contact_m, "mm"),
-            "pressure_pa": self.iop_at_dent_pa,
-            "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
-            "needle": needle_entry(self.needle),
-            "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
-            "usable": self.usable,
-            "reason": self.reason,
-            "warnings": self.warnings,
-            "can_calibrate": self.can_calibrate,
+            **self.answer.as_json(),
             "calibration": self.calibration,
             "excluded": self.excluded,
             "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
@@ -141,42 +118,37 @@ class Evaluation:
     @cached_property
     def usable(self) -> "Evaluation":
         """The same evaluation, of the usable frames alone."""
-        return replace(self, frames=tuple(frame for frame in self.frames if frame.usable))
+        return replace(self, frames=tuple(frame for frame in self.frames if frame.answer.usable))
 
     @cached_property
     def confusion(self) -> NDArray[np.int64]:
         """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
         targets = [frame.target for frame in self.scored if frame.target is not None]
-        return confusion_matrix(targets, [frame.predicted for frame in self.scored], len(self.bounds_n) + 1)
+        return confusion_matrix(targets, [frame.answer.predicted for frame in self.scored], len(self.bounds_n) + 1)
 
     @cached_property
     def forces(self) -> tuple[ForceTrial, ...]:
-        """Measured and read force of each usable frame that counts; none with a classifier."""
-        return tuple(
-            ForceTrial(
-                eye=frame.eye,
-                measured_n=frame.measured_force_n,
-                read_n=frame.predicted_force_n,
-                interval_n=frame.interval_n,
-                measured_sd_n=frame.measured_force_sd_n or 0.0,
-            )
-            for frame in self.scored
-            if frame.measured_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
-        )
+        """Measured and read force of each usable frame that counts; empty with a classifier."""
+        return tuple(self._trials(lambda frame: (frame.measured_force_n, frame.measured_force_sd_n or 0.0)))
 
     @cached_property
     def true_forces(self) -> tuple[ForceTrial, ...]:
         """True and read force of each usable frame that counts and whose true force is known."""
-        return tuple(
-            ForceTrial(
-                eye=frame.eye,
-                measured_n=frame.true_force_n,
-                read_n=frame.predicted_force_n,
-                interval_n=frame.interval_n,
-            )
-            for frame in self.scored
-            if frame.true_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
-        )
+        return tuple(self._trials(lambda frame: (frame.true_force_n, 0.0)))
+
+    def _trials(self, measured: Callable[[FrameAnswer], tuple[float | None, float]]) -> Iterator[ForceTrial]:
+        """Yield the frames that count with a force that was read and one to compare it with, N, and its SD, N."""
+        for frame in self.scored:
+            force_n, sd_n = measured(frame)
+            read = frame.answer
+            if force_n is not None and read.force_n is not None and read.interval_n is not None:
+                yield ForceTrial(
+                    eye=frame.eye,
+                    measured_n=force_n,
+                    read_n=read.force_n,
+                    interval_n=read.interval_n,
+                    measured_sd_n=sd_n,
+                )
 
     @property
     def mae_n(self) -> float:
@@ -300,8 +272,9 @@ def _doubts(reader: Reader, recording: Recording, answers: Sequence[FrameAnswer]
     """Return sentences on a force log that does not go with what a model reads."""
     classes = reader.study.classes
     if reader.reads_force:
-        return log_doubts(recording, classes, [frame.predicted_force_n for frame in answers], in_newtons=True)
-    return log_doubts(recording, classes, [frame.predicted if frame.usable else None for frame in answers])
+        return log_doubts(recording, classes, [frame.answer.force_n for frame in answers], in_newtons=True)
+    read = [frame.answer.predicted if frame.answer.usable else None for frame in answers]
+    return log_doubts(recording, classes, read)
 
 
 def _refuse_twice(paths: Sequence[Path]) -> None:
@@ -382,7 +355,7 @@ def _answers(
             excluded=trial.excluded,
             youngs_modulus_pa=modulus_pa,
             modulus_source=source,
-            **_read(replace(answer, warnings=(*answer.warnings, *doubts))),
+            answer=replace(answer, warnings=(*answer.warnings, *doubts)),
         )
         if progress:
             progress(1)
@@ -399,25 +372,6 @@ def _modulus(reader: Reader, known: Known) -> tuple[float | None, str | None]:
     if reader.fixed_modulus_pa is not None:
         return reader.fixed_modulus_pa, "trained"
     return (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
-
-
-def _read(answer: Answer) -> dict[str, Any]:
-    """Return what an answer says, under the names of `FrameAnswer`."""
-    return {
-        "predicted": answer.predicted,
-        "probabilities": answer.probabilities,
-        "usable": answer.usable,
-        "reason": answer.reason,
-        "predicted_force_n": answer.force_n,
-        "interval_n": answer.interval_n,
-        "contact_m": answer.contact_m,
-        "iop_at_dent_pa": answer.iop_at_dent_pa,
-        "needle": answer.needle,
-        "conjunctiva_m": answer.conjunctiva_m,
-        "warnings": answer.warnings,
-        "can_calibrate": answer.can_calibrate,
-        "segmentation": answer.segmentation,
-    }
 
 
 def recording_scores(

@@ -1,10 +1,11 @@
-"""The kinds of models that answer to frames: the paper's classifier, the reader with its library, the raw reader."""
+"""The kinds of models that read frames: the paper's classifier, the reader with its library, the raw reader."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Any, ClassVar, Protocol, final
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -15,12 +16,11 @@ from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.library.responses import Library
-from scleraforce.models.folder import NETWORK_FILE, STUDY_FILE
-from scleraforce.models.session import run_network
+from scleraforce.models.folder import NETWORK_FILE
+from scleraforce.models.session import check_interface, run_network
 from scleraforce.reader.answer import (
     METHODS,
     Answer,
-    LiveReading,
     Reading,
     disagreement,
     fit_reading,
@@ -28,8 +28,7 @@ from scleraforce.reader.answer import (
     unusable,
 )
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
-from scleraforce.reader.limits import other_index, outside_training, raw_limits, slice_limits, wall_limits
-from scleraforce.reader.networks import OnnxRawNetwork
+from scleraforce.reader.limits import KINDS, other_index, outside_training
 from scleraforce.reader.verdicts import (
     NEEDLE_SEEN,
     Look,
@@ -57,12 +56,98 @@ from scleraforce.study import Study
 INPUT, OUTPUT = "slices", "probabilities"
 
 
+class ForceNetworkLike(Protocol):
+    """A network that reads a force from pictures; see `networks.ForceNetwork`."""
+
+    @property
+    def provenance(self) -> Mapping[str, str]: ...  # noqa: D102 - described by the class
+    def read(self, pictures: NDArray[Any], known: Known) -> Reading: ...  # noqa: D102
+
+
+class Reader(ABC):
+    """A trained model that reads raw frames. Made by `load_model`; its parts belong together.
+
+    `path` is the model's folder, `kind` the folder's word for it ("classifier", "reader" or "raw-reader"), `study` the
+    study that it was trained with, `record` the content of `model.json`. `reads_force`: answers have a force with its
+    interval, not the class alone. `serves_loop`: it may serve the control loop. The wall finder checks the wall of
+    `read`, not of `read_live`: the control loop does not wait for it.
+    """
+
+    kind: ClassVar[str]
+    reads_force: ClassVar[bool] = True
+    serves_loop: ClassVar[bool] = True
+    _shifts: ClassVar[tuple[float, ...]] = (0.0,)
+
+    def __init__(self, path: Path, study: Study, record: Mapping[str, Any], finder: WallFinder | None) -> None:
+        self.path = path
+        self.study = study
+        self.record = record
+        self._finder = finder
+
+    @property
+    def classes(self) -> int:
+        """Number of force classes."""
+        return len(self.study.classes.bounds_n) + 1
+
+    @property
+    @abstractmethod
+    def provenance(self) -> Mapping[str, str]:
+        """The metadata of `model.onnx`: hashes of study and data set, seed, versions, class bounds."""
+
+    @property
+    def fixed_modulus_pa(self) -> float | None:
+        """Young's modulus that the model reads every eye with; None: it takes each eye's own."""
+        return None
+
+    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
+        """Read one raw frame by every method of the model.
+
+        Args:
+            frame: raw B-scan (row, column).
+            scale: size of a pixel as stored, with the refractive index.
+            known: of the eye; a model with a fixed modulus uses the thickness alone.
+
+        Raises:
+            ValueError: an invalid frame (see `find_wall`).
+            ModelError: the network cannot be run.
+        """
+        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._finder)
+        answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
+        return replace(answer, segmentation=seen.segmentation)
+
+    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
+        """Read one raw frame within a millisecond or two, without the fit; `can_calibrate` stays False.
+
+        Arguments and errors as for `read`.
+        """
+        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m)
+        answer = unusable(self.classes, seen.reason) if seen.reason else self._live(seen, frame, scale, known)
+        return replace(answer, segmentation=seen.segmentation)
+
+    def refusal(self, known: Known) -> str | None:  # noqa: ARG002 - a classifier reads every eye as its own
+        """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
+        return None
+
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+        """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
+        limits, _ = KINDS[self.kind]
+        return limits(self.study, known, scan, gauge)
+
+    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        boundaries = segmented_boundaries(seen.segmentation, scale)
+        return replace(self._live(seen, frame, scale, known), can_calibrate=can_calibrate(seen, boundaries))
+
+    @abstractmethod
+    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        """Return the network's answer to a frame with a wall."""
+
+
 @final
-class Classifier:
-    """Reads the force class from slices; see `Reader`. Made by `load_model`; all of it belongs together.
+class Classifier(Reader):
+    """Reads the force class from slices.
 
     The same slices give the same answer: the session runs on the CPU with a fixed number of threads. It knows the
-    modulus of its training only, and of what is known of an eye takes notice of the thickness alone (see `look`).
+    modulus of its training only.
 
     Raises:
         ModelError: the network has other inputs or outputs than its study asks for.
@@ -70,7 +155,6 @@ class Classifier:
 
     kind = "classifier"
     reads_force = False
-    serves_loop = True
 
     def __init__(
         self,
@@ -80,17 +164,10 @@ class Classifier:
         session: onnxruntime.InferenceSession,
         finder: WallFinder | None = None,
     ) -> None:
-        self.path = path
-        self.study = study
-        self.record = record
+        super().__init__(path, study, record, finder)
         self._session = session
-        self._finder = finder
-        self._check()
-
-    @property
-    def classes(self) -> int:
-        """Number of force classes."""
-        return len(self.study.classes.bounds_n) + 1
+        inputs = {INPUT: ("tensor(uint8)", [study.slice.rows, study.slice.columns])}
+        check_interface(session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(path / NETWORK_FILE))
 
     @property
     def fixed_modulus_pa(self) -> float:
@@ -99,29 +176,9 @@ class Classifier:
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """What `model.onnx` says about its making: hashes of study and data set, seed, versions, class bounds."""
+        """The metadata of `model.onnx`."""
         metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         return metadata
-
-    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
-        """Read one raw frame; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m, finder=self._finder)
-        answer = self._seen(seen)
-        if seen.reason:
-            return answer
-        return replace(answer, can_calibrate=can_calibrate(seen, segmented_boundaries(seen.segmentation, scale)))
-
-    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
-        """Read one raw frame in the control loop; see `Reader.read_live`."""
-        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m)
-        return LiveReading(self._seen(seen), seen.segmentation.outer_row, seen.segmentation.inner_row)
-
-    def refusal(self, known: Known) -> None:
-        """Return None: it reads every eye as the one that it was trained for."""
-
-    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-        """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return slice_limits(self.study, known, scan, gauge)
 
     def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
         """Return the probability of each force class.
@@ -154,73 +211,46 @@ class Classifier:
 
         return result
 
-    def _seen(self, seen: Look) -> Answer:
-        """Return the answer to what is seen in a frame; a slice that a needle hides in part was never trained on."""
-        reason = seen.reason or (NEEDLE_SEEN if seen.needle else None)
-        answer = unusable(self.classes, reason) if reason else self._answer(seen.cut)
-        return seen.told(answer)
+    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+        """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
 
-    def _answer(self, cut: NDArray[np.uint8]) -> Answer:
-        """Ask the network.
-
-        One that met few dents leaving the window takes what is left for a wall without force: the most dangerous
-        frames would be read as the least. They are withdrawn from instead.
+        The network met few dents that leave the window: it would take the rest for a wall without force, and read the
+        most dangerous frames as the least. It was never trained on slices with a needle.
         """
-        if dent_leaves(cut):
+        if seen.needle:
+            return unusable(self.classes, NEEDLE_SEEN)
+        if dent_leaves(seen.cut):
             return unusable(self.classes, "the dent leaves the window of the slice")
-        probabilities = self.probabilities(cut[np.newaxis])[0]
+        probabilities = self.probabilities(seen.cut[np.newaxis])[0]
         if not np.isfinite(probabilities).all():
-            return unusable(self.classes, "the network's answer is no number")
+            return unusable(self.classes, "the network's answer is not a number")
         return Answer(
             predicted=int(probabilities.argmax()), probabilities=tuple(probabilities.tolist()), usable=True, reason=None
         )
 
-    def _check(self) -> None:
-        """Check that network and study fit each other."""
-        place, rows, columns = self.path / NETWORK_FILE, self.study.slice.rows, self.study.slice.columns
-        inputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_inputs()}
-        outputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_outputs()}
-        if inputs != {INPUT: ("tensor(uint8)", [rows, columns])}:
-            raise ModelError(
-                f"{place}: input: found {inputs}, {STUDY_FILE} asks for {rows} x {columns} uint8 '{INPUT}'"
-            )
-        if outputs != {OUTPUT: ("tensor(float)", [self.classes])}:
-            raise ModelError(f"{place}: output: found {outputs}, expected {self.classes} floats '{OUTPUT}'")
 
-
-CONTACTS = 32  # polar angles whose libraries are kept
-# Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
-# says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
+CONTACTS = 32  # polar angles whose libraries are cached
+# Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
+# white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
 
 
-class SliceNetwork(Protocol):
-    """What reads slices: see `ForceReader.read_slices`."""
-
-    @property
-    def provenance(self) -> Mapping[str, str]: ...  # noqa: D102 - described by the class
-    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading: ...  # noqa: D102
-
-
 @final
-class ForceReader:
-    """Reads force, interval and contact from a wall; see `Reader`. Made by `load_model`; all of it belongs together.
+class ForceReader(Reader):
+    """Reads force, interval and contact from a wall.
 
-    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it. The wall
-    finder checks the wall of `read`, not of `read_live`, whose loop does not wait for it.
+    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it.
     """
 
     kind = "reader"
-    reads_force = True
-    serves_loop = True
-    fixed_modulus_pa = None
+    _shifts = SHIFTS
 
     def __init__(
         self,
         path: Path,
         study: Study,
         record: Mapping[str, Any],
-        network: SliceNetwork,
+        network: ForceNetworkLike,
         library: Library,
         default: str,
         factors: IntervalFactors = NO_FACTORS,
@@ -228,20 +258,12 @@ class ForceReader:
     ) -> None:
         if default not in METHODS:
             raise ValueError(f"default: found {default!r}, expected {' or '.join(METHODS)}")
-        self.path = path
-        self.study = study
-        self.record = record
+        super().__init__(path, study, record, finder)
         self.library = library
         self.default = default
         self.factors = factors
         self._network = network
-        self._finder = finder
         self._library_of = lru_cache(maxsize=CONTACTS)(self._found_library)
-
-    @property
-    def classes(self) -> int:
-        """Number of force classes."""
-        return len(self.study.classes.bounds_n) + 1
 
     @property
     def other(self) -> str:
@@ -250,18 +272,36 @@ class ForceReader:
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """What `model.onnx` says about its making."""
+        """The metadata of `model.onnx`."""
         return self._network.provenance
 
-    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
-        """Read one raw frame with the network and the fit; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m, self._finder)
-        return seen.told(self._read(seen, scale, known))
+    def refusal(self, known: Known) -> str | None:
+        """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
+        return outside_training(known, self.study.reader, self.study.library)
 
-    def _read(self, seen: Look, scale: PixelScale, known: Known) -> Answer:
-        """Return the answer of both methods to what is seen in a frame."""
-        if seen.reason:
-            return unusable(self.classes, seen.reason)
+    def unread_slices(self, needle: SeenNeedle | None, known: Known) -> str | None:
+        """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
+        return self.refusal(known) or (NEEDLE_SEEN if needle else None)
+
+    def library_for(self, known: Known) -> Library:
+        """Return the library of an eye's tissue at its contact, or at the middle of the study's angles if unknown.
+
+        Angles beyond the library's count as its largest.
+
+        Raises:
+            InputError: the library does not hold such tissue.
+        """
+        return self._library_of(known.polar_rad, known.stiffening or 0.0)
+
+    def read_slices(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
+        """Return the network's reading of slices of one wall (slice, row, column), 255 where wall is, 0 elsewhere."""
+        return self._network.read(cuts, known)
+
+    def _found_library(self, polar_rad: float | None, stiffening: float) -> Library:
+        return self.library.for_stiffening(stiffening).nearest_contact(polar_rad)
+
+    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+        """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
         reason = outside_training(known, read_by_fit(self.study.reader), self.study.library)
         reason = reason or needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
@@ -272,51 +312,7 @@ class ForceReader:
             return unusable(self.classes, reason)
         return self._fitted(seen, boundaries, known)
 
-    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
-        """Read one raw frame with the network alone; see `Reader.read_live`."""
-        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m)
-        return LiveReading(
-            seen.told(self._live(seen, scale, known)), seen.segmentation.outer_row, seen.segmentation.inner_row
-        )
-
-    def refusal(self, known: Known) -> str | None:
-        """Return why the network cannot read an eye: what is known lies outside the training; None: inside."""
-        return outside_training(known, self.study.reader, self.study.library)
-
-    def unread_slices(self, needle: SeenNeedle | None, known: Known) -> str | None:
-        """Return why the network cannot read slices of a frame, which the fit may read; None where it can."""
-        return self.refusal(known) or (NEEDLE_SEEN if needle else None)
-
-    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-        """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return wall_limits(self.study, known, scan, gauge)
-
-    def library_for(self, known: Known) -> Library:
-        """Return the library of an eye's tissue at its contact; where that is not known, in the middle of the study's.
-
-        Angles beyond the library's count as its largest.
-
-        Raises:
-            InputError: the library does not hold such tissue.
-        """
-        return self._library_of(known.polar_rad, known.stiffening or 0.0)
-
-    def read_slices(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
-        """Return what the network reads.
-
-        Args:
-            cuts: slices of one wall, of the study's size (slice, row, column), 255 where wall is, 0 elsewhere.
-            known: of the eye.
-        """
-        return self._network.read(cuts, known)
-
-    def _found_library(self, polar_rad: float | None, stiffening: float) -> Library:
-        return self.library.for_stiffening(stiffening).nearest_contact(polar_rad)
-
-    def _live(self, seen: Look, scale: PixelScale, known: Known) -> Answer:
-        """Return the network's answer, with every verdict that needs no fit."""
-        if seen.reason:
-            return unusable(self.classes, seen.reason)
+    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         reason = self.unread_slices(seen.needle, known) or too_little_wall(
             *surface(seen.segmentation, scale), self.study.slice
         )
@@ -325,7 +321,7 @@ class ForceReader:
         return judged_answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut), self.study)
 
     def _fitted(self, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
-        """Lay a wall of the library on the frame, and read it where that is the wall of an eye."""
+        """Fit a wall of the library to the frame, and read the frame if the fit is the wall of an eye."""
         library = self.library_for(known)
         trained = crossed_by_needle(self.study.reader, library.needle_radius_m) if seen.needle else self.study.reader
         prior = prior_of(known, trained)
@@ -355,16 +351,16 @@ class ForceReader:
     def _checked(self, seen: Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
         """Return the answer of the model's default method, checked by the other one.
 
-        Where both are more apart than their intervals allow, one of them is wrong, and nothing says which: the interval
-        then spans those of both. One that reaches into every class is no answer.
+        If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
+        then spans both. A frame whose interval reaches into every class is not usable.
         """
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
         leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
         answer = judged_answer(reading, self.default, leaves, self.study)
-        untold = no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
-        reason = contact_outside(other, self.study.reader) or (untold and f"{warning}; {untold}")
+        undecided = no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
+        reason = contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
         if answer.usable and reason:
             answer = unusable(self.classes, reason)
         warnings = (warning,) if warning and answer.usable else ()
@@ -372,76 +368,46 @@ class ForceReader:
 
 
 @final
-class RawReader:
-    """Reads force, interval and contact from a raw frame; see `Reader`. Made by `load_model`.
+class RawReader(Reader):
+    """Reads force, interval and contact from a raw frame.
 
-    The frame is segmented as for every model: that says whether it shows the wall of an eye at all, whether the dent
-    leaves the window and what else is seen. The force is the network's, which sees the frame itself. Nothing checks it.
+    The frame is segmented as for every model: that shows if there is the wall of an eye at all, if the dent leaves the
+    window, and a needle or a conjunctiva. The force is the network's, which sees the frame itself. Nothing checks it.
     """
 
     kind = "raw-reader"
-    reads_force = True
     serves_loop = False  # its own second opinion would be that of the same network
-    fixed_modulus_pa = None
 
     def __init__(
         self,
         path: Path,
         study: Study,
         record: Mapping[str, Any],
-        network: OnnxRawNetwork,
+        network: ForceNetworkLike,
         finder: WallFinder | None = None,
     ) -> None:
-        self.path = path
-        self.study = study
-        self.record = record
+        super().__init__(path, study, record, finder)
         self._network = network
-        self._finder = finder
         self._window = FrameWindow.of(study.raw_reader)
 
     @property
-    def classes(self) -> int:
-        """Number of force classes."""
-        return len(self.study.classes.bounds_n) + 1
-
-    @property
     def provenance(self) -> Mapping[str, str]:
-        """What `model.onnx` says about its making."""
+        """The metadata of `model.onnx`."""
         return self._network.provenance
 
-    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
-        """Read one raw frame; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m, finder=self._finder)
-        answer = seen.told(self._read(seen, frame, scale, known))
-        if seen.reason:
-            return answer
-        return replace(answer, can_calibrate=can_calibrate(seen, segmented_boundaries(seen.segmentation, scale)))
-
-    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
-        """Read one raw frame in the control loop; see `Reader.read_live`."""
-        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m)
-        answer = seen.told(self._read(seen, frame, scale, known))
-        return LiveReading(answer, seen.segmentation.outer_row, seen.segmentation.inner_row)
-
     def refusal(self, known: Known) -> str | None:
-        """Return why the model cannot read an eye; see `Reader.refusal`."""
+        """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
         return outside_training(known, read_by_fit(self.study.reader), self.study.library)
 
-    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-        """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return raw_limits(self.study, known, scan, gauge)
-
-    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
-        """Return the answer to a frame in which a wall was seen, or why there is none."""
+    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         reason = (
-            seen.reason
-            or other_index(self.study, scale.refractive_index)
+            other_index(self.study, scale.refractive_index)
             or self.refusal(known)
             or needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
             or too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
         )
         if reason:
             return unusable(self.classes, reason)
-        reading = self._network.read(self._window.reduced(frame, scale), known)
+        reading = self._network.read(self._window.reduced(frame, scale)[None], known)
         answer = judged_answer(reading, "network", dent_leaves(seen.cut), self.study)
         return replace(answer, readings=(("network", reading),))

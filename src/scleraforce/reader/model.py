@@ -22,10 +22,10 @@ from scleraforce.models.folder import (
     read_folder,
 )
 from scleraforce.models.session import check_provenance, folder_session, folder_study, network_session
-from scleraforce.reader.answer import METHODS, LiveReading, Reader
+from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
-from scleraforce.reader.kinds import Classifier, ForceReader, RawReader
-from scleraforce.reader.networks import OnnxRawNetwork, OnnxSliceNetwork
+from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader
+from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
@@ -82,10 +82,10 @@ def load_model(
         return classifier
     factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
     if folder.record["kind"] == RawReader.kind:
-        reads_frames = OnnxRawNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
+        reads_frames = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors, raw=True)
         check_provenance(folder, session)
         return RawReader(folder.path, study, folder.record, reads_frames, walls)
-    network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
+    network = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
     check_provenance(folder, session)
     return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors, walls)
 
@@ -112,13 +112,13 @@ def load_force_reader(
     return _of_kind(load_model(path, threads, finder), ForceReader)
 
 
-def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> OnnxSliceNetwork:
+def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> ForceNetwork:
     """Return a reader's network from its bytes, without factors for its intervals.
 
     Raises:
         ModelError: it is none, or another one than its study asks for.
     """
-    return OnnxSliceNetwork(network_session(network, place, 1), study, place)
+    return ForceNetwork(network_session(network, place, 1), study, place)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
@@ -196,7 +196,7 @@ class LiveReader:
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
-    def read(self, frame: Pixels, scale: PixelScale) -> LiveReading:
+    def read(self, frame: Pixels, scale: PixelScale) -> Answer:
         """Read one raw frame.
 
         Args:
@@ -204,7 +204,7 @@ class LiveReader:
             scale: size of a pixel as stored; its refractive index is not looked at, the scanner's counts.
 
         Returns:
-            The reading; `can_calibrate` of its answer is False, as it is not asked in the loop.
+            The answer; its `can_calibrate` is False: the loop does not ask for it.
         """
         scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
         return self._reader.read_live(frame, scale, self._known)

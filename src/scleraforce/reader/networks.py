@@ -3,7 +3,7 @@
 The histogram has the probability of bins of x = F/E, E the modulus that the network was given. Within a bin the density
 is even, so the distribution function is piecewise linear, and what is said of the force agrees: the probability of a
 class is that of its forces, and the median lies in the class that has more than half of it. Training judges many frames
-at once, with arrays; the control loop reads one, and `single_force` does so in plain Python: a third of the time.
+at once, with arrays; the control loop reads one, and `histogram_reading` does so in plain Python: a third of the time.
 """
 
 from bisect import bisect_left, bisect_right
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from math import inf, nan, radians, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -27,7 +27,6 @@ from scleraforce.models.session import check_interface, run_network
 from scleraforce.reader.answer import Reading, stretched_interval, unstretched
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors
 from scleraforce.reader.verdicts import read_by_fit
-from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import ReaderStudy, Study
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -58,15 +57,6 @@ class ForceDistribution:
         return quantile(self, *INTERVAL)
 
 
-@dataclass(frozen=True)
-class SingleForce:
-    """Median force, the ends of its 90 % interval, N, and the probability of each class."""
-
-    median_n: float
-    interval_n: tuple[float, float]
-    probabilities: tuple[float, ...]
-
-
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
     """Return the edges of the bins of x = F/E (bins + 1,), m^2, with widths that grow linearly from 0.
 
@@ -85,7 +75,7 @@ def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, mo
     Args:
         probabilities: of the bins (sample, bin), of any positive sum.
         edges_m2: of the bins (bin + 1,).
-        modulus_pa: that the network was told (sample,).
+        modulus_pa: that the network was given (sample,).
     """
     shares = np.zeros((len(probabilities), len(edges_m2)))
     probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])
@@ -107,24 +97,26 @@ def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
     return forces
 
 
-def single_force(
+def histogram_reading(
     histogram: Sequence[float],
     edges_m2: Sequence[float],
     modulus_pa: float,
     bounds_n: tuple[float, ...],
+    contact_m: float = 0.0,
     factor_of: Callable[[float], float] = lambda _: 1.0,
-) -> SingleForce:
-    """Return what one histogram says of the force: the same as the arrays' functions, for one sample.
+) -> Reading:
+    """Return the reading of one histogram: the same as the functions of arrays, for one sample.
 
     Args:
-        histogram: probabilities of the bins, of any positive sum; one that is no number makes every answer none.
+        histogram: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
         edges_m2: of the bins, one more.
-        modulus_pa: that the network was told.
+        modulus_pa: that the network was given.
         bounds_n: increasing bounds between the classes, N.
-        factor_of: what the distribution is stretched by about its median, of that median (`interval_factors`); no
-            force is below 0.
+        contact_m: the needle's place.
+        factor_of: factor by which the distribution is stretched about its median, as a function of that median
+            (`reader.intervals`); forces stay at or above 0.
 
-    >>> single_force([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
+    >>> histogram_reading([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
     (0.25, 0.5, 0.25)
     """
     sums = list(accumulate(histogram, initial=0.0))
@@ -133,10 +125,14 @@ def single_force(
         modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
     factor = factor_of(median_n)
-    low_n, high_n = stretched_interval(median_n, (low_n, high_n), factor)
     asked_n = unstretched(median_n, bounds_n, factor)
     below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
-    return SingleForce(median_n, (low_n, high_n), tuple(after - before for before, after in pairwise(below)))
+    return Reading(
+        probabilities=tuple(after - before for before, after in pairwise(below)),
+        force_n=median_n,
+        interval_n=stretched_interval(median_n, (low_n, high_n), factor),
+        contact_m=contact_m,
+    )
 
 
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
@@ -168,8 +164,8 @@ STIFF = np.log1p(30.0)  # of tissue that stiffens by so much the input is 1
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is known of some eyes, each (sample,); NaN: unknown.
+class GivenEyes:
+    """Known values of n eyes, each (sample,); NaN: unknown.
 
     `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
     The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
@@ -203,45 +199,45 @@ def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
     return mean, (high - low) / sqrt(12.0) / mean
 
 
-def told_modulus(told: Told, study: ReaderStudy) -> tuple[Floats, Floats]:
+def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
     """Return mean, Pa, and relative standard deviation of the modulus (sample,), also where it is unknown."""
     mean, sd = unknown_modulus(study)
-    unknown = np.isnan(told.modulus_pa)
-    return np.where(unknown, mean, told.modulus_pa), np.where(unknown, sd, told.modulus_sd_fraction)
+    unknown = np.isnan(eyes.modulus_pa)
+    return np.where(unknown, mean, eyes.modulus_pa), np.where(unknown, sd, eyes.modulus_sd_fraction)
 
 
-def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
+def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
     """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 where unknown.
 
     A value at the ends of its training range is -1 or 1. The IOP stands there twice: also over the modulus, which is
     what the mechanics knows. Where the pole lies, along the section and across it, stands there over the farthest; of
     an unknown polar angle it is that of the range's middle.
     """
-    modulus, sd = told_modulus(told, study)
+    modulus, sd = given_modulus(eyes, study)
     e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds
     iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
     a = study.polar_angle_rad.bounds
-    polar = np.minimum(told.polar_rad, radians(LARGEST_POLAR_DEG))
-    pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), told.direction_rad)
+    polar = np.minimum(eyes.polar_rad, radians(LARGEST_POLAR_DEG))
+    pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), eyes.direction_rad)
     pole /= max(np.sin(a[1]), 1e-12)
     columns = (
-        ~np.isnan(told.modulus_pa),
+        ~np.isnan(eyes.modulus_pa),
         _scaled(modulus, *e),
         _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
-        ~np.isnan(told.iop_pa),
-        _scaled(np.log(told.iop_pa), np.log(p[0]), np.log(p[1])),
-        _scaled(np.log(told.iop_pa / modulus), *iop_ratio),
-        ~np.isnan(told.thickness_m),
-        _scaled(told.thickness_m, *study.thickness_m.bounds),
-        ~np.isnan(told.gap_m),
-        _scaled(told.gap_m, *study.gap_m.bounds),
-        _scaled(told.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
-        _scaled(told.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
+        ~np.isnan(eyes.iop_pa),
+        _scaled(np.log(eyes.iop_pa), np.log(p[0]), np.log(p[1])),
+        _scaled(np.log(eyes.iop_pa / modulus), *iop_ratio),
+        ~np.isnan(eyes.thickness_m),
+        _scaled(eyes.thickness_m, *study.thickness_m.bounds),
+        ~np.isnan(eyes.gap_m),
+        _scaled(eyes.gap_m, *study.gap_m.bounds),
+        _scaled(eyes.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
+        _scaled(eyes.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
         ~np.isnan(polar),
         _scaled(polar, *a),
-        ~np.isnan(told.direction_rad),
+        ~np.isnan(eyes.direction_rad),
         *pole.T,
-        np.log1p(told.stiffening) / STIFF,
+        np.log1p(eyes.stiffening) / STIFF,
     )
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
     return inputs
@@ -251,98 +247,79 @@ def _scaled(values: Floats, low: float, high: float) -> Floats:
     return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-12)
 
 
-TOLD = "given"
+SLICES, GIVEN_INPUT = "slices", "given"
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
-EYES = 16  # of which it is kept what the network is told
+EYES = 16  # whose inputs are cached
 
 
-class Seen(NamedTuple):
-    """The first input of a network: its name, its type in ONNX, and the shape of one picture."""
+class ForceNetwork:
+    """A network that ONNX Runtime runs: pictures and known values of an eye in, a force and the contact out.
 
-    name: str
-    kind: str
-    shape: tuple[int, ...]
-
-
-class _Prepared(NamedTuple):
-    """What a network is told of an eye, (1, len(GIVEN)), the modulus in it, Pa, and the factor of a force's interval.
-
-    `edges_m2`: of the bins of F/E, with the eye's discrepancy of the force.
-    """
-
-    given: NDArray[np.float32]
-    modulus_pa: float
-    factor_of: Callable[[float], float]
-    edges_m2: list[float]
-
-
-class ToldNetwork:
-    """A network that ONNX Runtime runs.
-
-    Inputs: pictures (n, ...), and `given` float32 (n, len(GIVEN)). Outputs: `histogram` float32 (n, bin), the
-    probability of bins of F/E, E the modulus that it was told, and `contact_m` float32 (n,), the needle's place from
-    the picture's middle.
+    Inputs: pictures (n, row, column), uint8 `slices` or, with `raw`, float32 reduced frames (`FrameWindow.reduced`);
+    and `given` float32 (n, len(GIVEN)). Outputs: `histogram` float32 (n, bin), the probability of bins of F/E, E the
+    modulus that it was given, and `contact_m` float32 (n,), the needle's place from the picture's middle.
     """
 
     def __init__(
         self,
         session: onnxruntime.InferenceSession,
         study: Study,
-        trained: ReaderStudy,
         place: str,
-        factors: IntervalFactors,
-        sees: Seen,
+        factors: IntervalFactors = NO_FACTORS,
+        raw: bool = False,
     ) -> None:
-        """Check a network that was trained on `trained`, and that sees such pictures.
+        """Check a network.
 
         Raises:
-            ModelError: it has other inputs or outputs; names `place`.
+            ModelError: it has other inputs or outputs than its study asks for; names `place`.
         """
-        self._session, self._place, self._factors, self._sees = session, place, factors, sees
+        trained = read_by_fit(study.reader) if raw else study.reader  # raw frames are of eyes with gaps from 0
+        self._session, self._place, self._factors = session, place, factors
         self._trained, self._bounds_n = trained, study.classes.bounds_n
         self._edges_m2 = ratio_edges(trained.bins, trained.max_force_ratio)
-        self._told = lru_cache(maxsize=EYES)(self._prepared)
-        inputs = {sees.name: (sees.kind, list(sees.shape)), TOLD: ("tensor(float)", [len(GIVEN)])}
+        self._inputs_of = lru_cache(maxsize=EYES)(self._inputs)
+        self._pictures = FINDER_FRAMES if raw else SLICES
+        shape = [study.raw_reader.rows, study.raw_reader.columns] if raw else [study.slice.rows, study.slice.columns]
+        seen = ("tensor(float)" if raw else "tensor(uint8)", shape)
+        inputs = {self._pictures: seen, GIVEN_INPUT: ("tensor(float)", [len(GIVEN)])}
         outputs = {HISTOGRAM: ("tensor(float)", [trained.bins]), CONTACT: ("tensor(float)", list[int]())}
         check_interface(session, inputs, outputs, place)
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """What the network's file says about its making."""
+        """The metadata of the network's file."""
         metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         return metadata
 
-    def read_pictures(self, pictures: NDArray[Any], known: Known) -> Reading:
-        """Return what the network reads in pictures of one wall (picture, ...): the mean of its histograms."""
-        given, modulus_pa, factor_of, edges_m2 = self._told(known)
+    def read(self, pictures: NDArray[Any], known: Known) -> Reading:
+        """Return the network's reading of pictures of one wall (picture, row, column): the mean of its histograms."""
+        given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known)
         inputs: dict[str, NDArray[Any]] = {
-            self._sees.name: np.ascontiguousarray(pictures),
-            TOLD: np.repeat(given, len(pictures), axis=0),
+            self._pictures: np.ascontiguousarray(pictures),
+            GIVEN_INPUT: np.repeat(given, len(pictures), axis=0),
         }
         histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
         if histogram.shape != (len(pictures), len(self._edges_m2) - 1) or contact_m.shape != (len(pictures),):
-            found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._sees.name}"
+            found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._pictures}"
             raise ModelError(f"{self._place}: answers {found}")
         mean = histogram.mean(axis=0).tolist()
-        force = single_force(mean, edges_m2, modulus_pa, self._bounds_n, factor_of)
-        return Reading(
-            probabilities=force.probabilities,
-            force_n=force.median_n,
-            interval_n=force.interval_n,
-            contact_m=float(contact_m.mean()),
-        )
+        return histogram_reading(mean, edges_m2, modulus_pa, self._bounds_n, float(contact_m.mean()), factor_of)
 
-    def _prepared(self, known: Known) -> _Prepared:
-        told = told_of(known)
-        modulus_pa = float(told_modulus(told, self._trained)[0][0])
+    def _inputs(self, known: Known) -> tuple[NDArray[np.float32], float, Callable[[float], float], list[float]]:
+        """Return the input (1, len(GIVEN)) for an eye, the modulus in it, Pa, the factor of a force's interval, edges.
+
+        The edges of the bins of F/E, m^2, have the eye's discrepancy of the force.
+        """
+        eyes = given_eye(known)
+        modulus_pa = float(given_modulus(eyes, self._trained)[0][0])
         discrepancy = known.discrepancy or NO_DISCREPANCY
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
-        given = given_inputs(told, self._trained)
-        return _Prepared(given, modulus_pa, partial(self._factors.of_network, known), edges_m2.tolist())
+        factor_of = partial(self._factors.of_network, known)
+        return given_inputs(eyes, self._trained), modulus_pa, factor_of, edges_m2.tolist()
 
 
-def told_of(known: Known) -> Told:
-    """Return what is known of one eye as the network's training put it, arrays (1,), NaN where it is not known."""
+def given_eye(known: Known) -> GivenEyes:
+    """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
     modulus = known.modulus
     values = (
         modulus.mean_pa if modulus else None,
@@ -355,61 +332,14 @@ def told_of(known: Known) -> Told:
         known.direction_rad,
         known.stiffening or 0.0,
     )
-    return Told(*(np.array([np.nan if value is None else value]) for value in values))
+    return GivenEyes(*(np.array([np.nan if value is None else value]) for value in values))
 
 
 def _rigidity_band(known: Known) -> tuple[float, float]:
     """Return the band of a globe's rigidity by the cube-root law, as steep at the resting pressure as its own law."""
     globe = UNKNOWN if known.globe is None else known.globe
-    if globe.law == RIGIDITY_LAWS[0]:
-        return globe.band
     low, high = globe.band
-    factor = 1.0 if known.iop_pa is None else float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
+    if globe.law == RIGIDITY_LAWS[0] or known.iop_pa is None:
+        return low, high
+    factor = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
     return low * factor, high * factor
-
-
-SLICES = "slices"
-
-
-class OnnxSliceNetwork(ToldNetwork):
-    """The network that sees slices, uint8 (n, row, column).
-
-    Raises:
-        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
-    """
-
-    def __init__(
-        self,
-        session: onnxruntime.InferenceSession,
-        study: Study,
-        place: str,
-        factors: IntervalFactors = NO_FACTORS,
-    ) -> None:
-        sees = Seen(SLICES, "tensor(uint8)", (study.slice.rows, study.slice.columns))
-        super().__init__(session, study, study.reader, place, factors, sees)
-
-    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
-        """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
-        return self.read_pictures(cuts, known)
-
-
-class OnnxRawNetwork(ToldNetwork):
-    """The network that sees reduced frames (`FrameWindow.reduced`), float32 (n, row, column), of eyes with gaps from 0.
-
-    Raises:
-        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
-    """
-
-    def __init__(
-        self,
-        session: onnxruntime.InferenceSession,
-        study: Study,
-        place: str,
-        factors: IntervalFactors = NO_FACTORS,
-    ) -> None:
-        sees = Seen(FINDER_FRAMES, "tensor(float)", (study.raw_reader.rows, study.raw_reader.columns))
-        super().__init__(session, study, read_by_fit(study.reader), place, factors, sees)
-
-    def read(self, frame: Float, known: Known) -> Reading:
-        """Return what the network reads in a reduced frame (row, column)."""
-        return self.read_pictures(frame[None], known)

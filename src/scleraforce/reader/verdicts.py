@@ -236,11 +236,6 @@ class Look:
         """The needle that crosses the frame."""
         return self.segmentation.needle
 
-    def told(self, answer: Answer) -> Answer:
-        """Return an answer to the frame with its segmentation and what else is seen in it."""
-        found = self.segmentation
-        return replace(answer, segmentation=found, needle=found.needle, conjunctiva_m=found.conjunctiva_m)
-
 
 def look(
     frame: Pixels,
@@ -294,7 +289,7 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     """
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
-        return unusable(classes, f"what the {name} reads is no number")
+        return unusable(classes, f"the reading of the {name} is not a number")
     reason = contact_outside(reading, study.reader)
     if reason:
         return unusable(classes, reason)

@@ -76,7 +76,7 @@ def evaluation_cards(evaluation: Evaluation) -> Html:
     """Return the figures that matter most: accuracy, recall of the dangerous class, frames that could not be read."""
     low, high = evaluation.accuracy.interval
     danger = evaluation.recall[-1]
-    unusable = [frame for frame in evaluation.frames if not frame.usable]
+    unusable = [frame for frame in evaluation.frames if not frame.answer.usable]
     return cards(
         [
             (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy.hits, evaluation.accuracy.total)),

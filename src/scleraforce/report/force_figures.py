@@ -113,10 +113,10 @@ def _name_trials(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
 
 def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:
     force_mn = from_si(frame.measured_force_n or 0.0, "mn")
-    fill = CLASS_COLOURS[frame.predicted] if frame.usable else "white"
-    marker, colour = CLASS_MARKERS[frame.predicted], CLASS_COLOURS[frame.predicted]
+    fill = CLASS_COLOURS[frame.answer.predicted] if frame.answer.usable else "white"
+    marker, colour = CLASS_MARKERS[frame.answer.predicted], CLASS_COLOURS[frame.answer.predicted]
     axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
-    if frame.predicted != frame.target:
+    if frame.answer.predicted != frame.target:
         axes.plot(x, force_mn, "o", color="none", markeredgecolor=BLACK, markersize=10, zorder=5, label="misread")
 
 
@@ -194,15 +194,15 @@ def draw_force_against_force(
 
 
 def _draw_frame(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: float) -> None:
-    if frame.predicted_force_n is None or frame.interval_n is None:
+    if frame.answer.force_n is None or frame.answer.interval_n is None:
         axes.plot(measured_mn, 0.98 * top_mn, "x", color=RED, markersize=4, zorder=4, label="not usable")
         return
-    read_mn = from_si(frame.predicted_force_n, "mn")
-    low_mn, high_mn = (from_si(end, "mn") for end in frame.interval_n)
-    colour, marker = CLASS_COLOURS[frame.predicted], CLASS_MARKERS[frame.predicted]
+    read_mn = from_si(frame.answer.force_n, "mn")
+    low_mn, high_mn = (from_si(end, "mn") for end in frame.answer.interval_n)
+    colour, marker = CLASS_COLOURS[frame.answer.predicted], CLASS_MARKERS[frame.answer.predicted]
     axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
     axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")
-    if frame.target is not None and frame.predicted != frame.target:
+    if frame.misread:
         axes.plot(
             measured_mn, read_mn, "o", color="none", markeredgecolor=BLACK, markersize=9, zorder=5, label="misread"
         )
@@ -251,10 +251,10 @@ def _draw_read_frame(axes: Axes, one: AnsweredFrame) -> None:
     axes.set_xlim(0.0, width_mm)
     axes.set_ylim(depth_mm, 0.0)
     axes.set_axis_off()
-    answer = one.answer
+    answer, measured_n = one.answer.answer, one.answer.measured_force_n
     sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
     axes.set_title(f"read: class {answer.predicted}{sure}", color=CLASS_INKS[answer.predicted], fontweight="bold")
-    measured = "" if answer.measured_force_n is None else f"measured: {from_si(answer.measured_force_n, 'mn'):.1f} mN"
+    measured = "" if measured_n is None else f"measured: {from_si(measured_n, 'mn'):.1f} mN"
     axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")
 
 

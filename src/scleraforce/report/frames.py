@@ -63,11 +63,12 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
 
 
 def _looked_at(answer: FrameAnswer, recording: Recording) -> AnsweredFrame:
-    if answer.segmentation is None:
+    wall = answer.answer.segmentation
+    if wall is None:
         raise ValueError(f"{answer.recording}: {answer.file}: the answer has no segmentation")
     entry = next(entry for entry in recording.frames if entry.file == answer.file)
     frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    return AnsweredFrame(answer, recording, frame, answer.segmentation)
+    return AnsweredFrame(answer, recording, frame, wall)
 
 
 MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
@@ -86,7 +87,7 @@ def shown_frames(frames: Sequence[FrameAnswer], most: int = MOST_PICTURES) -> tu
 
     Those that were misread or could not be read come first, the others in even steps.
     """
-    telling = [n for n, frame in enumerate(frames) if not frame.usable or _misread(frame)]
+    telling = [n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread]
     others = sorted(set(range(len(frames))) - set(telling))
     chosen = _evenly(telling, most)
     return tuple(frames[n] for n in sorted(chosen + _evenly(others, most - len(chosen))))
@@ -110,7 +111,7 @@ def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> Ht
         (wall_picture(look.frame, look.found, look.extent_m), _title(look.answer, several), _words(look.answer))
         for look in looks
     ]
-    marked = {n for n, look in enumerate(looks) if _misread(look.answer)}
+    marked = {n for n, look in enumerate(looks) if look.answer.misread}
     words = paragraph(f"{WALL_COLOURS} {_left_out(evaluation, looks)}")
     return section("The wall in the frames", words, gallery(pictures, marked))
 
@@ -147,26 +148,23 @@ def _title(answer: FrameAnswer, several: bool) -> str:
     return f"{answer.eye}/{answer.file}" if several else answer.file
 
 
-def _words(answer: FrameAnswer) -> str:
+def _words(frame: FrameAnswer) -> str:
     """Return what was measured and what was read, one beside the other."""
-    if answer.measured_force_n is None:
+    if frame.measured_force_n is None:
         measured = "not measured"
     else:
-        sd_n = answer.measured_force_sd_n
+        sd_n = frame.measured_force_sd_n
         sure = "" if sd_n is None else f" ± {from_si(sd_n, 'mn'):.1f}"
-        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f}{sure} mN (class {answer.target})"
+        measured = f"measured {from_si(frame.measured_force_n, 'mn'):.1f}{sure} mN (class {frame.target})"
+    answer = frame.answer
     if not answer.usable:
         return f"{measured}; not usable: {answer.reason}" if answer.reason else f"{measured}; not usable"
-    if answer.predicted_force_n is None or answer.interval_n is None:
+    if answer.force_n is None or answer.interval_n is None:
         return f"{measured}; read class {answer.predicted}"
     low_mn, high_mn = (from_si(end, "mn") for end in answer.interval_n)
-    read_mn = from_si(answer.predicted_force_n, "mn")
+    read_mn = from_si(answer.force_n, "mn")
     read = f"read {read_mn:.1f} mN ({low_mn:.1f} to {high_mn:.1f}; class {answer.predicted})"
     return f"{measured}; {read}"
-
-
-def _misread(answer: FrameAnswer) -> bool:
-    return answer.target is not None and answer.predicted != answer.target
 
 
 SHOWN_FRAMES = 3

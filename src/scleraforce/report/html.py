@@ -222,14 +222,14 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
             f"{frame.eye}/{frame.file}" if several else frame.file,
             _measured(frame),
             NOTHING if frame.target is None else frame.target,
-            frame.predicted,
+            frame.answer.predicted,
             *(_read_force(frame) if with_force else []),
             *_probabilities(frame, len(evaluation.bounds_n) + 1),
             _remark(frame),
         ]
         for frame in frames
     ]
-    wrong = [(r, 3) for r, f in enumerate(frames) if f.target is not None and f.predicted != f.target]
+    wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
@@ -246,25 +246,26 @@ def _measured(frame: FrameAnswer) -> str:
 
 
 def _read_force(frame: FrameAnswer) -> list[str]:
-    if frame.predicted_force_n is None or frame.interval_n is None:
+    if frame.answer.force_n is None or frame.answer.interval_n is None:
         return [NOTHING, NOTHING]
-    low_mn, high_mn = (from_si(end, "mn") for end in frame.interval_n)
-    return [f"{from_si(frame.predicted_force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
+    low_mn, high_mn = (from_si(end, "mn") for end in frame.answer.interval_n)
+    return [f"{from_si(frame.answer.force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
 
 
 def _probabilities(frame: FrameAnswer, classes: int) -> list[str]:
-    if frame.probabilities is None:
+    if frame.answer.probabilities is None:
         return [NOTHING] * classes
-    return [f"{probability:.3f}" for probability in frame.probabilities]
+    return [f"{probability:.3f}" for probability in frame.answer.probabilities]
 
 
 def _remark(frame: FrameAnswer) -> str:
-    remarks = [] if frame.usable else [f"not usable ({frame.reason})" if frame.reason else "not usable"]
+    answer = frame.answer
+    remarks = [] if answer.usable else [f"not usable ({answer.reason})" if answer.reason else "not usable"]
     if frame.calibration:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
         remarks.append(f"not counted: {frame.excluded}")
-    remarks += frame.warnings
+    remarks += answer.warnings
     return "; ".join(remarks)
 
 

@@ -197,7 +197,7 @@ def training_figure(reader: Classifier) -> Html:
 
 def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:
     """Return the usable trial of median force of a class, from the eye that is `rank`-th in trials of the class."""
-    of_class = [f for f in evaluation.scored if f.target == target and f.usable]
+    of_class = [f for f in evaluation.scored if f.target == target and f.answer.usable]
     eyes = sorted({f.eye for f in of_class}, key=lambda eye: (-sum(f.eye == eye for f in of_class), eye))
     if rank >= len(eyes):
         return None
@@ -356,7 +356,7 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: Html) ->
     )
     mine = confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
     paper = confusion_table(np.array(CONFUSION), bounds_n, "The paper's Table 3, under the standard names: 42 of 45.")
-    misread = [frame for frame in evaluation.scored if frame.predicted != frame.target]
+    misread = [frame for frame in evaluation.scored if frame.answer.predicted != frame.target]
     missed = frame_table(evaluation, misread, "Misread trials.") if misread else paragraph("No trial was misread.")
     return section("Reading the forces", mine, paper, gap, forces, missed)
 

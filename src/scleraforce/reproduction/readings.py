@@ -182,8 +182,8 @@ def read_left_out_file(path: Path) -> tuple[LeftOut, ...]:
 def _score(network: TrainedNetwork, evaluation: Evaluation, eye: str, dataset: Dataset) -> Proportion:
     """Count the right answers of a network to an eye's trials."""
     trials = [frame for frame in evaluation.scored if frame.eye == eye]
-    readable = [frame for frame in trials if frame.usable]
-    right = sum(frame.predicted == frame.target for frame in trials if not frame.usable)
+    readable = [frame for frame in trials if frame.answer.usable]
+    right = sum(frame.answer.predicted == frame.target for frame in trials if not frame.answer.usable)
     if readable:
         slices = np.stack([look_at(frame).slice(dataset.study.slice) for frame in readable])
         answers = network.probabilities(slices).argmax(axis=1)

@@ -158,7 +158,7 @@ def _points(eye: EyeCalibration, evaluation: Evaluation) -> Html:
 
 def _counts(evaluation: Evaluation, eye: str) -> tuple[int, int]:
     trials = [frame for frame in evaluation.scored if frame.eye == eye]
-    return sum(frame.predicted == frame.target for frame in trials), len(trials)
+    return sum(frame.answer.predicted == frame.target for frame in trials), len(trials)
 
 
 def _of_eye(evaluation: Evaluation, eye: str) -> Proportion:
@@ -310,7 +310,7 @@ def _off(summary: CalibrationSummary, eye: PhantomEye) -> str:
 
 
 def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
-    misread = [frame for frame in evaluation.scored if frame.predicted != frame.target]
+    misread = [frame for frame in evaluation.scored if frame.answer.predicted != frame.target]
     if not misread:
         return (paragraph(f"No trial was misread by {name}."),)
     return (frame_table(evaluation, misread, f"Trials misread by {name}."),)

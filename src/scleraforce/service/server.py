@@ -285,9 +285,10 @@ class Server:
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
-        if session.reading is not None:
+        if session.answer is not None:
             self._companions.ask_opinion(frame.number, frame.order, now_s)
-            self._companions.outline(frame.number, session.reading, now_s)
+            if session.answer.segmentation is not None:
+                self._companions.outline(frame.number, session.answer.segmentation, now_s)
 
     def _status(self) -> Outgoing:
         return Outgoing(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick, Verdict
 from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answer import LiveReading
+from scleraforce.reader.answer import Answer
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
@@ -25,7 +25,7 @@ FIRST_INTERVAL_S = 0.01  # until frames tell another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
 SETTLED_FRAMES = 100  # so many that a pause at the start hardly counts in the mean
-Read = Callable[[Pixels, PixelScale], LiveReading]
+Read = Callable[[Pixels, PixelScale], Answer]
 
 
 class FramePace:
@@ -164,7 +164,7 @@ class Session:
         self._frames = self._entries = 0
         self._sender = self._offset = self._order = 0
         self._sent_type: str | None = None
-        self._reading: LiveReading | None = None
+        self._answer: Answer | None = None
         self._shown = ShownPictures(limits.shown_frames)
         self._pace, self._put_off = FramePace(limits.silence_s), DeferredFrames[Frame](limits.catch_up_s)
         self._overtaken = 0
@@ -185,9 +185,9 @@ class Session:
         return len(self._put_off) > 0
 
     @property
-    def reading(self) -> LiveReading | None:
-        """What was found in the last frame; None if it was not read."""
-        return self._reading
+    def answer(self) -> Answer | None:
+        """The answer to the last frame; None if it was not read."""
+        return self._answer
 
     def take(self, event: MonitorEvent) -> bool:
         """Decide on an event; return whether the decision has changed."""
@@ -229,9 +229,9 @@ class Session:
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
-        self._reading = None
+        self._answer = None
         try:
-            self._reading, read = self._read_frame(frame)
+            self._answer, read = self._read_frame(frame)
         except Exception as fault:  # whatever it was, the frame was not read
             self.take(_failure(frame, fault, frame.at_s))
         else:
@@ -256,24 +256,24 @@ class Session:
             return _failure(frame, fault, self.clock())
         return OvertakenRead(self.clock(), read)
 
-    def _read_frame(self, frame: Frame) -> tuple[LiveReading | None, FrameRead]:
+    def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead]:
         """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
         image = frame.image
         size = image.pixels.shape[0], image.pixels.shape[1]
-        reading = None
+        answer = None
         if size == self.limits.size:
-            reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+            answer = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
         read = FrameRead(
             at_s=frame.at_s,
             frame_id=frame.order,
-            verdict=reading.answer.verdict if reading else self._of_another_size(),
+            verdict=answer.verdict if answer else self._of_another_size(),
             shown_back=frame.shown_back,
             size=size,
             scale_m=(image.lateral_m, image.depth_m),
             sent_s=frame.sent_s,
             pixel_type=image.sent_type,
         )
-        return reading, read
+        return answer, read
 
     def _of_another_size(self) -> Verdict:
         return Verdict(
@@ -296,7 +296,7 @@ class Session:
         return self._entry("again", at_s)
 
     def _entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
-        answer = self._reading.answer if frame and self._reading else None
+        answer = self._answer if frame else None
         decision = self.decision
         return Entry(
             number=self._entries,

@@ -71,30 +71,32 @@ def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterat
     """Yield what the script shows of each frame; one frame is in memory at a time."""
     recording = read_recording(evaluation.frames[0].recording)
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
-    pictured = {answer.file for answer in shown_frames(evaluation.frames, MOST_PICTURES)}
-    for entry, answer in zip(recording.frames, evaluation.frames, strict=True):
+    pictured = {frame.file for frame in shown_frames(evaluation.frames, MOST_PICTURES)}
+    for entry, frame in zip(recording.frames, evaluation.frames, strict=True):
         picture = None
         if entry.file in pictured:
-            if answer.segmentation is None:
-                raise ValueError(f"{answer.file}: the answer has no segmentation")
-            picture = wall_picture(recording.frame(entry), answer.segmentation, extent_m, WIDTH)
-        yield {"time_s": entry.time_s, "picture": picture, **_answered(answer)}
+            wall = frame.answer.segmentation
+            if wall is None:
+                raise ValueError(f"{frame.file}: the answer has no segmentation")
+            picture = wall_picture(recording.frame(entry), wall, extent_m, WIDTH)
+        yield {"time_s": entry.time_s, "picture": picture, **_answered(frame)}
         progress(1)
 
 
-def _answered(answer: FrameAnswer) -> dict[str, Any]:
+def _answered(frame: FrameAnswer) -> dict[str, Any]:
+    answer = frame.answer
     return {
-        "file": answer.file,
-        "measured_mn": from_si(answer.measured_force_n, "mn"),
-        "read_mn": from_si(answer.predicted_force_n, "mn"),
+        "file": frame.file,
+        "measured_mn": from_si(frame.measured_force_n, "mn"),
+        "read_mn": from_si(answer.force_n, "mn"),
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "predicted": answer.predicted,
-        "target": answer.target,
+        "target": frame.target,
         "usable": answer.usable,
         "reason": answer.reason,
         "remarks": [
             *answer.warnings,
-            *(["Young's modulus was calibrated on this frame"] if answer.calibration else []),
-            *([f"left out of metrics: {answer.excluded}"] if answer.excluded else []),
+            *(["Young's modulus was calibrated on this frame"] if frame.calibration else []),
+            *([f"left out of metrics: {frame.excluded}"] if frame.excluded else []),
         ],
     }

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
-from scleraforce.reader.answer import LiveReading
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.service.companions.channel import ChannelClosedError, Child, encode_message
 from scleraforce.service.companions.messages import (
     Alive,
@@ -98,11 +98,11 @@ class Companions:
             self._send_waiting(entry.at_s)
         self._send(CONSOLE, data, entry.at_s)
 
-    def outline(self, frame: int, reading: LiveReading, now_s: float) -> None:
+    def outline(self, frame: int, wall: Segmentation, now_s: float) -> None:
         """Send the wall that was found in a frame to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
-            rows = _rows(reading.outer_row), _rows(reading.inner_row)
+            rows = _rows(wall.outer_row), _rows(wall.inner_row)
             self.tell(CONSOLE, Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
 
     def ask_opinion(self, number: int, order: int, now_s: float) -> None:
