@@ -17,7 +17,7 @@ import numpy as np
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Fitted, Samples, classifier_bytes, fit
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.learning.train import split_samples
-from scleraforce.models.folder import write_folder
+from scleraforce.models import write_folder
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 

@@ -20,7 +20,7 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.known.eye import OPEN, Known, Modulus
+from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.library import Library

@@ -19,7 +19,7 @@ from figures.sections import ComputedEye, compute_eye
 from monitor_sessions.telling import calibrated
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, Modulus
+from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye

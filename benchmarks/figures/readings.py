@@ -13,7 +13,7 @@ from figures.groups import DEFAULT_READER, GROUPS
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.known.calibration_file import EyeSummary, read_calibration
-from scleraforce.models.folder import RECORD_FILE
+from scleraforce.models import RECORD_FILE
 from scleraforce.reproduction.run import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study, parse_study, preset_toml
 from scleraforce.whole_files import write_whole

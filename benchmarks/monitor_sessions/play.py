@@ -14,7 +14,7 @@ from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_for
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.telling import tellings
 from monitor_sessions.watch import Watch, Withdrawal
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Answer

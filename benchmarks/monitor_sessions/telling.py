@@ -16,7 +16,7 @@ from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.known_forces import settled
 from scleraforce.calibration.stiffening import TissueTrial, search
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, Modulus
+from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.library import Library
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.pixels import PixelScale

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion
 from scleraforce.reader.answer import Answer

@@ -27,7 +27,7 @@ from scleraforce.learning.fingerprint import (
     moved,
 )
 from scleraforce.library import load_library
-from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
+from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.folder import read_recording

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench_reader import draw_eye
-from scleraforce.known.eye import Known
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.known import Known
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.pixels import PixelScale
 

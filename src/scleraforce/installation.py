@@ -19,12 +19,12 @@ from packaging.requirements import Requirement
 from platformdirs import user_cache_path
 
 from scleraforce.errors import InputError
-from scleraforce.known.eye import OPEN, Known, Modulus
+from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetric_path
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.pixels import PixelScale

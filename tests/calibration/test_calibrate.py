@@ -19,8 +19,8 @@ from scleraforce.calibration.one_tissue import FrameWalls, frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
+from scleraforce.known import SEALED, UNKNOWN, known_of_recording
 from scleraforce.known.calibration_file import known_of_eye, open_calibration, parse_calibration_file, summary_of
-from scleraforce.known.eye import SEALED, UNKNOWN, known_of_recording
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.folder import Recording, read_recording

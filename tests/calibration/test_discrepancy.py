@@ -13,7 +13,7 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
-from scleraforce.known.eye import OPEN, Known, Modulus
+from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 

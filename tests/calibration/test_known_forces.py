@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.calibration.known_forces import KnownForce, place_of, regression
-from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlobe, Modulus
+from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlobe, Modulus
 
 FILTERED = replace(SEALED, mean=REFERENCE_RIGIDITY, sd=0.05 * REFERENCE_RIGIDITY, correlation=-0.5, calibrated=True)
 

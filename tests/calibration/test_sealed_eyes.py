@@ -13,7 +13,7 @@ from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_glob
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.known import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye

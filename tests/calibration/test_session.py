@@ -23,7 +23,7 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames

@@ -13,7 +13,7 @@ from analytic_library import solve_analytic
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
 from scleraforce.library import build
-from scleraforce.models.folder import check_place
+from scleraforce.models import check_place
 
 LIBRARY = "[library]\nthicknesses = 4\ntensions = 4\ntips = 6\nelements = 16\n"
 DATASET = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 200\n"

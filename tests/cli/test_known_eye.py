@@ -3,7 +3,7 @@
 import pytest
 
 from scleraforce.cli.inputs import globe_words
-from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
+from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 
 CALIBRATED = KnownGlobe(
     kind="unknown", lowest=0.0, highest=UNKNOWN.highest, mean=REFERENCE_RIGIDITY, sd=0.02 * REFERENCE_RIGIDITY,

@@ -13,7 +13,7 @@ from analytic_frames import image, recording_toml, tip_of, wall_section
 import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
-from scleraforce.models.folder import (
+from scleraforce.models import (
     SHIPPED,
     SHIPPED_PAPER,
     SHIPPED_READER,

@@ -9,7 +9,7 @@ import pytest
 
 from scleraforce.cli.main import run
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import find_wall

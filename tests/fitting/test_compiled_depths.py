@@ -15,7 +15,7 @@ from scleraforce.fitting.globe_term import law_slope, off_the_law
 from scleraforce.fitting.placement import Places
 from scleraforce.fitting.prediction import Walls, predict_wall
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, PRESSURE, ROTATION, SIZE, THICKNESS, TIP
-from scleraforce.known.eye import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.known import OPEN, UNKNOWN, KnownGlobe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 

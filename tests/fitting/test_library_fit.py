@@ -28,7 +28,7 @@ from scleraforce.fitting.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.known.eye import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, Modulus
+from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, Modulus
 from scleraforce.library import Library
 
 WALLS = Walls(LIBRARY)

@@ -12,11 +12,11 @@ from scleraforce.fitting.prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
 from scleraforce.fitting.starts import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, PRESSURE, SHINE, THICKNESS, TIP
-from scleraforce.known.eye import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_globe
+from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_globe
 from scleraforce.library import Library
 from scleraforce.library.files import load_library
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.models.folder import LIBRARY_FILE, SHIPPED_READER
+from scleraforce.models import LIBRARY_FILE, SHIPPED_READER
 from scleraforce.units import to_si
 
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)

@@ -7,8 +7,8 @@ import pytest
 from small_recordings import calibration_text
 
 from scleraforce.errors import CalibrationError
+from scleraforce.known import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, known_globe
 from scleraforce.known.calibration_file import globe_entry, known_of_eye, read_calibration
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, known_globe
 
 EYES = {
     "a": {"frames": [{"file": "1.png", "sha256": "1f"}, {"file": "2.png", "sha256": "2f"}], "mean_mpa": 0.31},

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.known.eye import NO_DISCREPANCY, ForceDiscrepancy
+from scleraforce.known import NO_DISCREPANCY, ForceDiscrepancy
 
 LIBRARY_N = np.array([0.0, 5e-3, 30e-3, 55e-3])
 STIFFENING = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.02, growth_sd=0.1, correlation=-0.6)

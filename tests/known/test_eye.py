@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from small_recordings import calibration_text
 
+from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, told_globe
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
     calibrated_modulus,
@@ -14,7 +15,6 @@ from scleraforce.known.calibration_file import (
     known_of_eye,
     read_calibration,
 )
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, told_globe
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scleraforce.known.eye import OPEN, SEALED, UNKNOWN, known_globe
+from scleraforce.known import OPEN, SEALED, UNKNOWN, known_globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 

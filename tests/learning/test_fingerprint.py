@@ -18,7 +18,7 @@ from scleraforce.learning.fingerprint import (
     reader_fingerprint,
 )
 from scleraforce.library.files import load_library
-from scleraforce.models.folder import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import Study, parse_study

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library
 
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.learning import intervals, virtual_eyes
 from scleraforce.learning.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
 from scleraforce.library import Library
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.intervals import Score
 from scleraforce.study import Range, ReaderStudy, Study
 

@@ -9,12 +9,12 @@ import pytest
 import torch
 from analytic_library import analytic_library
 
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known import Known, Modulus
 from scleraforce.learning.raw_reader import RawReaderNetwork, RawSource, fit_raw_reader, raw_reader_bytes, slice_weights
 from scleraforce.learning.reader import ReaderNetwork, histogram
 from scleraforce.learning.train import train_raw_reader
 from scleraforce.library import Library
-from scleraforce.models.session import network_session
+from scleraforce.models import network_session
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.reduced import FrameWindow

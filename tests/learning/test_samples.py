@@ -10,7 +10,7 @@ from library_arrays import reached_tips
 from scleraforce.errors import InputError
 from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
-from scleraforce.known.eye import SEALED, UNKNOWN
+from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import (
     CHUNK,
     TISSUE,

@@ -14,7 +14,7 @@ from scleraforce.calibration.known_forces import _certain, read_again
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries, fit_from
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
+from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
 from scleraforce.learning import virtual_eyes
 from scleraforce.learning.intervals import STREAM, _scores, calibrated_eye, calibrated_otherwise

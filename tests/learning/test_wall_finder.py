@@ -22,7 +22,7 @@ from scleraforce.learning.wall_finder import (
     scene_batch,
     scene_dice,
 )
-from scleraforce.models.session import network_session, run_network
+from scleraforce.models import network_session, run_network
 from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL
 from scleraforce.study import Study, parse_study, study_hash

@@ -14,7 +14,7 @@ from scleraforce.eye.graded import graded_mesh
 from scleraforce.fitting.prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.responses import Library

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook.counting import counting_for
 from scleraforce.notebook.training import library_for
 from scleraforce.reader import load_force_reader

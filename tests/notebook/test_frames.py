@@ -7,7 +7,7 @@ from small_models import force_reader
 
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
-from scleraforce.known.eye import REFERENCE_RIGIDITY
+from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.notebook.calibrating import calibrate
 from scleraforce.notebook.evaluating import evaluate
 from scleraforce.notebook.frames import read, segment

@@ -23,7 +23,7 @@ def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
     """Write a model with random weights for a study; its validation figures are made up."""
     pytest.importorskip("torch")
     from scleraforce.learning.classifier import Layer, TrainedNetwork, classifier_bytes, with_half_weights
-    from scleraforce.models.folder import write_folder
+    from scleraforce.models import write_folder
 
     rng = np.random.default_rng(5)
     pixels = study.slice.rows * study.slice.columns

@@ -23,7 +23,7 @@ from analytic_frames import (
 from small_models import FIVE_MN, force_reader
 from tifffile import TiffFile
 
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known import Known, Modulus
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import SHIFTS, ForceReader
 from scleraforce.recording.pixels import PixelScale

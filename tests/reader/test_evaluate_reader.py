@@ -22,8 +22,8 @@ from small_recordings import FORCES_N, write_places
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
+from scleraforce.known import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.known.eye import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.folder import read_recording

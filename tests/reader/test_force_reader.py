@@ -8,7 +8,7 @@ from analytic_library import made_up_library
 from small_models import FIVE_MN, FixedNetwork
 
 from scleraforce.errors import InputError
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.reader.kinds import ForceReader
 
 LIBRARY = made_up_library()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.known.eye import OPEN, UNKNOWN, known_globe
+from scleraforce.known import OPEN, UNKNOWN, known_globe
 from scleraforce.library.base import pole_direction
 from scleraforce.reader.networks import GIVEN, GivenEyes, given_inputs, given_modulus
 from scleraforce.study import ReaderStudy

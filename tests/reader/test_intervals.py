@@ -10,7 +10,7 @@ from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.unknowns import FORM, FORMS, NAMES
-from scleraforce.known.eye import NO_DISCREPANCY, OPEN, SEALED, Known, Modulus
+from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, Known, Modulus
 from scleraforce.reader.answer import Reading, fit_reading
 from scleraforce.reader.intervals import (
     FIT_TRAITS,

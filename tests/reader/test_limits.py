@@ -5,7 +5,7 @@ from math import nan
 
 import pytest
 
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known import Known, Modulus
 from scleraforce.reader.limits import outside_training
 from scleraforce.study import LibraryStudy, Range, ReaderStudy
 

@@ -8,7 +8,7 @@ import pytest
 from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
 from small_models import FIVE_MN, force_reader
 
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.reader import load_classifier
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import ForceReader

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import ModelError
-from scleraforce.models.folder import sha256
+from scleraforce.models import sha256
 from scleraforce.reader import load_model
 
 

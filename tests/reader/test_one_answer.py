@@ -13,7 +13,7 @@ import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.known.eye import known_of_recording
+from scleraforce.known import known_of_recording
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import read_recording

@@ -15,8 +15,8 @@ from small_models import RAW_STUDY, write_raw_model
 
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import NO_DISCREPANCY, Known, Modulus
-from scleraforce.models.session import network_session
+from scleraforce.known import NO_DISCREPANCY, Known, Modulus
+from scleraforce.models import network_session
 from scleraforce.reader import RawReader, load_force_reader, load_model
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import IntervalFactors

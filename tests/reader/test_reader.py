@@ -9,7 +9,7 @@ from sources import syntax_nodes
 
 import scleraforce
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import OPEN, SEALED, Known, Modulus
+from scleraforce.known import OPEN, SEALED, Known, Modulus
 from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.known.eye import Known, Modulus, known_globe
+from scleraforce.known import Known, Modulus, known_globe
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Scanner, read_scaled_frame

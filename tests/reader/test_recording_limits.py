@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import SEALED, Known, known_globe
-from scleraforce.models.folder import SHIPPED_READER, SHIPPED_WALL_FINDER, read_folder
-from scleraforce.models.session import folder_study
+from scleraforce.known import SEALED, Known, known_globe
+from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER, folder_study, read_folder
 from scleraforce.reader.limits import limit_notes, raw_limits, reading_ranges, recording_limits, wall_limits
 from scleraforce.reader.verdicts import least_wall_m, too_little_wall
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo

@@ -10,8 +10,8 @@ from analytic_library import analytic_library
 from small_models import write_fixed_reader
 
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import ForceDiscrepancy, Known, Modulus
-from scleraforce.models.folder import sha256
+from scleraforce.known import ForceDiscrepancy, Known, Modulus
+from scleraforce.models import sha256
 from scleraforce.reader import load_classifier, load_model
 from scleraforce.reader.networks import given_eye, ratio_edges, unknown_modulus
 

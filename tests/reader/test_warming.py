@@ -7,7 +7,7 @@ import pytest
 from analytic_frames import KNOWN, SCALE, STUDY
 from small_models import force_reader
 
-from scleraforce.known.eye import NOTHING_KNOWN, Known
+from scleraforce.known import NOTHING_KNOWN, Known
 from scleraforce.reader.model import LiveReader, warming_frame
 from scleraforce.recording.pixels import PixelScale
 

@@ -13,7 +13,7 @@ from foreign_files import with_log
 from small_recordings import changed, frame_answer, looked_at_frames, write_small_recording
 
 from bench_conjunctiva import SCALE, STUDY, drawn
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
 from scleraforce.reader.verdicts import look

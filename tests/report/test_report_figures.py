@@ -11,7 +11,7 @@ from small_recordings import calibration_of_a_sealed_eye, frame_answer, refused_
 from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.known.eye import SEALED
+from scleraforce.known import SEALED
 from scleraforce.laboratory.light import Pose
 from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.report.files import CLASS_COLOURS, data_uri

@@ -12,7 +12,7 @@ import pytest
 
 from scleraforce.errors import InputError, StudyError
 from scleraforce.laboratory.light import sample_pose
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction
 from scleraforce.reproduction.readings import run_library

@@ -8,7 +8,7 @@ import pytest
 from bench_conjunctiva import rows_off, waving_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Conjunctiva, Pose, sample_conjunctiva, sample_optics
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale

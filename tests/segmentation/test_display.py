@@ -10,7 +10,7 @@ import wall_arrays
 from analytic_frames import SCANNER, drawn_counts
 from hypothesis import given, strategies as st
 
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.light import NOT_LOGARITHMIC, as_logarithmic, pair_contrast

@@ -8,7 +8,7 @@ from analytic_frames import SCALE, image, tip_of, wall_section
 from small_models import FINDER_STUDY as STUDY, told_finder
 
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import doubt

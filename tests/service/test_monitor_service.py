@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from small_monitor import FakeCompanion
 
-from scleraforce.known.eye import (
+from scleraforce.known import (
     OPEN,
     REFERENCE_RIGIDITY,
     SEALED,

@@ -9,7 +9,7 @@ from analytic_library import analytic_library
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.fitting.prediction import Walls, place_walls
 from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.known.eye import OPEN, Known, Modulus
+from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
 from scleraforce.laboratory.scanner_display import ImagedEye

@@ -113,7 +113,7 @@ def _read_calibration(folder: Path) -> None:
 
 
 def _read_model(folder: Path) -> None:
-    from scleraforce.known.eye import Known
+    from scleraforce.known import Known
     from scleraforce.reader import load_force_reader
 
     model = load_force_reader(folder / "model")

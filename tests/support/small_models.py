@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from analytic_frames import LIBRARY, STUDY
 
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.library import Library, save_library
-from scleraforce.models.folder import LIBRARY_FILE, write_folder
+from scleraforce.models import LIBRARY_FILE, write_folder
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
@@ -52,7 +52,7 @@ def write_fixed_reader(
     import onnx
     from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info, set_model_props
 
-    from scleraforce.models.folder import write_folder
+    from scleraforce.models import write_folder
 
     study = fixed_study(len(shares))
     values = {

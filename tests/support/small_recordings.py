@@ -29,7 +29,7 @@ from scleraforce.calibration.known_forces import KnownForce
 from scleraforce.calibration.registration import NUISANCES, PoseBelief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.roukf import Posterior
-from scleraforce.known.eye import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
+from scleraforce.known import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.learning.generate import generate_dataset

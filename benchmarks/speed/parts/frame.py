@@ -11,7 +11,7 @@ import numpy as np
 
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import Modulus, known_of_recording
+from scleraforce.known import Modulus, known_of_recording
 from scleraforce.reader import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.known.eye import Known
-from scleraforce.models.folder import NETWORK_FILE, SHIPPED_READER
+from scleraforce.known import Known
+from scleraforce.models import NETWORK_FILE, SHIPPED_READER
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.networks import given_eye, given_inputs, given_modulus, histogram_reading, ratio_edges

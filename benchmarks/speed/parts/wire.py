@@ -11,7 +11,7 @@ from time import perf_counter, sleep
 
 import numpy as np
 
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.openigtlink import encode
 from scleraforce.openigtlink.image import Image
 from scleraforce.recording.folder import read_recording

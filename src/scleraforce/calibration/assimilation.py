@@ -52,7 +52,7 @@ from scleraforce.calibration.roukf import (
     sigma_points,
 )
 from scleraforce.fitting.placement import Placed, Places, curve_depths
-from scleraforce.known.eye import Known, KnownGlobe, Modulus, correlation_of, within_bounds
+from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy, Study

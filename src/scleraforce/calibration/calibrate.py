@@ -9,7 +9,7 @@ from scleraforce.calibration.one_tissue import FrameWalls, StepCount, Way, calib
 from scleraforce.calibration.result import Calibration, EyeCalibration, rigidity_words
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
+from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.folder import Recording
 from scleraforce.segmentation.wall_finder import WallFinder

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from scleraforce.known.eye import OPEN, Known, KnownGlobe, Modulus
+from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 
 Vector = NDArray[np.float64]
 

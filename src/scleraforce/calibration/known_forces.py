@@ -23,7 +23,7 @@ from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import (
+from scleraforce.known import (
     NINETY_PERCENT,
     OPEN,
     REFERENCE_RIGIDITY,

@@ -34,7 +34,7 @@ from scleraforce.errors import CalibrationError, InputError
 from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
 from scleraforce.fitting.unknowns import FORM, form_depths
-from scleraforce.known.eye import Modulus
+from scleraforce.known import Modulus
 from scleraforce.library import Library
 from scleraforce.library.base import pole_direction, section_places
 from scleraforce.library.sealed import iop_ratio_under_force

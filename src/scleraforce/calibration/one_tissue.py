@@ -27,7 +27,7 @@ from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import OPEN, UNKNOWN, Known, open_doubts, told_globe
+from scleraforce.known import OPEN, UNKNOWN, Known, open_doubts, told_globe
 from scleraforce.library import Library
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames, label_notes, log_doubts

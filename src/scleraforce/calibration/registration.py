@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.eye_model import EyeModel, WallState, stated_wall
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.known.eye import REFERENCE_RIGIDITY
+from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 

@@ -17,6 +17,7 @@ from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
 from scleraforce.calibration.registration import NUISANCES, PoseBelief
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
+from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe
 from scleraforce.known.calibration_file import (
     CALIBRATION_FORMAT,
     WRITER,
@@ -26,7 +27,6 @@ from scleraforce.known.calibration_file import (
     globe_entry,
     summary_of_eye,
 )
-from scleraforce.known.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe
 from scleraforce.units import HumanUnit, from_si
 
 

@@ -106,7 +106,7 @@ def import_(
     """
     # Imported here: formats and figures take longer to import than the help to print.
     from scleraforce.cli.import_terminal import asker, entries, lines
-    from scleraforce.models.folder import SHIPPED_READER
+    from scleraforce.models import SHIPPED_READER
     from scleraforce.notebook.importing import write_imported
     from scleraforce.recording.sources import OPTION, ImportOptions
 

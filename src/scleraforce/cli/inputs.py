@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 from scleraforce.units import HumanUnit, from_si
 
 if TYPE_CHECKING:
-    from scleraforce.known.eye import Known
+    from scleraforce.known import Known
     from scleraforce.recording.folder import ScaledFrame
 
 UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
@@ -56,7 +56,7 @@ def known_sources(given: "Known", stated: "Known", known: "Known") -> Sources:
         stated: by the recording.
         known: in the end, where a calibration may add to both.
     """
-    from scleraforce.known.eye import completed
+    from scleraforce.known import completed
 
     first, second, used = _values(given), _values(completed(given, stated)), _values(known)
     return [
@@ -77,12 +77,12 @@ def known_words(sources: Sources) -> str:
 def globe_words(known: "Known", reads_force: bool) -> str:
     """Return with which globe a model reads an eye, and the cost of an unknown one.
 
-    >>> from scleraforce.known.eye import Known
-    >>> from scleraforce.known.eye import SEALED
+    >>> from scleraforce.known import Known
+    >>> from scleraforce.known import SEALED
     >>> globe_words(Known(globe=SEALED), reads_force=True)
     'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
     """
-    from scleraforce.known.eye import UNKNOWN
+    from scleraforce.known import UNKNOWN
 
     globe = UNKNOWN if known.globe is None else known.globe
     if not reads_force:

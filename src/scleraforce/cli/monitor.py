@@ -19,7 +19,7 @@ from scleraforce.processes import one_thread
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
-    from scleraforce.known.eye import Known
+    from scleraforce.known import Known
     from scleraforce.monitor import MonitorLimits
     from scleraforce.reader import Reader
     from scleraforce.service.monitor_service import Address, MonitorSettings

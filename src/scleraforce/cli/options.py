@@ -7,7 +7,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from scleraforce.errors import StudyError
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.study import Study, read_study
 from scleraforce.study.eye import GLOBES
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity

@@ -58,7 +58,7 @@ def read(
     --globe open
     """
     import scleraforce as sf
-    from scleraforce.known.eye import NOTHING_KNOWN
+    from scleraforce.known import NOTHING_KNOWN
     from scleraforce.notebook.frames import check_calibrated, given_eye, reading, summary_of_calibration
     from scleraforce.recording.folder import Scanner
 

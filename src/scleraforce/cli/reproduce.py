@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar, say
-from scleraforce.models.folder import model_name
+from scleraforce.models import model_name
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused

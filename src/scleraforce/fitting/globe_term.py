@@ -14,7 +14,7 @@ from scleraforce.eye.globe import Globe
 from scleraforce.fitting.loops import Law, off_the_laws
 from scleraforce.fitting.prediction import Walls, displaced_m3
 from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
-from scleraforce.known.eye import KnownGlobe
+from scleraforce.known import KnownGlobe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]

@@ -43,7 +43,7 @@ from scleraforce.fitting.unknowns import (
     TIP,
     form_depths,
 )
-from scleraforce.known.eye import OPEN, KnownGlobe
+from scleraforce.known import OPEN, KnownGlobe
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.responses import Library
 

@@ -23,7 +23,7 @@ from scleraforce.fitting.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.known.eye import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
+from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library.base import pole_direction
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy

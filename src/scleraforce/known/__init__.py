@@ -1,1 +1,346 @@
-"""What is known of an eye before a frame is read: from options, its recording, or a calibration file."""
+"""What is known of an eye beside its frame: modulus, IOP, thickness, gap, globe, discrepancy of its forces.
+
+Each may be missing. A globe is open, sealed with some rigidity, or unknown; the rigidity is an unknown of fit and
+filter: normal about a mean, within bounds. Frames of known force move and narrow it. They also show how far an eye's
+forces lie off those of the library's walls: tissue stiffens, walls are uneven, corneas have a stiffness of their own.
+Most of that a calibration's E absorbs; what is left grows with the force, and frames of the same eye share it. It is
+learned per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
+
+    ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
+"""
+
+from dataclasses import dataclass, fields, replace
+from math import sqrt
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from scleraforce.eye.globe import Globe, sealed_globe
+from scleraforce.recording.folder import EyeInfo, RecordingInfo
+from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
+from scleraforce.units import to_si
+
+MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding puts their correlation beyond 1
+
+
+def correlation_of(covariance: NDArray[np.float64], first: int, second: int) -> float:
+    """Return the correlation of two unknowns of a covariance (unknown, unknown), never beyond `MOST_CORRELATED`.
+
+    >>> correlation_of(np.array([[4.0, 1.0], [1.0, 1.0]]), 0, 1)
+    0.5
+    >>> correlation_of(np.array([[1.0, -1.1], [-1.1, 1.0]]), 0, 1) == -MOST_CORRELATED
+    True
+    """
+    found = covariance[first, second] / np.sqrt(covariance[first, first] * covariance[second, second])
+    return float(np.clip(found, -MOST_CORRELATED, MOST_CORRELATED))
+
+
+def within_bounds(
+    mean: NDArray[np.float64], covariance: NDArray[np.float64], place: int, bounds: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Return the mean of unknowns (unknown,) where one of them stays within its bounds: given the bound, if it left.
+
+    Args:
+        mean: of normal unknowns (unknown,).
+        covariance: of them (unknown, unknown).
+        place: of the one.
+        bounds: its least and its largest value.
+
+    >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
+    [0.5, 2.0]
+    """
+    away = np.clip(mean[place], *bounds) - mean[place]
+    moved: NDArray[np.float64] = mean + away * covariance[:, place] / covariance[place, place]
+    return moved
+
+
+Floats = NDArray[np.float64]
+
+REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy stays as it is
+
+
+_LARGEST_LOG = 2.0  # of a force's logarithm, in a file
+_Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceDiscrepancy:
+    """Means and standard deviations of level and growth, which are normal, and their correlation.
+
+    All are given E and the globe's rigidity at their means; a standard deviation of either above it takes level and
+    growth along by `level_by` and `growth_by` (by E, by the rigidity): an eye's frames tell all of these together.
+    `scatter`: how far the forces of single frames lie off these, in standard deviations of what is expected.
+    `largest_n`: the largest of these forces, N, beyond which the eye is extrapolated; `widest_gap`: the widest gap
+    between two of them, or below the first, as a share of the largest. None where they are not known.
+    """
+
+    level: _Log
+    growth: _Log
+    level_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
+    growth_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
+    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
+    level_by: tuple[_Log, _Log] = (0.0, 0.0)
+    growth_by: tuple[_Log, _Log] = (0.0, 0.0)
+    scatter: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
+    largest_n: Annotated[float, Meta(ge=0.0, le=3.0)] | None = None
+    widest_gap: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
+
+    def corrected_n(
+        self,
+        library_n: Floats,
+        level_z: Floats | float = 0.0,
+        growth_z: Floats | float = 0.0,
+        eye_z: Floats | tuple[float, float] = (0.0, 0.0),
+    ) -> Floats:
+        """Return the forces of the eye where the library's are `library_n`, N.
+
+        Args:
+            library_n: forces of the library's wall, N.
+            level_z: standard normal numbers, by which the level is drawn; 0: its mean.
+            growth_z: likewise, of the growth.
+            eye_z: by how many standard deviations E and rigidity are above their means (..., 2).
+
+        >>> stiffer = ForceDiscrepancy(level=0.0, growth=0.2, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+        >>> (1e3 * stiffer.corrected_n(np.array([0.0, 30e-3, 60e-3]))).round(2).tolist()
+        [0.0, 30.0, 66.31]
+        """
+        level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
+        across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
+        growth = self.growth + self.growth_sd * across + np.asarray(eye_z) @ self.growth_by
+        forces: Floats = library_n * np.exp(level + growth * beside_middle(library_n))
+        return forces
+
+    def at_reference(self) -> tuple[float, float]:
+        """Return mean and standard deviation of ln(F / F_library) at 60 mN.
+
+        >>> stiffer = ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.03, growth_sd=0.08, correlation=0.0)
+        >>> mean, sd = stiffer.at_reference()
+        >>> round(mean, 3), round(sd, 3)
+        (0.12, 0.05)
+        """
+        half = 0.5 * self.growth_sd
+        variance = self.level_sd**2 + half**2 + 2.0 * self.correlation * self.level_sd * half
+        return self.level + 0.5 * self.growth, sqrt(variance)
+
+
+NO_DISCREPANCY = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+
+
+def beside_middle(library_n: Floats) -> Floats:
+    """Return where forces lie beside the middle of the range, -1/2 to 1/2: what growth is multiplied by."""
+    return np.clip(library_n / REFERENCE_N, 0.0, 1.0) - 0.5
+
+
+Kind = Literal["open", "sealed", "unknown"]
+
+REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+SLACKEST, STIFFEST = REFERENCE_RIGIDITY / 6.0, 2.0 * REFERENCE_RIGIDITY  # 0.005 and 0.06 mmHg^(1/3)/ul
+STATED_SD, STATED_ENDS = 0.08, 1.3  # relative, of a rigidity that is told without its uncertainty
+NINETY_PERCENT = 1.6449  # standard deviations to either side
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownGlobe:
+    """A globe of which so much is known.
+
+    `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` say where
+    it lies. All are Pa^(1/3)/m^3 and 0 for an open globe. `correlation` is that with the logarithm of the modulus that
+    was estimated with it; `calibrated` says whether frames of known force have told these, `rigidity_told` whether k
+    was told as a number.
+    """
+
+    kind: Kind
+    lowest: float
+    highest: float
+    mean: float
+    sd: float
+    law: str = RIGIDITY_LAWS[0]
+    correlation: float = 0.0
+    calibrated: bool = False
+    rigidity_told: bool = False
+
+    @property
+    def can_be_sealed(self) -> bool:
+        """Whether the pressure may rise with the dent."""
+        return self.highest > 0.0
+
+    def globe(self, rigidity: Floats | float) -> Globe:
+        """Return the globe, or as many, of a rigidity k, Pa^(1/3)/m^3; a little below 0 the law goes on."""
+        return sealed_globe(rigidity, self.law)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """The rigidities, Pa^(1/3)/m^3, between which k lies with 90 %."""
+        ends = np.clip(self.mean + NINETY_PERCENT * self.sd * np.array([-1.0, 1.0]), self.lowest, self.highest)
+        return float(ends[0]), float(ends[1])
+
+
+OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
+UNKNOWN = KnownGlobe(kind="unknown", lowest=0.0, highest=STIFFEST, mean=0.5 * STIFFEST, sd=STIFFEST / sqrt(12.0))
+SEALED = KnownGlobe(
+    kind="sealed",
+    lowest=SLACKEST,
+    highest=STIFFEST,
+    mean=0.5 * (SLACKEST + STIFFEST),
+    sd=(STIFFEST - SLACKEST) / sqrt(12.0),
+)
+
+
+def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
+    """Return what is known of a globe of which this was told; None: nothing.
+
+    Raises:
+        StudyError: a kind that there is none of, or a rigidity that no globe has, as in a study file.
+
+    >>> known_globe(None).kind, known_globe("open").can_be_sealed
+    ('unknown', False)
+    """
+    if kind is None:
+        return UNKNOWN
+    if GlobeStudy().told(kind, rigidity_pa13_per_m3).kind == "open":
+        return OPEN
+    law = RIGIDITY_LAWS[0] if law is None else law
+    if rigidity_pa13_per_m3 is None:
+        return replace(SEALED, law=law)
+    k = rigidity_pa13_per_m3
+    ends = k / STATED_ENDS, k * STATED_ENDS
+    return KnownGlobe(
+        kind="sealed", lowest=ends[0], highest=ends[1], mean=k, sd=STATED_SD * k, law=law, rigidity_told=True
+    )
+
+
+def completed_globe(told: KnownGlobe | None, stated: KnownGlobe | None) -> KnownGlobe | None:
+    """Return what was told of a globe, and what else was stated of one of the same kind; None: nothing.
+
+    >>> k = 0.5 * REFERENCE_RIGIDITY
+    >>> completed_globe(known_globe("sealed"), known_globe("sealed", k)).rigidity_told
+    True
+    >>> completed_globe(known_globe("open"), known_globe("sealed", k)).kind
+    'open'
+    """
+    if told is None or stated is None or told.kind != stated.kind:
+        return told or stated
+    return replace(told, law=stated.law) if told.rigidity_told else stated
+
+
+STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
+POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
+LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
+_SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modulus:
+    """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""
+
+    mean_pa: float
+    sd_pa: float
+    source: str
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation over mean, never less than 1 %.
+
+        >>> Modulus(mean_pa=250e3, sd_pa=10e3, source="own").relative_sd
+        0.04
+        """
+        return max(self.sd_pa / self.mean_pa, LEAST_MODULUS_SD)
+
+    @classmethod
+    def stated(cls, mean_pa: float) -> "Modulus":
+        """A modulus that someone gives, without saying how sure it is."""
+        return cls(mean_pa=mean_pa, sd_pa=STATED_MODULUS_SD * mean_pa, source="stated")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known of an eye and of the B-scan's place; None: unknown.
+
+    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
+    `direction_rad` that of the plane's lateral axis from the meridian.
+    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `stiffening` is b of the tissue
+    (`mechanics.stiffening`); None is read as 0, tissue that does not stiffen. `discrepancy` goes with an eye's own
+    modulus.
+    """
+
+    modulus: Modulus | None = None
+    iop_pa: float | None = None
+    thickness_m: float | None = None
+    gap_m: float | None = None
+    polar_rad: float | None = None
+    direction_rad: float | None = None
+    globe: KnownGlobe | None = None
+    stiffening: float | None = None
+    discrepancy: ForceDiscrepancy | None = None
+
+    @property
+    def has_own_modulus(self) -> bool:
+        """Whether E was found on frames of the eye."""
+        return self.modulus is not None and self.modulus.source == "own"
+
+    @property
+    def scatter(self) -> float:
+        """By how much intervals are wider for what the eye's frames of known force showed (`ForceDiscrepancy`)."""
+        return 1.0 if self.discrepancy is None else self.discrepancy.scatter
+
+
+NOTHING_KNOWN = Known()
+
+
+def known_of_recording(info: RecordingInfo) -> Known:
+    """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
+    needle = info.needle
+    return Known(
+        modulus=None,
+        iop_pa=info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=needle.slice_gap_m,
+        polar_rad=needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad,
+        globe=told_globe(info.eye),
+    )
+
+
+def told_globe(eye: EyeInfo) -> KnownGlobe | None:
+    """Return what a recording says of its globe; None: nothing."""
+    if eye.globe is None:
+        return None
+    return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
+
+
+def stated_eye(eye: str, known: Known) -> EyeInfo:
+    """Return what a recording of an eye may state of it: what was told; what a calibration found stands in its file."""
+    globe = known.globe
+    if globe is None or globe.kind != "sealed":
+        told = None if globe is None or globe.kind == "unknown" else globe.kind
+        return EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, globe=told)
+    return EyeInfo(
+        eye,
+        thickness_m=known.thickness_m,
+        iop_pa=known.iop_pa,
+        globe=globe.kind,
+        rigidity_pa13_per_m3=globe.mean if globe.rigidity_told and not globe.calibrated else None,
+        rigidity_law=globe.law,
+    )
+
+
+def open_doubts(globe: str | None) -> tuple[str, ...]:
+    """Return a sentence on what linear mechanics makes of a globe; none of an open or unknown one.
+
+    >>> open_doubts("open")
+    ()
+    """
+    return (_SEALED_DOUBT,) if globe == "sealed" else ()
+
+
+def completed(told: Known, stated: Known) -> Known:
+    """Return what was told of an eye, and what else was stated; likewise of a globe of the kind that was told.
+
+    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
+    True
+    """
+    missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
+    globe = completed_globe(told.globe, stated.globe)
+    return replace(told, **{**{name: getattr(stated, name) for name in missing}, "globe": globe})

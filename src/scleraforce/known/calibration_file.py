@@ -18,7 +18,7 @@ import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import (
+from scleraforce.known import (
     MOST_CORRELATED,
     OPEN,
     POPULATION_SD,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scleraforce.known.eye import UNKNOWN
+from scleraforce.known import UNKNOWN
 from scleraforce.reader.metrics import Proportion
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import HumanUnit, from_si

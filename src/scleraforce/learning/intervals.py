@@ -20,7 +20,7 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scleraforce.errors import CalibrationError, SolverError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.learning.virtual_eyes import (
     CALIBRATED,
     FRAMES,

@@ -47,8 +47,7 @@ from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, of_population,
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
 from scleraforce.library.slices import Framing
-from scleraforce.models.folder import NETWORK_FILE
-from scleraforce.models.session import network_session
+from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.networks import (
     CONTACT,

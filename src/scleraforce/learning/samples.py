@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.known.eye import NINETY_PERCENT, SEALED, UNKNOWN
+from scleraforce.known import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions

@@ -52,8 +52,7 @@ from scleraforce.learning.wall_finder import (
 )
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.files import StoredErrors
-from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, write_folder
-from scleraforce.models.session import network_session
+from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, network_session, write_folder
 from scleraforce.processes import available_cores
 from scleraforce.reader.kinds import RawReader
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import InputError
+from scleraforce.known import known_of_recording
 from scleraforce.known.calibration_file import open_calibration, write_calibration
-from scleraforce.known.eye import known_of_recording
-from scleraforce.models.folder import (
+from scleraforce.models import (
     CARD_FILE,
     COMMON_FILES,
     NETWORK_FILE,

@@ -15,6 +15,7 @@ import numpy as np
 
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError, StudyError
+from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
     foreign_modulus,
@@ -23,8 +24,7 @@ from scleraforce.known.calibration_file import (
     read_calibration,
     summary_of,
 )
-from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.model import load_wall_finder

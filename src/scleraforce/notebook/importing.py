@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.models.folder import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder

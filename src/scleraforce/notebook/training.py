@@ -13,7 +13,7 @@ from scleraforce.library.build import build_library
 from scleraforce.library.cache import cached_library
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
-from scleraforce.models.folder import LIBRARY_FILE, SHIPPED_READER, read_folder
+from scleraforce.models import LIBRARY_FILE, SHIPPED_READER, read_folder
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.frames import load_model
 from scleraforce.reader import Reader
@@ -157,7 +157,7 @@ def library_for(study: Study, mechanics: str, counting: Counting, workers: int |
     if mechanics == "linear":
         return None
     from scleraforce.library.files import load_library
-    from scleraforce.models.session import folder_study
+    from scleraforce.models import folder_study
 
     plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
     if plan_library(folder_study(shipped)).key == plan.key:

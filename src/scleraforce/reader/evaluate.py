@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import label_sds
 from scleraforce.errors import CalibrationError, RecordingError
+from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
-from scleraforce.known.eye import Known, known_of_recording
-from scleraforce.models.folder import model_name
+from scleraforce.models import model_name
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import NOTHING_KNOWN, Known
+from scleraforce.known import NOTHING_KNOWN, Known
 from scleraforce.library.responses import Library
-from scleraforce.models.folder import NETWORK_FILE
-from scleraforce.models.session import check_interface, run_network
+from scleraforce.models import NETWORK_FILE, check_interface, run_network
 from scleraforce.reader.answer import (
     METHODS,
     Answer,

@@ -11,9 +11,8 @@ from math import hypot, inf, sqrt
 from pathlib import Path
 
 from scleraforce.errors import ModelError
-from scleraforce.known.eye import NOTHING_KNOWN, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
-from scleraforce.models.folder import model_folder, model_name, read_folder
-from scleraforce.models.session import folder_study
+from scleraforce.known import NOTHING_KNOWN, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
+from scleraforce.models import folder_study, model_folder, model_name, read_folder
 from scleraforce.reader.verdicts import least_wall_m, read_by_fit, wall_seen
 from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study

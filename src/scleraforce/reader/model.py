@@ -9,19 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, ModelError
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.models.folder import (
+from scleraforce.models import (
     LIBRARY_FILE,
     NETWORK_FILE,
     RECORD_FILE,
     SHIPPED_WALL_FINDER,
     WALL_FINDER,
     ModelFolder,
+    check_provenance,
+    folder_session,
+    folder_study,
+    network_session,
     read_folder,
 )
-from scleraforce.models.session import check_provenance, folder_session, folder_study, network_session
 from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
 from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader

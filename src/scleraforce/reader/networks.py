@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
 from scleraforce.eye.globe import SAME_SLOPE_PA
-from scleraforce.known.eye import NO_DISCREPANCY, UNKNOWN, Known
+from scleraforce.known import NO_DISCREPANCY, UNKNOWN, Known
 from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
-from scleraforce.models.session import check_interface, run_network
+from scleraforce.models import check_interface, run_network
 from scleraforce.reader.answer import Reading, stretched_interval, unstretched
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors
 from scleraforce.reader.verdicts import read_by_fit

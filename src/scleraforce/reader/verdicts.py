@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
 from scleraforce.fitting.prior import Prior
 from scleraforce.fitting.unknowns import FORM, FORMS, INNER_OFFSET, SIZE, THICKNESS
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.reader.answer import Answer, Reading, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation

@@ -13,7 +13,7 @@ from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
-from scleraforce.models.folder import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder

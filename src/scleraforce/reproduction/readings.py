@@ -29,7 +29,7 @@ from scleraforce.learning.dataset import Dataset, open_dataset, read_population_
 from scleraforce.learning.train import split_samples, train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings

@@ -17,8 +17,7 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.errors import InputError, StudyError
-from scleraforce.models.folder import SHIPPED_READER, read_folder, sha256
-from scleraforce.models.session import folder_study
+from scleraforce.models import SHIPPED_READER, folder_study, read_folder, sha256
 from scleraforce.study import Range, Study, format_study, study_hash
 from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole

@@ -14,7 +14,7 @@ from scleraforce.known.calibration_file import CalibrationSummary, open_calibrat
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.models.folder import SHIPPED_WALL_FINDER, model_name
+from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import (

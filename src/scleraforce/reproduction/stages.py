@@ -18,7 +18,7 @@ from scleraforce.learning.dataset import open_dataset, read_population_modulus
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.train import train_classifier
 from scleraforce.library.plan import plan_library
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder

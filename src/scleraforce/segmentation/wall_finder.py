@@ -13,7 +13,7 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
-from scleraforce.models.session import check_interface, run_network
+from scleraforce.models import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.loops import best_path

@@ -13,7 +13,7 @@ from time import monotonic
 import cv2
 
 from scleraforce.errors import InputError
-from scleraforce.known.eye import Known, stated_eye
+from scleraforce.known import Known, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
 from scleraforce.reader.model import LiveReader

@@ -100,7 +100,7 @@ class ReaderStudy(Section):
     surer than 6 % was calibrated with these. Each value is missing in `*_missing_fraction` of the samples.
 
     `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
-    (`known.eye`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
+    (`known`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
     no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
     even over `rigidity_sd_pa13_per_m3`). Most values are told of most samples: what is said of an eye with all of them
     is sharp, and takes more samples to learn than what is said of one with few.

@@ -16,7 +16,7 @@ from hypothesis import given, strategies as st
 from small_monitor import FUSE_S, READ_ENTRY, TICK_ENTRY, verdict, wait_until
 
 from scleraforce.errors import MessageError
-from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, known_globe
+from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.channel import (

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
-from scleraforce.models.folder import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
+from scleraforce.models import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from scleraforce.models.folder import FILES, read_folder
+from scleraforce.models import FILES, read_folder
 from scleraforce.reader.limits import reading_ranges
 from scleraforce.report.files import BLUE, RED, inches, styled
 from scleraforce.report.shown.kinds import Thing

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scleraforce.errors import RecordingError
-from scleraforce.models.folder import SHIPPED_READER
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes

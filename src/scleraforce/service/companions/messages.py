@@ -13,7 +13,7 @@ from typing import Any
 from msgspec import Struct
 
 from scleraforce import __version__
-from scleraforce.known.eye import Known
+from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Verdict
 from scleraforce.recording.folder import ForceInfo, RecordingInfo
