@@ -53,8 +53,10 @@ def _code_file() -> Any:
     class CodeFile(caching.FunctionCache):  # type: ignore[misc, name-defined]  # Numba has hardly any types
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():
+            try:
                 return self._load_overload(signature, target_context)
+            except Exception:  # a damaged file may raise anything: the function is compiled anew
+                return None
 
     class Notice(event.Listener):  # type: ignore[misc, name-defined]
         """The first compilation of this process says so."""

@@ -8,6 +8,7 @@ from analytic_frames import SCALE, image, tip_of, wall_section
 from small_models import FINDER_STUDY as STUDY, told_finder
 
 from scleraforce.laboratory.scenes import draw_scene
+from scleraforce.learning.wall_finder import mask_dice
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
@@ -34,13 +35,16 @@ def same(one: Segmentation, other: Segmentation) -> bool:
 
 
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
-def test_a_network_that_sees_the_same_wall_changes_nothing(force_mn: int, shipped: WallFinder) -> None:
+def test_a_network_that_sees_the_same_wall_hardly_moves_it(force_mn: int, shipped: WallFinder) -> None:
     frame = image(wall_section(tip_of(force_mn / 1e3)))
     alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
     assert alone.usable
     assert checked.usable, checked.reason
     assert same(alone, find_wall(frame, SCALE))
-    assert same(checked, alone)
+    there = np.isfinite(alone.outer_row)
+    np.testing.assert_array_equal(checked.outer_row[there], alone.outer_row[there])
+    assert np.median(np.abs(checked.inner_row - alone.inner_row)[there]) == 0.0
+    assert mask_dice(checked.mask, alone.mask) > 0.99
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
 """The wall by two methods that check each other: that of `wall.find_first_wall`, and a network's.
 
-The first one is finer: forces are read from it alone, and only if nothing speaks against it once the network has
-looked, too. A frame in which the network sees another wall, by more than both are unsure of, or in which it is too
-unsure of the wall's end, is not usable. What is then shown is the network's wall, moved to an edge of the full frame
-where one lies within the network's own resolution. `docs/wall_finder.md` says what was measured.
+The first is finer, the network knows better where a wall ends. Where they agree the wall is the first method's, with
+the network's inner boundary in stretches where light falls more there. Elsewhere it is the network's, moved to an edge
+of the full frame within the network's own resolution. A frame in which the network sees another wall, by more than both
+are unsure of, or in which it is too unsure of the wall's end, is not usable. Forces are read from the wall that is
+returned, and pages and masks show it.
 
 All comparisons are made at the columns that the network answers for, in rows of the full frame.
 """
@@ -48,7 +49,7 @@ SAMPLES = 8  # rows that are looked at on a side
 def checked_by(
     finder: WallFinder, frame: Pixels, scale: PixelScale, first: Segmentation, found: Segmentation
 ) -> Segmentation:
-    """Return a wall after a network's check.
+    """Return the wall that both methods give together, usable if nothing speaks against it.
 
     The network does not know how thick the wall is: one that takes the conjunctiva for a part of the wall, as it does
     from 140 um on, is no witness against the surface below it.
@@ -58,25 +59,24 @@ def checked_by(
         frame: counts on a logarithmic scale (row, column).
         scale: size of the frame's pixel, with the refractive index.
         first: the wall from the first surface on.
-        found: that below a conjunctiva; the same one where none is seen.
+        found: the wall below a conjunctiva; the same object if none is seen.
 
     Returns:
-        `found`, if it can be judged and the network sees it, or `first`, too. Else a wall that is not usable: the
-        network's, if it sees any and no conjunctiva was found.
+        Below a conjunctiva, `found`. Elsewhere the network's wall at the edges near it, and where the two methods
+        agree, `found` with the network's inner boundary in stretches where light falls more there. It is usable where
+        `found` can be judged and the network does not contradict it.
     """
     part = lit_part(frame, scale)
     if part is None:
         return found
     seen = finder.find(frame)
     reason = found.reason or (doubt(found, seen) and doubt(first, seen))
-    if not reason:
-        return found
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
         if ways_agree(found, seen):
             shown = joined_walls(frame, found, shown, seen.step_rows)
         found = replace(shown, needle=found.needle)
-    return replace(found, usable=False, reason=reason)
+    return replace(found, usable=not reason, reason=reason)
 
 
 def ways_agree(other: Segmentation, seen: SeenWall) -> bool:

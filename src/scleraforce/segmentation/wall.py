@@ -44,8 +44,8 @@ def find_wall(
         finder: a network that checks the wall; None: nothing does, as in the control loop, where its 7 ms are too long.
 
     Returns:
-        Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask. If the network sees
-        another wall, or the frame cannot be judged without it, the wall is the network's and not usable.
+        Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask. With a network the
+        wall is the one that both methods give (see `checked_wall.checked_by`).
 
     Raises:
         ValueError: not such an array, or smaller than 16 x 16.

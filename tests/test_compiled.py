@@ -1,0 +1,71 @@
+"""Machine code from the cache: the same results, no compilation; functions compiled after it was loaded."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+LOOPS = """
+import numpy as np
+from scleraforce.compiled import compiled
+
+@compiled
+def square(x):
+    return x * x
+
+@compiled
+def norm(values):
+    total = 0.0
+    for row in range(values.shape[0]):
+        total += square(np.sin(values[row])) / 3.0
+    return np.sqrt(total)
+
+@compiled
+def late(values):
+    return np.sort(values[::-1]).cumsum()[-1] + norm(values)
+"""
+CALL = """
+import json, sys
+import numpy as np
+from loops import late, norm
+values = np.linspace(0.1, 2.0, 101)
+found = [norm(values).hex()]
+if "late" in sys.argv:
+    found += [late(values.astype(np.float32)).hex(), float(norm(values.astype(np.float32))).hex()]
+print(json.dumps([found, "numba.np.arraymath" in sys.modules]))
+"""
+
+
+def call(folder: Path, *words: str) -> tuple[list[str], bool, str]:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(folder)}
+    done = subprocess.run([sys.executable, "-c", CALL, *words], env=environment, capture_output=True, check=True)
+    found, imports_registries = json.loads(done.stdout)
+    return found, imports_registries, done.stderr.decode()
+
+
+def test_machine_code_is_compiled_once_and_serves_every_later_process(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    compiled, _, first_notice = call(tmp_path)
+    loaded, imports_registries, notice = call(tmp_path)
+    assert "compiling, once" in first_notice
+    assert loaded == compiled
+    assert (notice, imports_registries) == ("", False)  # what compiling takes is not imported
+
+
+def test_a_process_that_loaded_machine_code_compiles_more(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    call(tmp_path)
+    after_loading, _, notice = call(tmp_path, "late")
+    assert notice.count("compiling, once") == 1
+    assert after_loading == call(tmp_path, "late")[0]
+
+
+def test_a_broken_file_in_the_cache_is_compiled_anew(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    compiled = call(tmp_path)[0]
+    codes = list((tmp_path / "cache").rglob("*.nbc"))
+    assert codes
+    for code in codes:
+        code.write_bytes(code.read_bytes()[:100])
+    assert call(tmp_path)[0] == compiled
