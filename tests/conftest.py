@@ -72,8 +72,6 @@ _FORMER = {
     "peak_memory": "effects",
     "parsed": "sources",
     "example_module": "sources",
-    "pieces_of_work": "workers",
-    "dask_cluster": "workers",
 }
 
 

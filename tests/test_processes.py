@@ -1,18 +1,35 @@
-"""How units are handed out to processes; `tests/dataset` and `tests/library` show the processes at work."""
+"""Units of work in processes, and on a real Dask cluster of this machine whose parts are killed."""
 
 import multiprocessing
 import os
+import re
+import signal
 import subprocess
 import sys
 import time
 from collections import deque
+from collections.abc import Iterator
 from functools import partial
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from workers import fails_oddly, leave_a_mark_for_each, no_preparation, tripled
+from workers import (
+    NEEDS_DASK,
+    Cluster,
+    ends_its_process,
+    fails_oddly,
+    leave_a_mark_for_each,
+    named_threads,
+    no_preparation,
+    slowly_tripled,
+    tripled,
+    waits_for_ever,
+)
 
+from scleraforce import cluster as cluster_module, processes as processes_module
+from scleraforce.cluster import cluster_workers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import next_unit, split_runs, work_in_order, work_units
 
@@ -27,6 +44,23 @@ def double():
 if __name__ == "__main__":
     print(sorted(work_units(double, range(3), 1)))
 """
+LEFT_ALONE = """
+import sys
+from functools import partial
+from pathlib import Path
+from workers import waits_for_ever
+from scleraforce.processes import work_units
+
+if __name__ == "__main__":
+    list(work_units(partial(waits_for_ever, Path(sys.argv[1])), range(3), 2))
+"""
+ON_CLUSTER = [*NEEDS_DASK, pytest.mark.slow]
+
+
+def on_cluster(test):
+    for mark in ON_CLUSTER:
+        test = mark(test)
+    return test
 
 
 def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
@@ -46,22 +80,22 @@ def no_interpreter():
     spawn.set_executable(before)
 
 
-@pytest.mark.parametrize("work", [work_units, partial(work_in_order, ahead=2)], ids=["any order", "in order"])
 @pytest.mark.usefixtures("no_interpreter")
-def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang(work):
-    with pytest.raises(SolverError, match="a worker ended with code 1"):
-        list(work(HEAVY, range(3), 2))
-    assert not multiprocessing.active_children()
+def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang():
+    for work in (work_units, partial(work_in_order, ahead=2)):
+        with pytest.raises(SolverError, match="a worker ended"):
+            list(work(HEAVY, range(3), 2))
+        assert not multiprocessing.active_children()
 
 
-def test_what_a_preparation_raises_reaches_the_caller():
-    with pytest.raises(InputError, match="this eye is too small"):
-        list(work_units(no_preparation, range(3), 1))
-
-
-def test_an_exception_that_cannot_be_sent_is_told():
-    with pytest.raises(SolverError, match="OddError in a worker: 7 and this"):
-        list(work_units(fails_oddly, [7], 1))
+def test_what_a_worker_raises_reaches_the_caller():
+    for prepare, kind, words in (
+        (no_preparation, InputError, "this eye is too small"),
+        (fails_oddly, SolverError, "OddError in a worker: 7 and this"),
+        (ends_its_process, SolverError, "a worker ended"),
+    ):
+        with pytest.raises(kind, match=words):
+            list(work_units(prepare, [7], 1))
 
 
 def test_results_come_in_order_whatever_the_workers_do():
@@ -69,13 +103,45 @@ def test_results_come_in_order_whatever_the_workers_do():
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
 
 
-def test_a_worker_goes_on_while_the_caller_has_a_result(tmp_path: Path) -> None:
+def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
     results = work_in_order(partial(leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
     for unit in results:
         following, deadline = tmp_path / str(unit + 1), time.monotonic() + 300.0
         while unit < 3 and not following.exists():
             assert time.monotonic() < deadline, f"{following.name} waits until the caller comes back"
             time.sleep(0.01)
+
+
+def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(tmp_path: Path) -> None:
+    results = work_units(partial(waits_for_ever, tmp_path), range(2), 2)
+    next(results)
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no SIGKILL")
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(LEFT_ALONE)
+    paths = os.environ | {"PYTHONPATH": str(Path(waits_for_ever.__code__.co_filename).parent)}
+    parent = subprocess.Popen([sys.executable, str(program), str(tmp_path)], env=paths)
+    end = time.monotonic() + 300.0
+    while not (marks := [mark for mark in tmp_path.glob("pid*") if mark.read_text()]):
+        assert time.monotonic() < end, "no worker has begun"
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    while _is_running(int(marks[0].read_text())):
+        assert time.monotonic() < end, "the worker outlives its parent"
+        time.sleep(0.05)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
@@ -90,3 +156,116 @@ def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> Non
     )
     assert (done.stdout, done.stderr) == ("[(0, 0), (1, 2), (2, 4)]\n", "")
     assert not (tmp_path / "ran").exists()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A cluster of two workers that come back after each death."""
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    made.worker("--nanny")
+    made.worker("--nanny")
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def mortal(tmp_path: Path) -> Iterator[Cluster]:
+    """A cluster whose parts a test kills; it has no workers yet."""
+    made = Cluster(tmp_path)
+    yield made
+    made.end()
+
+
+@on_cluster
+def test_a_cluster_does_each_unit_once_and_in_order_on_request(cluster: Cluster) -> None:
+    workers = cluster_workers(cluster.address)
+    assert dict(work_units(slowly_tripled, range(5, 12), workers)) == {unit: 3 * unit for unit in range(5, 12)}
+    assert list(work_in_order(slowly_tripled, range(12, 5, -1), workers, ahead=3)) == [36 - 3 * n for n in range(7)]
+    assert list(work_units(slowly_tripled, [], workers)) == []
+    assert list(work_in_order(slowly_tripled, [], workers, ahead=3)) == []
+
+
+@on_cluster
+def test_a_cluster_gets_a_few_of_many_units_at_a_time(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    from distributed.cfexecutor import ClientExecutor
+
+    counts = SimpleNamespace(submitted=0, most=0)
+    submit = ClientExecutor.submit
+
+    def counted(executor: ClientExecutor, *arguments: object) -> object:
+        counts.submitted += 1
+        return submit(executor, *arguments)
+
+    monkeypatch.setattr(processes_module, "LEAST_AHEAD", 2)
+    monkeypatch.setattr(processes_module, "AHEAD", 1)
+    monkeypatch.setattr(ClientExecutor, "submit", counted)
+    workers = cluster_workers(cluster.address)
+    found = {}
+    for unit, result in work_units(slowly_tripled, range(20), workers):
+        assert counts.submitted - len(found) <= max(2, workers) + 1
+        found[unit] = result
+    assert found == {unit: 3 * unit for unit in range(20)}
+
+
+@on_cluster
+def test_each_thread_of_a_worker_prepares_for_itself_and_once(cluster: Cluster) -> None:
+    found = dict(work_units(named_threads, range(40), cluster_workers(cluster.address))).values()
+    assert all(prepared == does for prepared, _, does in found)
+    assert len({preparation for _, preparation, _ in found}) == len({does for *_, does in found})
+
+
+@on_cluster
+def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = cluster_workers(cluster.address)
+    with pytest.raises(InputError, match="this eye is too small"):
+        list(work_units(no_preparation, range(3), workers))
+    with pytest.raises(InputError, match="this eye is too small"):
+        list(work_in_order(no_preparation, range(3), workers, ahead=2))
+    with pytest.raises(SolverError, match="die one after the other"):
+        list(work_units(ends_its_process, [7], workers))
+    monkeypatch.setattr(processes_module, "_version", lambda: "0.0.1")
+    with pytest.raises(InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"):
+        list(work_units(slowly_tripled, [1], workers))
+
+
+@on_cluster
+def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
+    workers = cluster_workers(mortal.address)
+    assert workers == 1
+    victim, _ = mortal.worker(), mortal.worker()
+    results = []
+    for result in work_in_order(slowly_tripled, range(60), workers, ahead=20):
+        results.append(result)
+        if len(results) == 5:
+            victim.send_signal(signal.SIGKILL)
+    assert results == [3 * unit for unit in range(60)]
+    assert victim.wait() == -signal.SIGKILL
+
+
+@on_cluster
+def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
+    mortal.worker()
+    done = work_units(slowly_tripled, range(10_000), cluster_workers(mortal.address))
+    next(done)
+    mortal.scheduler.kill()
+    with pytest.raises(SolverError, match="the scheduler has ended"):
+        list(done)
+
+
+@on_cluster
+def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> None:
+    workers = cluster_workers(cluster.address)
+    work = work_units(slowly_tripled, range(10_000), workers)
+    next(work)
+    work.close()
+    start = time.monotonic()
+    assert dict(work_units(slowly_tripled, [1], workers)) == {1: 3}
+    assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
+    with pytest.raises(InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")):
+        cluster_workers("tcp://127.0.0.1:9")

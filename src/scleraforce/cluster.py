@@ -1,45 +1,33 @@
-"""Work on numbered units by the workers of an existing Dask cluster (extra `[cluster]`).
+"""Work on the workers of an existing Dask cluster (extra `[cluster]`), through an executor of `concurrent.futures`.
 
-The scheduler hands a unit to another worker where one has died. Results come to this process, which alone writes.
+The scheduler gives a unit to another worker if one dies. Results come to this process, which alone writes.
 """
 
 import logging
-import pickle
-import threading
-from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import CancelledError
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
-from itertools import islice
-from typing import Any, NamedTuple, TypeVar
-from uuid import uuid4
+from typing import Any
 
 from scleraforce.errors import InputError, SolverError
 
-Result = TypeVar("Result")
-
 CONNECT_S = 10.0
-AHEAD = 8  # units for each worker that the scheduler knows of: neither it nor the workers hold all of a large run
-LEAST_AHEAD = 256  # so many at least: workers may join later
 
 
 class ClusterWorkers(int):
-    """How many threads the workers of a Dask scheduler have, 1 at least, and the address of the scheduler.
+    """The number of threads of a Dask scheduler's workers, at least 1, with the scheduler's address.
 
-    It is a number, so that what takes a number of workers takes those of a cluster in their place.
+    Every function that takes a number of workers takes this one instead.
     """
 
     scheduler: str
 
 
 def cluster_workers(scheduler: str) -> ClusterWorkers:
-    """Return the workers of a Dask scheduler.
-
-    Args:
-        scheduler: address, like tcp://127.0.0.1:8786. It may have no workers yet: work waits for some.
+    """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786; work waits until it has some.
 
     Raises:
-        InputError: no Dask here, or no scheduler there.
+        InputError: Dask is not installed, or no scheduler answers.
     """
     with _connected(scheduler) as client:
         workers = ClusterWorkers(max(1, sum(client.nthreads().values())))
@@ -47,87 +35,29 @@ def cluster_workers(scheduler: str) -> ClusterWorkers:
     return workers
 
 
-def work_on_cluster(
-    prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: ClusterWorkers
-) -> Generator[tuple[int, Result], None, None]:
-    """Do units on the workers of a Dask scheduler; yield (unit, result) as they are done.
-
-    Args:
-        prepare: called once in each thread of a worker; returns what does a unit. It is pickled, and its modules are
-            installed on the workers.
-        units: numbers of the units.
-        workers: those of the scheduler.
-
-    Raises:
-        InputError: no scheduler there any more, or workers of another version of this package.
-        SolverError: a unit killed one worker after the other, or the scheduler ended.
-        ScleraforceError: what a unit raised.
-    """
-    with _session(prepare, workers) as session:
-        import distributed
-
-        coming = iter(units)
-        done: Any = distributed.as_completed  # not annotated there
-        first = [session.submit(unit) for unit in islice(coming, max(LEAST_AHEAD, AHEAD * workers))]
-        finished = done(first, loop=session.client.loop)
-        for future in finished:
-            yield future.key[1], future.result()
-            future.release()
-            finished.update([session.submit(unit) for unit in islice(coming, 1)])
-
-
-def work_in_order_on_cluster(
-    prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: ClusterWorkers, ahead: int
-) -> Generator[Result, None, None]:
-    """Do units on the workers of a Dask scheduler; yield the results in the order of the units.
-
-    Args:
-        prepare: as of `work_on_cluster`, and so are the next two.
-        units: numbers of the units.
-        workers: those of the scheduler.
-        ahead: units, at most, that are done or worked on before they are asked for.
-
-    Raises:
-        ScleraforceError: as `work_on_cluster`.
-    """
-    with _session(prepare, workers) as session:
-        coming = iter(units)
-        waiting = deque(session.submit(unit) for unit in islice(coming, ahead))
-        while waiting:
-            result = waiting.popleft().result()
-            waiting.extend(session.submit(unit) for unit in islice(coming, 1))
-            yield result
-
-
-class _Session(NamedTuple):
-    """A connection to a scheduler, a name for what is submitted, and what is to be done, kept on the workers."""
-
-    client: Any
-    name: str
-    work: Any
-
-    def submit(self, unit: int) -> Any:
-        """Let a worker do a unit."""
-        return self.client.submit(_do, self.work, unit, key=(self.name, unit), pure=False)
-
-
 @contextmanager
-def _session(prepare: Callable[[], Callable[[int], Any]], workers: ClusterWorkers) -> Iterator[_Session]:
-    """Connect, hand over what is to be done, and take back in the end what is not done; speak plainly of what fails."""
-    import distributed
-    from distributed.comm.core import CommClosedError
+def cluster_submit(
+    do: Callable[[bytes, int], Any], work: bytes, workers: ClusterWorkers
+) -> Iterator[Callable[[int], "Future[Any]"]]:
+    """Give a function that submits `do(work, unit)` for a unit; each worker gets `work` once.
 
+    Raises:
+        InputError: the scheduler no longer answers.
+        SolverError: a unit killed several workers, or the scheduler ended.
+    """
     with _connected(workers.scheduler) as client:
-        name = f"scleraforce-{uuid4().hex}"
-        work = client.submit(_same, pickle.dumps((_version(), prepare)), key=f"{name}-work", pure=False)
-        session = _Session(client, name, work)
+        import distributed
+        from distributed.comm.core import CommClosedError
+
+        kept = client.submit(_same, work, pure=False)
+        executor = client.get_executor(pure=False)
         try:
-            yield session
+            yield lambda unit: executor.submit(do, kept, unit)
         except distributed.KilledWorker as fault:
             found = f"{workers.scheduler}: its workers die one after the other ({fault}); see their logs"
             raise SolverError(found) from fault
         except (CancelledError, CommClosedError) as fault:
-            raise SolverError(f"{workers.scheduler}: the scheduler has ended; the same command goes on") from fault
+            raise SolverError(f"{workers.scheduler}: the scheduler has ended; run the same command again") from fault
 
 
 def _connected(scheduler: str) -> Any:
@@ -135,33 +65,14 @@ def _connected(scheduler: str) -> Any:
         import distributed
     except ImportError as fault:
         raise InputError("--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'") from fault
-    client: Any = distributed.Client  # not annotated there
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # of a scheduler that has gone it is said below
+    client: Any = distributed.Client  # without type annotations
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is reported above
     try:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as fault:
         raise InputError(f"--scheduler: no Dask scheduler answers at {scheduler} ({fault})") from fault
 
 
-_prepared = threading.local()  # what this thread of a worker has prepared last
-
-
 def _same(work: bytes) -> bytes:
-    """Return what is to be done: as the result of a task it goes to each worker once, and outlives any of them."""
+    """Return the work: as the result of a task it is sent to each worker once, and survives the death of any."""
     return work
-
-
-def _do(work: bytes, unit: int) -> Any:
-    """Do a unit, in a worker."""
-    if getattr(_prepared, "work", None) != work:
-        version, prepare = pickle.loads(work)
-        if version != _version():
-            raise InputError(f"a worker has scleraforce {_version()}, this process {version}; install the same")
-        _prepared.work, _prepared.do = work, prepare()
-    return _prepared.do(unit)
-
-
-def _version() -> str:
-    from importlib.metadata import version  # a tenth of a second, with all that it imports
-
-    return version("scleraforce")

@@ -1,7 +1,7 @@
-"""Processes that work on numbered units, each with its own run of consecutive ones; or the workers of a cluster.
+"""Work on numbered units in processes or on a cluster, through executors of `concurrent.futures`.
 
-Consecutive units may share what is costly to prepare; so each worker gets a contiguous run of units, and takes units
-from the end of the longest other run only when its own is done.
+Consecutive units may share what is costly to prepare. So each process is an executor of its own with a contiguous run
+of units; it takes units from the end of the longest other run only when its own is done.
 """
 
 import multiprocessing
@@ -10,25 +10,31 @@ import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from itertools import pairwise
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import islice, pairwise
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from multiprocessing.reduction import ForkingPickler
+from multiprocessing.connection import Connection
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from threading import Thread, local
 from typing import Any, TypeVar
 
-from scleraforce.cluster import ClusterWorkers, work_in_order_on_cluster, work_on_cluster
-from scleraforce.errors import SolverError
+from scleraforce.cluster import ClusterWorkers, cluster_submit
+from scleraforce.errors import InputError, SolverError
 
 Result = TypeVar("Result")
+Submit = Callable[[int], "Future[Any]"]
 
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+AHEAD = 8  # submitted units for each worker of a cluster: neither it nor the scheduler holds all of a large run
+LEAST_AHEAD = 256  # submitted units of a cluster at least: workers may join later
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use; of the machine, where the system knows no such limit."""
+    """Return the number of cores that this process may use; of the machine, if the system has no such limit."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -37,73 +43,56 @@ def available_cores() -> int:
 def work_units(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int
 ) -> Generator[tuple[int, Result], None, None]:
-    """Work on units in `workers` processes; yield (unit, result) as they are done.
+    """Work on units in `workers` processes; yield (unit, result) in the order of completion.
 
-    One worker is a process too: every number is then computed in the same way, with one thread of BLAS. The processes
-    are spawned and end when the iterator is closed.
+    A single worker is a process too: every number is then computed in the same way, with one thread of BLAS. The
+    processes are spawned and end when the iterator is closed.
 
     Args:
-        prepare: called once in each process; returns what does a unit. It is pickled.
+        prepare: called once in each process, or thread of a cluster's worker; returns the function of a unit. It is
+            pickled.
         units: numbers of the units.
-        workers: processes, at most; or the workers of a cluster, which do the units instead.
+        workers: largest number of processes; or the workers of a cluster.
 
     Raises:
-        ScleraforceError: what a worker raised; SolverError where a worker died or could not be started.
+        ScleraforceError: a worker raised it; SolverError if a worker died or could not be started.
     """
-    if isinstance(workers, ClusterWorkers):
-        yield from work_on_cluster(prepare, units, workers)
-        return
-    runs = split_runs(units, workers)
-    with _started(prepare, len(runs)) as lanes:
-        busy = {lane.connection: number for number, lane in enumerate(lanes)}
-        for lane, number in zip(lanes, busy.values(), strict=True):
-            _ask(lane, next_unit(runs, number))
-        while busy:
-            for ready in wait(list(busy)):
-                lane = lanes[busy[ready]]  # type: ignore[index]  # `wait` returns what it was given
-                unit, result = _receive(lane)
-                following = next_unit(runs, busy[lane.connection])
-                if following is None:
-                    del busy[lane.connection]
-                else:
-                    _ask(lane, following)
-                yield unit, result
+    on_cluster = isinstance(workers, ClusterWorkers)
+    runs = split_runs(units, 1 if on_cluster else workers)
+    ahead = max(LEAST_AHEAD, AHEAD * workers) if on_cluster else 1
+    done: SimpleQueue[tuple[int, int, Future[Result]]] = SimpleQueue()
+    with ExitStack() as stack:
+        lanes = [stack.enter_context(_submitting(prepare, workers if on_cluster else 1)) for _ in runs]
+
+        def ask(lane: int) -> int:
+            unit = next_unit(runs, lane)
+            if unit is None:
+                return 0
+            lanes[lane](unit).add_done_callback(lambda future: done.put((lane, unit, future)))
+            return 1
+
+        waiting = sum(ask(lane) for _ in range(ahead) for lane in range(len(lanes)))
+        while waiting:
+            lane, unit, future = done.get()
+            result = future.result()
+            waiting += ask(lane) - 1
+            yield unit, result
 
 
 def work_in_order(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int, ahead: int
 ) -> Generator[Result, None, None]:
-    """Work on units in `workers` processes; yield the results in the order of the units.
+    """Work on units as `work_units`; yield the results in the order of the units.
 
-    Args:
-        prepare: as of `work_units`, and so are the next two.
-        units: numbers of the units.
-        workers: processes, at most.
-        ahead: units, at most, that are done or worked on before they are asked for.
-
-    Raises:
-        ScleraforceError: as `work_units`.
+    At most `ahead` units are done or worked on before the caller asks for them.
     """
-    if isinstance(workers, ClusterWorkers):
-        yield from work_in_order_on_cluster(prepare, units, workers, ahead)
-        return
-    with _started(prepare, min(workers, len(units))) as lanes:
-        idle, busy = deque(lanes), dict[object, _Lane]()
-        coming, done = deque(units), dict[int, Result]()
-        for place, unit in enumerate(units):
-            while True:
-                while idle and coming and len(units) - len(coming) < place + ahead:
-                    lane = idle.popleft()
-                    busy[lane.connection] = lane
-                    _ask(lane, coming.popleft())
-                if unit in done:  # and what comes next is worked on while the caller has this one
-                    break
-                for ready in wait([lane.connection for lane in busy.values()]):
-                    lane = busy.pop(ready)
-                    number, result = _receive(lane)
-                    done[number] = result
-                    idle.append(lane)
-            yield done.pop(unit)
+    with _submitting(prepare, workers if isinstance(workers, ClusterWorkers) else min(workers, len(units))) as submit:
+        coming = iter(units)
+        waiting = deque(submit(unit) for unit in islice(coming, ahead))
+        while waiting:
+            result = waiting.popleft().result()
+            waiting.extend(submit(unit) for unit in islice(coming, 1))
+            yield result
 
 
 def split_runs(units: Sequence[int], workers: int) -> list[deque[int]]:
@@ -125,103 +114,86 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
     return longest.pop() if longest else None
 
 
-@dataclass(frozen=True, eq=False)
-class _Lane:
-    """A worker and the connection to it."""
-
-    process: BaseProcess
-    connection: Connection
-
-
 @contextmanager
-def _started(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[list[_Lane]]:
-    """Start workers and hand them their work; end them in the end.
-
-    What they do goes to them when they run, and not with their start: the start of a process waits for ever where that
-    is more than a pipe holds and the process has died before it read it (CPython's `multiprocessing.popen_spawn_posix`
-    keeps the pipe's other end open meanwhile).
-    """
-    lanes: list[_Lane] = []
-    try:
-        lanes += [_start() for _ in range(workers)]
-        work = ForkingPickler.dumps(prepare)
-        for lane in lanes:
-            with suppress(OSError):  # where the worker has died, receiving its answer says so
-                lane.connection.send_bytes(work)
-        yield lanes
-    finally:
-        for lane in lanes:
-            lane.process.terminate()
-            lane.process.join()
-            lane.connection.close()
-
-
-def _start() -> _Lane:
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs,), daemon=True)
-    try:
-        with one_thread(), own_modules(), no_interrupts():
-            process.start()
-    except OSError as fault:
-        raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
-    finally:
-        theirs.close()
-    return _Lane(process, ours)
-
-
-def _ask(lane: _Lane, unit: int | None) -> None:
-    with suppress(OSError):  # as above
-        lane.connection.send(unit)
-
-
-def _receive(lane: _Lane) -> tuple[int, Any]:
-    try:
-        answer = lane.connection.recv()
-    except (EOFError, OSError) as fault:
-        lane.process.join()
-        found = f"a worker ended with code {lane.process.exitcode}; fewer --workers need less memory"
-        raise SolverError(found) from fault
-    if isinstance(answer, Exception):
-        raise answer
-    unit, result = answer
-    return unit, result
-
-
-def _work(connection: Connection) -> None:
-    """Get what is to be done, and answer unit numbers with results, in a worker, until the other end closes."""
-    try:
-        work = connection.recv()()
-        while True:
-            unit = connection.recv()
-            connection.send((unit, work(unit)))
-    except (EOFError, BrokenPipeError):
+def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[Submit]:
+    """Give a function that submits a unit to an executor of some workers, which end with the block."""
+    work = pickle.dumps((_version(), prepare))
+    if isinstance(workers, ClusterWorkers):
+        with cluster_submit(_do, work, workers) as submit:
+            yield submit
         return
-    except Exception as fault:  # the parent raises it
-        connection.send(_portable(fault))
+    context = multiprocessing.get_context("spawn")
+    watched, held = context.Pipe(duplex=False)
+    with watched, TemporaryDirectory(prefix="scleraforce-") as folder:
+        # A process that dies at its start would block for ever whoever writes more to it than a pipe holds.
+        file = Path(folder) / "work"
+        file.write_bytes(work)
+        with no_interrupts():  # semaphores start the resource tracker
+            executor = ProcessPoolExecutor(max(workers, 1), context, _end_with_parent, (watched,))
+        with executor, held:
+
+            def start_and_submit(unit: int) -> "Future[Any]":
+                try:
+                    with one_thread(), own_modules(), no_interrupts():
+                        return executor.submit(_do, str(file), unit)
+                except OSError as fault:
+                    raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
+
+            try:
+                yield start_and_submit
+            except BrokenProcessPool as fault:
+                raise SolverError("a worker ended abruptly; fewer --workers need less memory") from fault
 
 
-def _portable(fault: Exception) -> Exception:
-    """Return an exception that can be sent to another process: itself, if that can be read there."""
+def _end_with_parent(parent: Connection) -> None:
+    """End this worker, whatever it does, when the parent closes its end of a pipe or dies."""
+
+    def watch() -> None:
+        with suppress(EOFError, OSError):
+            parent.recv_bytes()
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
+_prepared = local()  # the last preparation of this thread of a worker
+
+
+def _do(work: bytes | str, unit: int) -> Any:
+    """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
     try:
-        pickle.loads(pickle.dumps(fault))
-    except Exception:  # whatever its making asks for
-        return SolverError(f"{type(fault).__name__} in a worker: {fault}")
-    return fault
+        if getattr(_prepared, "work", None) != work:
+            version, prepare = pickle.loads(work if isinstance(work, bytes) else Path(work).read_bytes())
+            if version != _version():
+                raise InputError(f"a worker has scleraforce {_version()}, this process {version}; install the same")
+            _prepared.work, _prepared.do = work, prepare()
+        return _prepared.do(unit)
+    except Exception as fault:
+        try:
+            pickle.loads(pickle.dumps(fault))
+        except Exception:  # the constructor of an exception that does not survive pickling may raise anything
+            raise SolverError(f"{type(fault).__name__} in a worker: {fault}") from None
+        raise
+
+
+def _version() -> str:
+    from importlib.metadata import version  # a tenth of a second, with its imports
+
+    return version("scleraforce")
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let processes that start meanwhile use one thread of BLAS each: there is one process for every core."""
+    """Give processes that start in the block one thread of BLAS each: there is a process for every core."""
     with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
         yield
 
 
 @contextmanager
 def own_modules() -> Iterator[None]:
-    """Let Python processes that start meanwhile not look for modules in the current folder, which may be anybody's.
+    """Keep Python processes that start in the block from importing modules of the current folder.
 
-    A worker is started by `python -c`, which would take a `signal.py` that lies there for the standard library's.
+    A worker is started by `python -c`, which would take a `signal.py` there for the standard library's.
     """
     with _environment({"PYTHONSAFEPATH": "1"}):
         yield
@@ -243,9 +215,9 @@ def _environment(settings: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them.
+    """Block Ctrl-C, which reaches the whole group, in processes that start in the block: the parent ends them.
 
-    Windows has no such masks: there they see it, too.
+    Windows has no signal masks: its processes receive Ctrl-C.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -143,3 +143,15 @@ def named_threads():
     prepared = os.getpid(), threading.get_ident()
     preparation = uuid4().hex
     return lambda _unit: (prepared, preparation, (os.getpid(), threading.get_ident()))
+
+
+def waits_for_ever(folder: Path):
+    """Work whose first unit ends at once; every other one writes its process into a file and waits."""
+
+    def work(unit: int) -> int:
+        if unit:
+            (folder / f"pid{unit}").write_text(str(os.getpid()))
+            time.sleep(3600)
+        return unit
+
+    return work
