@@ -41,7 +41,7 @@ def small_eyes(count: int) -> list[FigureEye]:
 def test_eyes_are_the_same_on_a_cluster_that_loses_a_worker(cluster: Cluster, tmp_path: Path) -> None:
     victim, _ = cluster.worker(), cluster.worker()
     eyes, there, here = small_eyes(3), FiguresFolder(tmp_path / "there"), FiguresFolder(tmp_path / "here")
-    bad = replace(eyes[0], eye=replace(eyes[0].eye, id="plain-99", iop_pa=15e3, youngs_modulus_pa=1e3))
+    bad = replace(eyes[0], eye=replace(eyes[0].eye, id="plain-99", iop_pa=14e3, youngs_modulus_pa=1e3))
     done: list[int] = []
 
     def kill_half_way(count: int) -> None:
@@ -65,7 +65,7 @@ def test_workers_with_other_sources_are_refused(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cluster.worker()
-    monkeypatch.setattr(recordings, "recording_key", lambda _: "another")
+    monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
     with pytest.raises(ScleraforceError, match="a worker has other sources"):
         recordings.make_recordings(
             FiguresFolder(tmp_path / "there"), small_eyes(1), cluster_workers(cluster.address), lambda _: None
