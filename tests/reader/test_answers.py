@@ -292,7 +292,7 @@ def test_two_methods_so_far_apart_that_no_class_is_left_are_no_answer() -> None:
     assert (above.usable, above.predicted, above.interval_n) == (False, 2, None)
     assert above.reason.startswith("the fit reads 3")
     assert "the network 5.0 mN: more apart than their intervals allow; from 4 to 3" in above.reason
-    assert above.reason.endswith(" mN, no class is told")
+    assert above.reason.endswith(" mN, every class is possible")
     unsure = Reading(probabilities=(0.2, 0.5, 0.3), force_n=0.02, interval_n=(0.0, 0.06), contact_m=0.3e-3)
     agreed = answer(image(wall_section(tip_of(0.020))), model=force_reader(unsure, default="network"))
     assert agreed.usable  # both agree: then a wide interval is an answer

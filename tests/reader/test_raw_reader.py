@@ -111,7 +111,7 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_interval_is_narrow() ->
     reading = Reading(probabilities=(0.0, 0.0, 1.0), force_n=0.05, interval_n=(0.048, 0.0481 + WIDEST_N), contact_m=0.0)
     wide = judged_answer(reading, "network", leaves=True, study=Study())
     assert not wide.usable
-    assert wide.reason == ("the dent leaves the window of the slice, and its flanks leave the force open by 6 mN")
+    assert wide.reason == ("the dent leaves the window of the slice, and its flanks leave the force uncertain by 6 mN")
     narrow = replace(reading, interval_n=(0.048, 0.0539))
     assert judged_answer(narrow, "network", leaves=True, study=Study()).usable
     assert judged_answer(reading, "network", leaves=False, study=Study()).usable

@@ -40,7 +40,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ by more than both intervals say",))
     answers[2] = changed(
         answers[2], usable=False, predicted=2, force_n=None, interval_n=None, probabilities=None,
-        reason="the dent leaves the window of the slice, and its flanks leave the force open by 23 mN",
+        reason="the dent leaves the window of the slice, and its flanks leave the force uncertain by 23 mN",
     )  # fmt: skip
     evaluation = Evaluation(
         model="out/reader",

@@ -25,7 +25,7 @@ from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.notebook.evaluating import Given, opened
 from scleraforce.notebook.frames import finder_of, summary_of_calibration
 from scleraforce.notebook.training import library_for
-from scleraforce.reader.limits import slice_limits, wall_limits
+from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
 from scleraforce.study import Study, study_hash
@@ -103,13 +103,13 @@ def calibrate(
             "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
         )
     each = _with_thickness(opened(recordings), thickness_m)
-    limits = slice_limits if mechanics == "linear" else wall_limits
+    kind = CLASSIFIER if mechanics == "linear" else READER
     for recording in each:
         info = recording.info
         if info.eye.thickness_m is None:
             place = recording.path / "recording.toml"
             raise InputError(f"{place}: eye.thickness_m: missing; state it there, or give thickness_m")
-        for sentence in limits(study, known_of_recording(info), info.oct, info.needle.gauge):
+        for sentence in limits(kind, study, known_of_recording(info), info.oct, info.needle.gauge):
             if note is not None:
                 note(f"{recording.path}: {sentence}")
     if isinstance(earlier, str | PathLike):

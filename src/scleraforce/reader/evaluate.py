@@ -93,8 +93,8 @@ class FrameAnswer:
 class Evaluation:
     """The answers of a model to the frames of one or more recordings, and the metrics over those that count.
 
-    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences on
-    what limits the result (a gap that the model was not trained on, frames without labels). `kind` is the model's.
+    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences that
+    limit the result (a gap outside the training, frames without labels). `kind` is the model's.
     """
 
     model: str
@@ -107,7 +107,7 @@ class Evaluation:
 
     @property
     def reads_force(self) -> bool:
-        """Whether the model reads forces, not classes alone."""
+        """True if the model reads forces, not classes alone."""
         return self.kind != "classifier"
 
     @cached_property
@@ -137,7 +137,7 @@ class Evaluation:
         return tuple(self._trials(lambda frame: (frame.true_force_n, 0.0)))
 
     def _trials(self, measured: Callable[[FrameAnswer], tuple[float | None, float]]) -> Iterator[ForceTrial]:
-        """Yield the frames that count with a force that was read and one to compare it with, N, and its SD, N."""
+        """Yield the frames that count and have both a read force and one to compare it with, N, and its SD, N."""
         for frame in self.scored:
             force_n, sd_n = measured(frame)
             read = frame.answer
@@ -152,12 +152,12 @@ class Evaluation:
 
     @property
     def mae_n(self) -> float:
-        """Mean absolute error of the force over `forces`, N; NaN where there is none."""
+        """Mean absolute error of the force over `forces`, N; NaN if there are none."""
         return mean_absolute_error(self.forces)
 
     @property
     def coverage(self) -> Proportion:
-        """Share of `forces` whose 90 % interval and label agree, the label's own error counted."""
+        """Share of `forces` whose 90 % interval and label agree, the label's own error included."""
         return coverage(self.forces)
 
     @property
@@ -167,7 +167,7 @@ class Evaluation:
 
     @property
     def label_sd_n(self) -> float:
-        """Median standard deviation of the labels of `forces`, N; NaN where there is none."""
+        """Median standard deviation of the labels of `forces`, N; NaN if there are none."""
         return median([trial.measured_sd_n for trial in self.forces]) if self.forces else nan
 
     @property
@@ -186,7 +186,7 @@ class Evaluation:
         return precision(self.confusion)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json`; figures that are undefined are NaN (printed as null)."""
+        """Return the result of `evaluate --json`; undefined figures are NaN (printed as null)."""
         return {
             "model": self.model,
             "kind": self.kind,
@@ -235,8 +235,8 @@ def evaluate_recordings(
     Args:
         reader: the model.
         recordings: recordings, or their folders; each once.
-        calibration: of the eyes; the frames that it used are marked and not scored. A model of kind "reader" reads an
-            eye that it knows with its own modulus, others with the population's.
+        calibration: of the eyes; frames that it used are marked and not scored. A reader reads an eye of the
+            calibration with its own modulus, others with the population's.
         progress: called with 1 after each frame.
 
     Raises:
@@ -244,9 +244,15 @@ def evaluate_recordings(
         FrameError: a frame cannot be read.
         CalibrationError: the calibration cannot be used with this model.
     """
-    _refuse_twice([entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings])
-    if calibration is not None:
-        _refuse_linear(reader, calibration)
+    paths = [entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings]
+    for number, path in enumerate(paths):
+        if path.resolve() in {before.resolve() for before in paths[:number]}:
+            raise RecordingError(f"{path}: given twice; give each recording once")
+    if calibration is not None and reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
+        raise CalibrationError(
+            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
+            "--mechanics finite-strain"
+        )
     opened = [entry if isinstance(entry, Recording) else read_recording(entry) for entry in recordings]
     frames: list[FrameAnswer] = []
     notes = list(_notes(reader, opened, calibration))
@@ -269,30 +275,12 @@ def evaluate_recordings(
 
 
 def _doubts(reader: Reader, recording: Recording, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-    """Return sentences on a force log that does not go with what a model reads."""
+    """Return sentences on a force log that contradicts the answers."""
     classes = reader.study.classes
     if reader.reads_force:
         return log_doubts(recording, classes, [frame.answer.force_n for frame in answers], in_newtons=True)
     read = [frame.answer.predicted if frame.answer.usable else None for frame in answers]
     return log_doubts(recording, classes, read)
-
-
-def _refuse_twice(paths: Sequence[Path]) -> None:
-    """A recording that counted twice would narrow the intervals without cause."""
-    seen: set[Path] = set()
-    for path in paths:
-        if path.resolve() in seen:
-            raise RecordingError(f"{path}: given twice; give each recording once")
-        seen.add(path.resolve())
-
-
-def _refuse_linear(reader: Reader, calibration: CalibrationSummary) -> None:
-    """Moduli of a linear wall are not those of one that bends as far as it does."""
-    if reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
-        raise CalibrationError(
-            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
-            "--mechanics finite-strain"
-        )
 
 
 def _notes(reader: Reader, recordings: Sequence[Recording], summary: CalibrationSummary | None) -> Iterator[str]:
@@ -302,23 +290,18 @@ def _notes(reader: Reader, recordings: Sequence[Recording], summary: Calibration
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
         )
     for recording in recordings:
-        yield from _limits(reader, recording, summary)
+        info = recording.info
+        for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
+            yield f"{recording.path}: {sentence}"
+        if recording.forces is None:
+            yield f"{recording.path}: no forces.csv: its frames are read, but not scored"
         foreign = _foreign(reader, recording, summary)
         if foreign:
             yield f"{recording.path}: {foreign}"
 
 
-def _limits(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> Iterator[str]:
-    """Say what of a recording the model's training did not cover, and where its frames cannot be scored."""
-    info = recording.info
-    for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
-        yield f"{recording.path}: {sentence}"
-    if recording.forces is None:
-        yield f"{recording.path}: no forces.csv: its frames are read, but not scored"
-
-
 def _foreign(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
-    """Return a sentence where a recording's eye is read with the modulus of others, although a calibration is given."""
+    """Return a sentence if an eye is read with the modulus of others although a calibration is given."""
     if summary is None or reader.fixed_modulus_pa is not None:
         return None
     return foreign_modulus(summary, recording.info.eye.id)
@@ -335,7 +318,8 @@ def _answers(
     eye = recording.info.eye.id
     scale = PixelScale.of(recording.info.oct)
     known = _known(recording.info, summary)
-    modulus_pa, source = _modulus(reader, known)
+    modulus = (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
+    modulus_pa, source = modulus if reader.fixed_modulus_pa is None else (reader.fixed_modulus_pa, "trained")
     digests = frozenset[str]() if summary is None else summary.digests
     doubts = FOREIGN if _foreign(reader, recording, summary) else ()
     sds_n = label_sds(recording, trials)
@@ -362,16 +346,8 @@ def _answers(
 
 
 def _known(info: RecordingInfo, summary: CalibrationSummary | None) -> Known:
-    """Return what a recording and a calibration say of its eye."""
     known = known_of_recording(info)
     return known if summary is None else known_of_eye(known, summary, info.eye.id)
-
-
-def _modulus(reader: Reader, known: Known) -> tuple[float | None, str | None]:
-    """Return the modulus that an eye is read with, and where it is from."""
-    if reader.fixed_modulus_pa is not None:
-        return reader.fixed_modulus_pa, "trained"
-    return (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
 
 
 def recording_scores(
@@ -382,11 +358,7 @@ def recording_scores(
 ) -> Iterator[Score]:
     """Score both methods' readings of the frames of a recording that its eye was not calibrated on.
 
-    Args:
-        reader: the model; scores count from its intervals as they are.
-        recording: with a force log.
-        summary: of the eyes' calibration.
-        progress: called with 1 after each frame.
+    Scores refer to the reader's present intervals. `progress` is called with 1 after each frame.
 
     Raises:
         FrameError: a frame cannot be read.

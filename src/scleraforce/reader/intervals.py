@@ -1,27 +1,27 @@
-"""By how much intervals are stretched about the median, so that 90 % of them hold over whole eyes.
+"""Factors that stretch intervals about the median, so that 90 % of them hold over whole eyes.
 
-What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
-that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
-World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading has
-a factor, and the factors of its traits are multiplied. Traits are what makes a reader wrong: whether E was found on
-frames of the eye; what is known of the globe, or that the pressure under the needle has drawn a sealed globe's wall so
-taut that its dent says little; whether the wall is uneven; whether the force is so light that errors of the boundaries
-count and the eye hardly does; whether it lies beyond the forces that the eye was calibrated on, and whether these leave
-wide gaps. `model.json` keeps the factors; a model without them has intervals as its methods say. Before that, an eye
-whose calibration left its frames of known force scattered has wider intervals than another (`Known.scatter`).
+The uncertainty that a method states leaves out the errors of its own model. So its intervals are measured on eyes that
+are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
+2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading has a
+factor, and the factors of its traits are multiplied. Traits are the causes of errors: if E was found on frames of the
+eye; the knowledge of the globe, or a pressure under the needle so high that the dent of a sealed globe says little; an
+uneven wall; a force so light that errors of the boundaries count; a force beyond those that the eye was calibrated on,
+or wide gaps between these. `model.json` keeps the factors; without them intervals are those of the methods. In
+addition, an eye whose frames of known force scatter after calibration has wider intervals (`Known.scatter`).
 
-The score of a reading is how far the force is from the median, over how far the interval's end on that side is. What
-90 % of the readings stay below, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
+The score of a reading is the distance of the force from the median, over that of the interval's end on that side. The
+score below which 90 % of the readings lie, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
 exchangeable, the frames of one are not. With n eyes the share is 0.9 (n + 1)/n, as for a new eye.
 """
 
-import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, prod
-from typing import Any
+from math import prod
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
@@ -32,9 +32,12 @@ from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
 
-OWN, OTHER = "own E", "other E"  # whose modulus: of which a reading has one
+Floats = NDArray[np.float64]
+Factors = Mapping[str, Mapping[str, float]]  # by the kind of modulus, then by trait
+
+OWN, OTHER = "own E", "other E"  # kinds of modulus: a reading has one
 GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
-GLOBE_TRAITS = (*GLOBES, TAUT)  # likewise; of the other traits it has none or some
+GLOBE_TRAITS = (*GLOBES, TAUT)  # a reading has one; of the other traits it has none or some
 UNEVEN, LIGHT, BEYOND, SPARSE = "uneven", "light", ("beyond", "far beyond"), "sparse"
 OF_CALIBRATION = (*BEYOND, SPARSE)
 NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {OWN: (*GLOBES, *OF_CALIBRATION), OTHER: GLOBES}
@@ -44,8 +47,8 @@ FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
 }
 # Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
-# Of 140 virtual eyes of the library that were not told open, calibrated on frames of their own, 90 % of the scores of
-# even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
+# Of 140 virtual eyes of the library that were not declared open, calibrated on frames of their own, 90 % of the scores
+# of even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
 SLACK_TENSION = 0.05
 LIGHTEST_N = 10e-3  # of other readings
 # Of the largest force that an eye was calibrated on: up to 1.2 of it, 90 % of the scores of 82 virtual eyes, calibrated
@@ -54,13 +57,22 @@ BEYOND_FROM = 1.2, 2.0
 # As a share of the largest force. Even shares of three leave 0.33; with three forces at random 0.98 of the intervals of
 # eight virtual eyes held whose widest gap was below 0.4, and 0.76 of those of 81 others.
 SPARSE_FROM = 0.45
+# Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by these
+# factors on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
+# needle,conjunctiva`, which `make figures` does not draw.
+NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
+
+LEVEL = 0.9
+LEAST_N = 1e-6  # of a half interval
+SMALLEST, LARGEST = 0.3, 20.0  # factors: a few eyes must not promise more, nor say nothing
+FEW_EYES = 9  # for 90 % of a new eye's readings: with fewer eyes no quantile promises as much
 
 
 def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> tuple[str, ...]:
-    """Return the traits of a reading of a force, N: of the network, or with a fit those of the fit.
+    """Return the traits of a reading of a force, N, by the network, or with a fit by the fit.
 
-    First whose modulus, then of `GLOBE_TRAITS`, then the others. An E that was told, or that is of other eyes, is not
-    the eye's own: how sure it is was said, not measured.
+    First the kind of modulus, then one of `GLOBE_TRAITS`, then the others. A modulus that was stated, or that is of
+    other eyes, is not the eye's own: its uncertainty was not measured.
 
     >>> traits_of(Known(), 20e-3)
     ('other E', 'unknown')
@@ -72,7 +84,6 @@ def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> t
 
 
 def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:
-    """Return what makes a fit wrong."""
     taut = globe.can_be_sealed and fit.tension > SLACK_TENSION
     even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
     found = {UNEVEN: not even, LIGHT: force_n < LIGHTEST_N}
@@ -80,7 +91,6 @@ def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, .
 
 
 def _of_calibration(known: Known, force_n: float) -> tuple[str, ...]:
-    """Return what the frames that an eye was calibrated on leave open of a force."""
     if known.discrepancy is None:
         return ()
     largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
@@ -90,17 +100,9 @@ def _of_calibration(known: Known, force_n: float) -> tuple[str, ...]:
     return (SPARSE,) if gap is not None and gap > SPARSE_FROM else ()
 
 
-Factors = Mapping[str, Mapping[str, float]]  # by whose modulus, then by trait
-
-# Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
-# much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
-# needle,conjunctiva`, which is no draw of `make figures`; with the factors of that day, a tenth to a quarter larger.
-NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
-
-
 @dataclass(frozen=True)
 class IntervalFactors:
-    """Factors of the intervals of both methods, by the reading's traits; 1 where a trait has none."""
+    """Factors of the intervals of both methods, by the reading's traits; 1 for a trait without one."""
 
     network: Factors = field(default_factory=dict)
     fit: Factors = field(default_factory=dict)
@@ -117,75 +119,53 @@ class IntervalFactors:
 NO_FACTORS = IntervalFactors()
 
 
-def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
-    """Return by how much more the fit's interval is stretched beside a needle, and under a conjunctiva.
-
-    Args:
-        wall: as it was seen.
-        known: of the eye; a gap below those of the training is beside the needle, whether that is seen or not.
-        trained: on what the model was.
-    """
-    beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
-    return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
-
-
-def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
-    """Return the factors of a model's record; none where it has no `intervals`.
-
-    Args:
-        record: of `model.json`.
-        place: the file, for messages.
-
-    Raises:
-        ModelError: they are not what they should be.
-    """
-    intervals = record.get("intervals")
-    if intervals is None:
-        return NO_FACTORS
-    if not isinstance(intervals, dict):
-        raise ModelError(f"{place}: intervals: found {reprlib.repr(intervals)}, expected an object")
-    return IntervalFactors(
-        _parsed(intervals.get("network", {}), NETWORK_TRAITS, f"{place}: intervals.network"),
-        _parsed(intervals.get("fit", {}), FIT_TRAITS, f"{place}: intervals.fit"),
-    )
-
-
 def _product(factors: Factors, traits: tuple[str, ...]) -> float:
-    """Return the product of the factors of a reading's traits."""
     modulus, *others = traits
     given = factors.get(modulus, {})
     return prod(given.get(trait, 1.0) for trait in others)
 
 
-def _parsed(values: object, traits: Mapping[str, tuple[str, ...]], place: str) -> Factors:
-    """Return the factors of one method's traits."""
-    if not isinstance(values, dict) or not set(values) <= set(traits):
-        found = f"found {reprlib.repr(values)}, expected factors of {' and '.join(traits)}"
-        raise ModelError(f"{place}: {found}; a model of an earlier version has to be made anew")
-    return {modulus: _of_modulus(given, traits[modulus], f"{place}: {modulus}") for modulus, given in values.items()}
+def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
+    """Return the further factor of the fit's interval beside a needle, and under a conjunctiva.
+
+    Args:
+        wall: as segmented.
+        known: of the eye; a gap below those of the training is beside the needle, seen or not.
+        trained: the model's ranges.
+    """
+    beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
+    return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
 
 
-def _of_modulus(given: object, traits: tuple[str, ...], place: str) -> dict[str, float]:
-    """Return the factors of the traits of readings with one kind of modulus."""
-    if not isinstance(given, dict) or not set(given) <= set(traits):
-        raise ModelError(f"{place}: found {reprlib.repr(given)}, expected factors of {', '.join(traits)}")
-    for trait, value in given.items():
-        if type(value) not in (int, float) or not isfinite(value) or not value > 0.0:
-            raise ModelError(f"{place}, {trait}: found {reprlib.repr(value)}, expected a number above 0")
-    return {trait: float(value) for trait, value in given.items()}
+class _Intervals(msgspec.Struct):
+    network: dict[str, dict[str, Annotated[float, Meta(gt=0.0, le=1e9)]]] = {}
+    fit: dict[str, dict[str, Annotated[float, Meta(gt=0.0, le=1e9)]]] = {}
 
 
-Floats = NDArray[np.float64]
+def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
+    """Return the factors of a model's record (`model.json`), `NO_FACTORS` without `intervals`; `place` is the file.
 
-LEVEL = 0.9
-LEAST_N = 1e-6  # of a half interval
-SMALLEST, LARGEST = 0.3, 20.0  # factors: a few eyes must not promise more, nor say nothing
-FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
+    Raises:
+        ModelError: `intervals` are not valid.
+    """
+    if record.get("intervals") is None:
+        return NO_FACTORS
+    try:
+        found = msgspec.convert(record["intervals"], _Intervals)
+    except msgspec.ValidationError as fault:
+        raise ModelError(f"{place}: intervals: {fault}; a model of an earlier version has to be made anew") from fault
+    for method, allowed in (("network", NETWORK_TRAITS), ("fit", FIT_TRAITS)):
+        for modulus, given in getattr(found, method).items():
+            if modulus not in allowed or not set(given) <= set(allowed[modulus]):
+                wanted = ", ".join(allowed.get(modulus, allowed))
+                at = f"{place}: intervals.{method}: {modulus!r:.40}: found {', '.join(given)!r:.80}"
+                raise ModelError(f"{at}, expected factors of {wanted}")
+    return IntervalFactors(found.network, found.fit)
 
 
 @dataclass(frozen=True)
 class Score:
-    """One reading's score: by which method, of which traits (`interval_traits.traits_of`) and which eye."""
+    """The score of one reading: by which method, of which traits (`traits_of`) and which eye."""
 
     method: str
     traits: tuple[str, ...]
@@ -195,10 +175,10 @@ class Score:
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """How a method's readings with one kind of modulus did, and by how much their intervals are stretched for it.
+    """The readings of a method with one kind of modulus, and the factor that stretches their intervals.
 
-    `held`: the share of the readings whose interval held the force before. `globes`: which of `GLOBE_TRAITS`
-    they have, whose factors grow by `factor`.
+    `held`: the share of the readings whose interval held the force before. The factors of their `globes`, of
+    `GLOBE_TRAITS`, grow by `factor`.
     """
 
     method: str
@@ -211,7 +191,7 @@ class Stretch:
 
 
 def score(reading: Reading, force_n: float) -> float:
-    """Return how far a force is from a reading's median, over how far the interval's end on that side is.
+    """Return the distance of a force from a reading's median, over that of the interval's end on that side.
 
     >>> round(score(Reading(probabilities=(1.0,), force_n=1e-3, interval_n=(0.0, 3e-3), contact_m=0.0), 4e-3), 9)
     1.5
@@ -222,7 +202,7 @@ def score(reading: Reading, force_n: float) -> float:
 
 
 def eye_count(scores: Iterable[Score]) -> int:
-    """Return of how many eyes scores are."""
+    """Return the number of eyes among scores."""
     return len({entry.eye for entry in scores})
 
 
@@ -234,7 +214,7 @@ def weights_of_eyes(scores: Sequence[Score]) -> Floats:
 
 
 def share_of_new_eye(eyes: int) -> float:
-    """Return which share of the scores of some eyes has to be held for 90 % of a new eye's.
+    """Return the share of the scores of n eyes that has to be held for 90 % of a new eye's.
 
     >>> round(share_of_new_eye(90), 3), share_of_new_eye(8)
     (0.91, 1.0)
@@ -253,7 +233,7 @@ def conformal_quantile(scores: Sequence[Score]) -> float:
 
 
 def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score]]:
-    """Return the scores of each method and kind of modulus that has any."""
+    """Return the scores by method and kind of modulus."""
     found: dict[tuple[str, str], list[Score]] = {}
     for entry in scores:
         found.setdefault((entry.method, entry.traits[0]), []).append(entry)
@@ -261,21 +241,15 @@ def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score
 
 
 def intervals_record(scores: Sequence[Score], factors: Mapping[str, Factors], source: str) -> dict[str, Any]:
-    """Return `intervals` of `model.json`: the factors of both methods, and on what they rest."""
-    return {
-        "level": LEVEL,
-        "source": source,
-        "eyes": eye_count(scores),
-        "readings": len(scores),
-        **factors,
-    }
+    """Return `intervals` of `model.json`: the factors of both methods, and their source."""
+    return {"level": LEVEL, "source": source, "eyes": eye_count(scores), "readings": len(scores), **factors}
 
 
 def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
-    """Return by how much intervals have to be stretched to hold on the eyes that scores are of.
+    """Return the factors by which intervals have to be stretched to hold on the eyes of some scores.
 
-    All readings with one kind of modulus together: a user's eyes are too few to tell their traits apart. Fewer than
-    `FEW_EYES` only widen: that these did well does not say that others will.
+    One for all readings with one kind of modulus: a user's eyes are too few to tell their traits apart. Fewer eyes
+    than `FEW_EYES` only widen: that these did well does not say that others will.
     """
     found = list[Stretch]()
     for (method, modulus), entries in of_each_modulus(scores).items():
@@ -296,7 +270,7 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
 
 
 def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> Mapping[str, Factors]:
-    """Return the factors of both methods after stretches that count from what was there; those of other traits stay."""
+    """Return the factors of both methods multiplied by stretches; those of other traits stay."""
     after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
     for change in changes:
         given = after[change.method].setdefault(change.modulus, {})

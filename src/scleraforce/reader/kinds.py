@@ -27,7 +27,7 @@ from scleraforce.reader.answer import (
     unusable,
 )
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
-from scleraforce.reader.limits import KINDS, other_index, outside_training
+from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.verdicts import (
     NEEDLE_SEEN,
     Look,
@@ -129,8 +129,7 @@ class Reader(ABC):
 
     def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
-        limits, _ = KINDS[self.kind]
-        return limits(self.study, known, scan, gauge)
+        return limits(self.kind, self.study, known, scan, gauge)
 
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         boundaries = segmented_boundaries(seen.segmentation, scale)
@@ -152,7 +151,7 @@ class Classifier(Reader):
         ModelError: the network has other inputs or outputs than its study asks for.
     """
 
-    kind = "classifier"
+    kind = CLASSIFIER
     reads_force = False
 
     def __init__(
@@ -241,7 +240,7 @@ class ForceReader(Reader):
     `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it.
     """
 
-    kind = "reader"
+    kind = READER
     _shifts = SHIFTS
 
     def __init__(
@@ -374,7 +373,7 @@ class RawReader(Reader):
     window, and a needle or a conjunctiva. The force is the network's, which sees the frame itself. Nothing checks it.
     """
 
-    kind = "raw-reader"
+    kind = RAW_READER
     serves_loop = False  # its own second opinion would be that of the same network
 
     def __init__(

@@ -1,11 +1,10 @@
-"""What a model reads, and where an eye and its B-scans lie outside: known before any frame is read.
+"""The ranges that a model was trained on, and where an eye and its B-scans lie outside: known before a frame is read.
 
-Every range is that of the model's study. `outside_training` is what a reader refuses an eye for; the limits of a
-recording (`Reader.limits`, and `recording_limits` of a model that is not loaded) have the same sentences, and those on
-the frames, the needle and the scan beside them. `reading_ranges` has the ranges alone.
+Every range is that of the model's study. A reader refuses an eye outside its training (`outside_training`); the limits
+of a recording have the same sentences, and others on the frames, the needle and the scan.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from pathlib import Path
@@ -18,7 +17,9 @@ from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
+CLASSIFIER, READER, RAW_READER = KINDS = ("classifier", "reader", "raw-reader")  # of models that read forces
 SAME_INDEX = 1e-3  # of refractive indices
+MODULUS, PRESSURE, WALL, GAP = EYE = "Young's modulus", "IOP", "wall thickness", "gap between B-scan and needle axis"
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class _Compared:
 
     @property
     def outside(self) -> str | None:
-        """Why the value is outside, None where it is not: in the printed unit, to four digits."""
+        """A sentence if the value is outside, in the printed unit to four digits; None if it is inside or unknown."""
         if self.value is None:
             return None
         low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
@@ -53,15 +54,15 @@ class _Compared:
 
 
 def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
-    """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
+    """Return why a model cannot read an eye: a known value lies outside the training; None: all lie inside.
 
-    A value that is not a number is outside. A modulus of the eye's own may lie as far outside as it is uncertain, its
-    standard deviation and what errors of the told thickness and IOP make of it: the training told such moduli.
+    A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
+    deviation, and the error that it takes from those of thickness and IOP, which the training's moduli have too.
 
     Args:
         known: of the eye.
         trained: the study's ranges.
-        library: whose tissue it was trained on.
+        library: of the tissue that the model was trained on.
 
     >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
@@ -69,81 +70,68 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
     return next(iter(_refusals(known, trained, library)), None)
 
 
-def recording_limits(model: Path, info: RecordingInfo) -> tuple[str, ...]:
-    """Return a sentence for each quantity of a recording that a model's training did not cover.
-
-    Args:
-        model: its folder, or the name of one that ships; its network is not loaded.
-        info: what the recording states.
+def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
+    """Return a note for each value of a recording that a model's training did not cover; its network is not loaded.
 
     Raises:
-        ModelError: it cannot be used, or reads no forces.
+        ModelError: the model cannot be used, or reads no forces.
     """
-    study, (limits, _) = _study_and_kind(model)
-    return limits(study, known_of_recording(info), info.oct, info.needle.gauge)
-
-
-def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
-    """Return the same as notes that name the model: for who has not asked to read anything yet."""
-    name = model_name(model_folder(model))
-    return tuple(f"outside of what {name} reads: {sentence}" for sentence in recording_limits(model, info))
+    folder, name = read_folder(model), model_name(model_folder(model))
+    kind = folder.record["kind"]
+    if kind not in KINDS:
+        raise ModelError(f"{model}: kind: found {kind!r}, one of {', '.join(KINDS)} is needed here")
+    found = limits(kind, folder_study(folder), known_of_recording(info), info.oct, info.needle.gauge)
+    return tuple(f"outside of what {name} reads: {sentence}" for sentence in found)
 
 
 def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
-    """Return what a model's study covers: the name of each quantity, and its range in words.
+    """Return the name of each quantity that a model's study covers, and its range in words.
 
-    Nothing of a model that reads no forces, the wall finder.
+    Empty for a model that reads no forces, the wall finder.
 
     Raises:
         ModelError: it cannot be used.
     """
-    if read_folder(model).record["kind"] not in KINDS:
+    folder = read_folder(model)
+    kind = folder.record["kind"]
+    if kind not in KINDS:
         return ()
-    study, (_, compared) = _study_and_kind(model)
-    frames = (("width of the frames", _least_width(study).covered), ("depth of the frames", _least_depth(study)))
-    ranges = ((entry.name, entry.covered) for entry in compared(study, NOTHING_KNOWN, None))
-    return (*frames, *ranges, ("needle", _needle_words(study)))
+    study = folder_study(folder)
+    width = _Compared("width", None, Range(min=least_wall_m(study.slice), max=inf), "mm", "mm")
+    frames = (("width of the frames", width.covered), ("depth of the frames", _least_depth(study)))
+    compared = (_of_slices if kind == CLASSIFIER else _of_walls)(study, NOTHING_KNOWN, None)
+    return (*frames, *((entry.name, entry.covered) for entry in compared), ("needle", _needle_words(study)))
 
 
-def wall_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that the walls of the library did not cover.
+def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+    """Return a sentence for each known value that the training of a kind of model did not cover.
 
-    They do not depend on where on the eye the needle pushes.
+    Those of a reader are its library's walls, wherever on the eye the needle pushes; those of a classifier its data
+    set's, and it knows no sealed globe.
 
     Args:
+        kind: one of `KINDS`.
         study: of the model.
         known: of the eye.
         scan: the frames and the plane of the B-scans.
         gauge: of the needle; None: not stated.
     """
+    if kind == CLASSIFIER:
+        sealed = open_doubts(None if known.globe is None else known.globe.kind)
+        compared = _sentences(_of_slices(study, known, scan))
+        return (*_unseen(study, scan), *sealed, *compared, *_other_needle(study, gauge))
     refused = _refusals(known, read_by_fit(study.reader), study.library)
-    others = [entry for entry in _of_walls(study, known, scan) if entry.name not in EYE]
-    return (*_unseen(study, scan), *refused, *_sentences(others), *_other_needle(study, gauge))
-
-
-def raw_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that the training on raw frames did not cover; see `wall_limits`."""
-    index = other_index(study, scan.refractive_index)
-    return (*wall_limits(study, known, scan, gauge), *([index] if index else ()))
-
-
-def slice_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that a classifier's data set did not cover, and on a sealed globe."""
-    sealed = open_doubts(None if known.globe is None else known.globe.kind)
-    compared = _sentences(_of_slices(study, known, scan))
-    return (*_unseen(study, scan), *sealed, *compared, *_other_needle(study, gauge))
+    others = _sentences(entry for entry in _of_walls(study, known, scan) if entry.name not in EYE)
+    index = other_index(study, scan.refractive_index) if kind == RAW_READER else None
+    return (*_unseen(study, scan), *refused, *others, *_other_needle(study, gauge), *([index] if index else ()))
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
-    """Return why a network that sees what lies below the surface cannot read frames of an index; None: it can."""
+    """Return why a network that sees below the surface cannot read frames of an index; None: it can."""
     trained = study.oct.refractive_index
     if abs(refractive_index - trained) <= SAME_INDEX:
         return None
     return f"refractive index {refractive_index:g} of the frame, the model was trained with {trained:g}"
-
-
-MODULUS, PRESSURE, WALL, GAP = "Young's modulus", "IOP", "wall thickness", "gap between B-scan and needle axis"
-EYE = (MODULUS, PRESSURE, WALL, GAP)
 
 
 def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
@@ -156,7 +144,7 @@ def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
 
 
 def _of_walls(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
-    """Return what the training of a reader covers: of the eye, of the plane, and of the scale of its frames."""
+    """Return the ranges of a reader's training: of the eye, of the plane, and of the scale of its frames."""
     trained = read_by_fit(study.reader)
     rigidity = known.globe.mean if known.globe and known.globe.can_be_sealed else None
     rigidities = Range(min=UNKNOWN.lowest, max=UNKNOWN.highest)
@@ -169,7 +157,7 @@ def _of_walls(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compar
 
 
 def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
-    """Return what the data set of a classifier covers."""
+    """Return the ranges of a classifier's data set."""
     gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
     direction_rad = scan.plane_direction_rad if scan else None
@@ -184,13 +172,12 @@ def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compa
 
 
 def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
-    """Return the scale: of the scenes from which the finder of walls learned."""
+    """Return the scale, compared with that of the scenes that the wall finder was trained on."""
     pixel_m = scan.depth_m / scan.rows if scan else None
     return _Compared("depth of a pixel", pixel_m, study.scenes.window.pixel_m, "um", "µm")
 
 
 def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tuple[str, ...]:
-    """Return every reason for which an eye is not read."""
     reasons = _sentences(_of_eye(known, trained))
     softest, stiffest = library.stiffening_ends
     stiffening = known.stiffening or 0.0
@@ -201,7 +188,7 @@ def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tupl
 
 
 def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float | None:
-    """Return a modulus, Pa, to compare with the training's range; None where it is an eye's own and near enough.
+    """Return a modulus, Pa, to compare with the training's range; None if it is an eye's own and near enough.
 
     At a given dent F goes as E t^2 IOP^(1/3) (`learning.samples`), so a calibrated E takes twice the error of
     the thickness and a third of the pressure's.
@@ -209,8 +196,8 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     if modulus is None:
         return None
     low, high = trained.youngs_modulus_pa.bounds
-    told = hypot(2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0)
-    reach = hypot(modulus.relative_sd, told) if modulus.source == "own" else 0.0
+    carried = hypot(2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0)
+    reach = hypot(modulus.relative_sd, carried) if modulus.source == "own" else 0.0
     return None if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach) else modulus.mean_pa
 
 
@@ -226,39 +213,32 @@ def _unseen(study: Study, scan: OctInfo) -> tuple[str, ...]:
     radius_m = _largest_radius_m(study)
     left_m = max(radius_m - scan.depth_m, 0.0)
     between_columns_m = scan.width_m * (1.0 - 1.0 / scan.columns)
-    most_m = min(between_columns_m, _window_m(study)[0], 2.0 * sqrt(radius_m**2 - left_m**2))
+    window = study.slice
+    most_m = min(between_columns_m, window.columns * window.pixel_m, 2.0 * sqrt(radius_m**2 - left_m**2))
     width_mm, depth_mm = from_si(scan.width_m, "mm"), from_si(scan.depth_m, "mm")
-    short = wall_seen(most_m, study.slice)
+    short = wall_seen(most_m, window)
     if short:
         return (f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most {short}",)
-    needed_mm = from_si(_window_m(study)[1], "mm")
+    needed_mm = from_si(window.rows * window.pixel_m, "mm")
     if depth_mm >= needed_mm:
         return ()
     return (f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm",)
 
 
-def _least_width(study: Study) -> _Compared:
-    return _Compared("width", None, Range(min=least_wall_m(study.slice), max=inf), "mm", "mm")
-
-
 def _least_depth(study: Study) -> str:
-    """Return the depth of the surface's curve over the least width, and that of what is read, in words."""
-    radius_m = _largest_radius_m(study)
-    curve_m = radius_m - sqrt(radius_m**2 - (least_wall_m(study.slice) / 2) ** 2)
-    return f"{from_si(curve_m, 'mm'):.1f} mm or more, for deep dents {from_si(_window_m(study)[1], 'mm'):.4g} mm"
+    """Return the depth of the surface's curve over the least width, and that of the slice, in words."""
+    radius_m, window = _largest_radius_m(study), study.slice
+    curve_m = radius_m - sqrt(radius_m**2 - (least_wall_m(window) / 2) ** 2)
+    deep_mm = from_si(window.rows * window.pixel_m, "mm")
+    return f"{from_si(curve_m, 'mm'):.1f} mm or more, for deep dents {deep_mm:.4g} mm"
 
 
 def _largest_radius_m(study: Study) -> float:
     return study.eye.radius_m * study.reader.size.bounds[1]
 
 
-def _window_m(study: Study) -> tuple[float, float]:
-    """Return width and depth of what is read of a frame."""
-    return study.slice.columns * study.slice.pixel_m, study.slice.rows * study.slice.pixel_m
-
-
 def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
-    """Return a sentence on a needle of another gauge than the model's, which dents a wall otherwise."""
+    """Return a sentence on a needle of another gauge than the model's, whose dent has another form."""
     if gauge is None or gauge == nearest_gauge(study.needle.outer_diameter_m):
         return ()
     return (f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}",)
@@ -267,18 +247,3 @@ def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
 def _needle_words(study: Study) -> str:
     diameter_m = study.needle.outer_diameter_m
     return f"{nearest_gauge(diameter_m)} gauge ({from_si(diameter_m, 'mm'):.4g} mm)"
-
-
-Limits = Callable[[Study, Known, OctInfo, int | None], tuple[str, ...]]
-Ranges = Callable[[Study, Known, OctInfo | None], tuple[_Compared, ...]]
-KINDS: dict[str, tuple[Limits, Ranges]] = {
-    "classifier": (slice_limits, _of_slices), "reader": (wall_limits, _of_walls), "raw-reader": (raw_limits, _of_walls),
-}  # fmt: skip
-
-
-def _study_and_kind(model: Path) -> tuple[Study, tuple[Limits, Ranges]]:
-    folder = read_folder(model)
-    kind = KINDS.get(folder.record["kind"])
-    if kind is None:
-        raise ModelError(f"{model}: kind: found {folder.record['kind']!r}, one of {', '.join(KINDS)} is needed here")
-    return folder_study(folder), kind

@@ -1,8 +1,8 @@
-"""How often a classifier is right: confusion matrix, recall, precision, accuracy, and how sure one can be of them.
+"""Metrics of an evaluation: confusion matrix, recall, precision, accuracy, errors and coverage of forces.
 
 The names are the standard ones. The paper's Table 3 calls the row-wise figure "precision" and the column-wise figure
-"recall"; here recall is row-wise (of the trials of a class, how many were recognised) and precision column-wise (of
-the answers of a class, how many were right).
+"recall"; here recall is row-wise (share of a class's trials that were recognised) and precision column-wise (share of a
+class's answers that were right).
 """
 
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
 class ForceTrial:
     """A trial's eye, its measured and read force, N, and the 90 % interval that was read.
 
-    `measured_sd_n`: standard deviation of the measured force's error, N; 0 where it is the true one.
+    `measured_sd_n`: standard deviation of the measured force's error, N; 0 for a true force.
     """
 
     eye: str
@@ -107,11 +107,11 @@ class ForceTrial:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval and the measured force agree at 90 %.
+        """True if the interval and the measured force agree at 90 %.
 
-        Their errors are independent, so each half of the interval and 1.645 standard deviations of the measured force
-        add in squares. Of normal readings that are as sure as they say, 90 % agree, however unsure the measured forces
-        are; a measured force without an error has to lie in the interval.
+        Their errors are independent: each half of the interval and 1.645 standard deviations of the measured force add
+        in squares. So 90 % of normal readings with correct intervals agree, whatever the error of the measured forces;
+        a measured force without error has to lie in the interval.
         """
         low, high = self.interval_n
         wide = SDS_OF_INTERVAL * self.measured_sd_n
@@ -122,24 +122,17 @@ class ForceTrial:
 
 
 def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
-    """Return the mean absolute error, N; NaN where there is no trial.
+    """Return the mean absolute error, N; NaN without trials.
 
-    >>> from dataclasses import replace
     >>> trial = ForceTrial(eye="a", measured_n=0.25, read_n=0.5, interval_n=(0.0, 1.0))
-    >>> mean_absolute_error([trial, replace(trial, measured_n=1.0)])
-    0.375
+    >>> mean_absolute_error([trial])
+    0.25
     """
     return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
 
 
 def coverage(trials: Sequence[ForceTrial]) -> Proportion:
-    """Return the share of trials whose interval and measured force agree (`ForceTrial.covered`).
-
-    >>> from dataclasses import replace
-    >>> trial = ForceTrial(eye="a", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
-    >>> coverage([trial, replace(trial, measured_n=3.0)]).value
-    0.5
-    """
+    """Return the share of trials whose interval and measured force agree (`ForceTrial.covered`)."""
     return Proportion(sum(trial.covered for trial in trials), len(trials))
 
 
@@ -150,13 +143,13 @@ def coverage_by_eye(trials: Sequence[ForceTrial]) -> dict[str, Proportion]:
 
 
 def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, float] | None:
-    """Return between which shares of covered frames lie with 95 %, by a bootstrap over whole eyes; None: no frames.
+    """Return the 95 % band of the share of covered frames, by a bootstrap over whole eyes; None without frames.
 
-    Frames of one eye share its errors, so eyes are drawn anew, not frames.
+    Frames of one eye share its errors, so eyes are resampled, not frames.
 
     Args:
         eyes: the eye of each frame.
-        covered: whether its interval holds.
+        covered: of each frame: its interval holds.
     """
     if not eyes:
         return None
@@ -169,12 +162,12 @@ def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, 
 
 
 def band_of(trials: Sequence[ForceTrial]) -> tuple[float, float] | None:
-    """Return between which coverages other such eyes lie (`coverage_band`); None: no trials."""
+    """Return the 95 % band of the coverage of other such eyes (`coverage_band`); None without trials."""
     return coverage_band([trial.eye for trial in trials], [trial.covered for trial in trials])
 
 
 def held_by_eye(trials: Sequence[ForceTrial]) -> str:
-    """Return how many forces the intervals of each eye hold, as words.
+    """Return the number of forces that the intervals of each eye hold, in words.
 
     >>> held_by_eye([ForceTrial(eye="a", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))])
     '1 of 1 of a'

@@ -28,22 +28,18 @@ from scleraforce.models import (
 from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
 from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader
+from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
+Kind = TypeVar("Kind", Classifier, ForceReader)
+Finder = str | PathLike[str] | None
+
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
-    """Load a model folder of kind "wall-finder".
-
-    Args:
-        path: the folder that `scleraforce train --kind wall-finder` wrote.
-        threads: of ONNX Runtime within one operation.
-
-    Raises:
-        ModelError: a file is missing, was changed, or does not fit the study beside it; or it is of another kind.
-    """
+    """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
     folder = read_folder(Path(path))
     if folder.record["kind"] != WALL_FINDER:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {WALL_FINDER} is needed here")
@@ -54,18 +50,11 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     return finder
 
 
-READS = (Classifier.kind, ForceReader.kind, RawReader.kind)  # kinds of models that read forces
-
-Kind = TypeVar("Kind", Classifier, ForceReader)
-
-
-def load_model(
-    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
-) -> Reader:
+def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Reader:
     """Load a model folder of any kind that reads forces.
 
     Args:
-        path: the folder that `scleraforce train` wrote, or the name of one that ships ("default").
+        path: the folder that `scleraforce train` wrote, or the name of a bundled one ("default").
         threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
         finder: folder of the wall finder that checks the walls it reads; None: nothing checks them.
 
@@ -73,45 +62,31 @@ def load_model(
         ModelError: a file is missing, was changed, or does not fit the study beside it.
     """
     folder = read_folder(Path(path))
-    if folder.record["kind"] not in READS:
-        wanted = f"{', '.join(READS[:-1])} or {READS[-1]}"
-        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, {wanted} is needed here")
-    study = folder_study(folder)
-    session = folder_session(folder, threads)
+    kind = folder.record["kind"]
+    if kind not in KINDS:
+        wanted = f"{', '.join(KINDS[:-1])} or {KINDS[-1]}"
+        raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
+    study, session = folder_study(folder), folder_session(folder, threads)
     walls = None if finder is None else load_wall_finder(finder, threads)
-    if folder.record["kind"] == Classifier.kind:
+    if kind == CLASSIFIER:
         classifier = Classifier(folder.path, study, folder.record, session, walls)
         check_provenance(folder, session)
         return classifier
     factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
-    if folder.record["kind"] == RawReader.kind:
-        reads_frames = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors, raw=True)
-        check_provenance(folder, session)
-        return RawReader(folder.path, study, folder.record, reads_frames, walls)
-    network = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
+    network = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors, raw=kind == RAW_READER)
     check_provenance(folder, session)
+    if kind == RAW_READER:
+        return RawReader(folder.path, study, folder.record, network, walls)
     return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors, walls)
 
 
-def load_classifier(
-    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
-) -> Classifier:
-    """Load a model folder of kind "classifier"; arguments and errors of `load_model`.
-
-    Raises:
-        ModelError: it is of another kind.
-    """
+def load_classifier(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Classifier:
+    """Load a model folder of kind "classifier"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), Classifier)
 
 
-def load_force_reader(
-    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
-) -> ForceReader:
-    """Load a model folder of kind "reader"; arguments and errors of `load_model`.
-
-    Raises:
-        ModelError: it is of another kind.
-    """
+def load_force_reader(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> ForceReader:
+    """Load a model folder of kind "reader"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), ForceReader)
 
 
@@ -119,7 +94,7 @@ def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> Fo
     """Return a reader's network from its bytes, without factors for its intervals.
 
     Raises:
-        ModelError: it is none, or another one than its study asks for.
+        ModelError: it is not a network that its study asks for.
     """
     return ForceNetwork(network_session(network, place, 1), study, place)
 
@@ -131,7 +106,7 @@ def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
 
 
 def _library(folder: ModelFolder) -> Library:
-    """Read the library, and have it prepare what its first evaluation would otherwise wait for."""
+    """Read the library and prepare the arrays that its first evaluation would otherwise wait for."""
     try:
         library = load_library(folder.path / LIBRARY_FILE, folder.files[LIBRARY_FILE])
     except InputError as fault:
@@ -142,7 +117,6 @@ def _library(folder: ModelFolder) -> Library:
 
 
 def _default(folder: ModelFolder) -> str:
-    """Return which method answers."""
     default = folder.record.get("default")
     if default not in METHODS:
         place = folder.path / RECORD_FILE
@@ -150,24 +124,22 @@ def _default(folder: ModelFolder) -> str:
     return str(default)
 
 
-THICKNESS_M = 0.6e-3  # of the wall, where nothing is known of it
+THICKNESS_M = 0.6e-3  # of the wall, if unknown
 SURFACE = 0.2  # depth of the apex, of the frame's
 NOISE, TISSUE = (0, 400), (600, 1600)  # counts; those of the tissue are added
+WARMING_FRAMES = 20
 
 
 def warming_frame(
     shape: tuple[int, int], scale: PixelScale, radius_m: float, thickness_m: float | None = None
 ) -> NDArray[np.uint16]:
-    """Return a raw B-scan of the wall of an eye at rest, the same at each call.
+    """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call.
 
     Args:
         shape: rows and columns.
         scale: size of a pixel as stored, with the refractive index.
         radius_m: of the eye.
         thickness_m: of the wall; None: not known.
-
-    Returns:
-        uint16 (row, column).
     """
     (rows, columns), rng = shape, np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
@@ -178,18 +150,15 @@ def warming_frame(
     return noise + np.where(is_tissue, tissue, np.uint16(0))
 
 
-WARMING_FRAMES = 20
-
-
 class LiveReader:
-    """Reads the frames of one eye, one after the other.
+    """Reads the frames of one eye in the control loop, one after the other.
 
-    Some frames are read at the start, so that the first real one takes no longer than the others.
+    It reads some frames at the start, so that the first real one takes no longer than the others.
 
     Args:
-        reader: the model. A classifier's answer is its own; of a reader it is that of its network.
-        known: of the eye; a classifier takes no notice of it.
-        refractive_index: by which depth is stretched in the frames; 1 where the scanner has corrected it.
+        reader: the model.
+        known: of the eye.
+        refractive_index: by which depth is stretched in the frames; 1 if the scanner has corrected it.
     """
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
@@ -200,14 +169,6 @@ class LiveReader:
             self.read(frame, scale)
 
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
-        """Read one raw frame.
-
-        Args:
-            frame: raw B-scan (row, column).
-            scale: size of a pixel as stored; its refractive index is not looked at, the scanner's counts.
-
-        Returns:
-            The answer; its `can_calibrate` is False: the loop does not ask for it.
-        """
+        """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes precedence over the scale's."""
         scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
         return self._reader.read_live(frame, scale, self._known)

@@ -1,9 +1,9 @@
-"""The networks that read a force: a picture and what is known of the eye in, a histogram of F/E and the contact out.
+"""Networks that read a force: a picture and known values of the eye in, a histogram of F/E and the contact out.
 
-The histogram has the probability of bins of x = F/E, E the modulus that the network was given. Within a bin the density
-is even, so the distribution function is piecewise linear, and what is said of the force agrees: the probability of a
-class is that of its forces, and the median lies in the class that has more than half of it. Training judges many frames
-at once, with arrays; the control loop reads one, and `histogram_reading` does so in plain Python: a third of the time.
+The histogram has the probability of bins of x = F/E, E the modulus that the network was given. The density is even in a
+bin, so the distribution function is piecewise linear, and all figures of the force agree: the probability of a class
+is that of its forces, and the median lies in the class that has more than half of it. Training judges many frames at
+once, with arrays; the control loop reads one, and `histogram_reading` does so in plain Python: a third of the time.
 """
 
 from bisect import bisect_left, bisect_right
@@ -38,7 +38,7 @@ INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interva
 
 @dataclass(frozen=True)
 class ForceDistribution:
-    """Distributions of a force: `share_sk` of it lies below `edge_n_sk` (sample, edge), N; linear in between.
+    """Distributions of a force: the share `share_sk` lies below `edge_n_sk` (sample, edge), N; linear in between.
 
     Shares rise from 0 to 1, edges increase.
     """
@@ -58,9 +58,9 @@ class ForceDistribution:
 
 
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
-    """Return the edges of the bins of x = F/E (bins + 1,), m^2, with widths that grow linearly from 0.
+    """Return the edges of the bins of x = F/E (bins + 1,), m^2; their widths grow linearly from 0.
 
-    So a bin is narrow where forces are small and eyes stiff.
+    So bins are narrow for small forces and stiff eyes.
 
     >>> ratio_edges(4, 16.0)
     array([ 0.,  1.,  4.,  9., 16.])
@@ -84,7 +84,7 @@ def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, mo
 
 
 def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
-    """Return the forces that these shares (between 0 and 1) of each distribution lie below (sample, share), N."""
+    """Return the forces below which these shares (between 0 and 1) of each distribution lie (sample, share), N."""
     edges, below = distribution.edge_n_sk, distribution.share_sk
     wanted = np.array(shares)
     last = (below[:, None, :] < wanted[:, None]).sum(axis=2)
@@ -136,7 +136,7 @@ def histogram_reading(
 
 
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
-    """Return where the sums reach what is wanted."""
+    """Return where the sums reach a value."""
     last = min(max(bisect_left(sums, wanted), 1), len(sums) - 1)
     low, high = sums[last - 1], sums[last]
     part = (wanted - low) / (high - low if high > low else 1.0)
@@ -144,7 +144,7 @@ def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -
 
 
 def _sum_below(sums: Sequence[float], edges_m2: Sequence[float], ratio_m2: float) -> float:
-    """Return the sum of what lies below a ratio."""
+    """Return the sum below a ratio."""
     last = bisect_right(edges_m2, ratio_m2)
     if last >= len(edges_m2):
         return sums[-1]
@@ -160,17 +160,17 @@ GIVEN = (
 )  # fmt: skip
 
 
-STIFF = np.log1p(30.0)  # of tissue that stiffens by so much the input is 1
+STIFF = np.log1p(30.0)  # at a stiffening of 30 the input is 1
 
 
 @dataclass(frozen=True)
 class GivenEyes:
     """Known values of n eyes, each (sample,); NaN: unknown.
 
-    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
-    The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
-    both 0 in an open globe; that is never unknown, only wide. `polar_rad` is the contact's polar angle, `direction_rad`
-    that of the section from the meridian. `stiffening` is b of the tissue, never unknown.
+    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none are known. The
+    globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law: both
+    0 in an open globe; wide rather than unknown. `polar_rad` is the contact's polar angle, `direction_rad` that of the
+    section from the meridian. `stiffening` is b of the tissue, never unknown.
     """
 
     modulus_pa: Floats
@@ -186,9 +186,7 @@ class GivenEyes:
 
 
 def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
-    """Return mean and relative standard deviation that stand for a modulus of which nothing is known.
-
-    They are those of the training's range, evenly spread.
+    """Return the mean and relative standard deviation of an unknown modulus: even over the training's range.
 
     >>> mean_pa, sd = unknown_modulus(ReaderStudy())
     >>> round(mean_pa), round(sd, 3)
@@ -200,18 +198,18 @@ def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
 
 
 def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
-    """Return mean, Pa, and relative standard deviation of the modulus (sample,), also where it is unknown."""
+    """Return mean, Pa, and relative standard deviation of the modulus (sample,), also if it is unknown."""
     mean, sd = unknown_modulus(study)
     unknown = np.isnan(eyes.modulus_pa)
     return np.where(unknown, mean, eyes.modulus_pa), np.where(unknown, sd, eyes.modulus_sd_fraction)
 
 
 def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
-    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 where unknown.
+    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 if unknown.
 
-    A value at the ends of its training range is -1 or 1. The IOP stands there twice: also over the modulus, which is
-    what the mechanics knows. Where the pole lies, along the section and across it, stands there over the farthest; of
-    an unknown polar angle it is that of the range's middle.
+    A value at the ends of its training range is -1 or 1. The IOP is given twice: also over the modulus, as the
+    mechanics depends on it. The pole's place, along the section and across it, is given over the farthest; for an
+    unknown polar angle it is that of the range's middle.
     """
     modulus, sd = given_modulus(eyes, study)
     e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds

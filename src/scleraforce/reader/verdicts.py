@@ -1,4 +1,4 @@
-"""What is seen in a frame, and verdicts on it: the wall of an eye, a dent that leaves the window, enough of it."""
+"""Verdicts on a frame: the wall of an eye, a dent that leaves the window, enough of the wall to read or calibrate."""
 
 from dataclasses import dataclass, replace
 
@@ -37,10 +37,10 @@ CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
 
 
 def dent_leaves(cut: NDArray[np.uint8]) -> bool:
-    """Return whether the wall of a slice (row, column) goes out through the bottom and comes in again.
+    """Return True if the wall of a slice (row, column) leaves through the bottom and comes in again.
 
-    That is so where columns without a wall lie between two walls that reach into the lowest quarter of the window. How
-    deep such a dent is cannot be seen.
+    Columns without a wall then lie between two walls that reach into the lowest quarter of the window. The depth of
+    such a dent cannot be seen.
 
     >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
     >>> shadow = np.array([[255, 0, 255], [0, 0, 0], [0, 0, 0], [0, 0, 0]], dtype=np.uint8)
@@ -56,29 +56,29 @@ def dent_leaves(cut: NDArray[np.uint8]) -> bool:
 
 
 def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
-    """Return whether the wall that lies best on a frame leaves the slice's window at the bottom within its dent."""
+    """Return True if the fitted wall leaves the slice's window at the bottom within its dent."""
     lateral_m, depth_m = fit.wall_bmc[0].T
     dent = depth_m[np.abs(lateral_m - fit.contact_m) < DENT_M]
     return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
 
 
 def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> str | None:
-    """Return what to say of an interval that reaches into every class; None where it does not.
+    """Return a sentence if an interval reaches into every class, else None.
 
     >>> no_class((0.002, 0.049), (0.005, 0.030))
-    'from 2 to 49 mN, no class is told'
+    'from 2 to 49 mN, every class is possible'
     >>> no_class((0.006, 0.049), (0.005, 0.030))
     """
     low_n, high_n = interval_n
     if low_n >= bounds_n[0] or high_n <= bounds_n[-1]:
         return None
-    return f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, no class is told"
+    return f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, every class is possible"
 
 
 def too_little_wall(
     lateral_m: NDArray[np.float64], outer_m: NDArray[np.float64], slice_study: SliceStudy
 ) -> str | None:
-    """Return why too little of a wall is seen to read it, None where enough is.
+    """Return why too little of a wall is seen to read it, None if enough is.
 
     Args:
         lateral_m: lateral places of a frame's columns from the middle (column,), m, increasing.
@@ -91,12 +91,12 @@ def too_little_wall(
 
 
 def least_wall_m(slice_study: SliceStudy) -> float:
-    """Return the extent of a wall, from end to end, that has to be seen."""
+    """Return the least extent of a wall, from end to end, that has to be seen."""
     return LEAST_WALL_SHARE * slice_study.columns * slice_study.pixel_m
 
 
 def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
-    """Return that so little of a wall is seen, None where it is enough.
+    """Return a sentence if too little of a wall is seen, else None.
 
     >>> wall_seen(6e-3, SliceStudy()), wall_seen(12e-3, SliceStudy())
     ('6.0 mm of the wall are seen, not 9.8 mm', None)
@@ -108,12 +108,7 @@ def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
-    """Return why a contact lies outside the framing that a model was trained on; None: inside, or no one can tell.
-
-    Args:
-        reading: of one method.
-        trained: the study's ranges.
-    """
+    """Return why a contact lies outside the framing that a model was trained on; None: inside, or it cannot be told."""
     low_m, high_m = trained.lateral_m.bounds
     slack_m = CONTACT_SLACK_M + CONTACT_SD * reading.contact_sd_m
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
@@ -125,14 +120,14 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
 
 
 def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
-    """Return why what a frame shows is no wall that the library knows; None where it is one.
+    """Return why a frame does not show a wall that the library knows; None if it does.
 
-    A surface that is not an eye's lies far from every wall of the library, or near one only that is thicker, thinner,
-    larger or smaller than this eye can be.
+    Other surfaces lie far from every wall of the library, or near one that is thicker, thinner, larger or smaller than
+    this eye can be.
 
     Args:
         fit: to the frame's boundaries.
-        prior: what was known before it.
+        prior: of the eye.
     """
     if not fit.misfit_m <= NO_WALL_M:
         return f"not the wall of an eye: {from_si(fit.misfit_m, 'um'):.0f} µm off the nearest that is known"
@@ -153,47 +148,24 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     return None
 
 
-def allows_calibration(
-    segmentation: Segmentation, lateral_m: NDArray[np.float64], depth_bc: NDArray[np.float64], contact_m: float
-) -> bool:
-    """Return whether enough of the wall is in view for a calibration.
-
-    Args:
-        segmentation: of the frame.
-        lateral_m: lateral places of its columns from the middle (column,), m.
-        depth_bc: depth of the boundaries there (2, column), m, NaN where unseen.
-        contact_m: lateral place of the contact, m.
-    """
-    near = np.abs(lateral_m - contact_m) <= CALIBRATED_SPAN_M
-    if not segmentation.usable or not segmentation.inner_found or not near.any():
-        return False
-    both = np.isfinite(depth_bc[:, near]).all(axis=0)
-    return bool(both.mean() >= CALIBRATED_SHARE)
-
-
 SLACK_M = 0.1e-3  # of a stated gap, beyond the needle's radius
 
 
 def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
-    """Return what the fit reads: all that a model was trained on, and gaps from 0.
+    """Return the ranges that the fit reads: those of a model's training, with gaps from 0.
 
-    The library's walls are surfaces of revolution about the needle axis: it has a section at any gap.
+    The library's walls are surfaces of revolution about the needle axis: they have a section at any gap.
     """
     return replace(trained, gap_m=Range(min=0.0, max=trained.gap_m.bounds[1]))
 
 
 def crossed_by_needle(trained: ReaderStudy, radius_m: float) -> ReaderStudy:
-    """Return what is known of a frame that a needle crosses: where no gap is told, it is within the needle's radius."""
+    """Return the ranges for a frame that a needle crosses: an unknown gap is within the needle's radius."""
     return replace(trained, gap_m=Range(min=0.0, max=radius_m))
 
 
 def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -> str | None:
-    """Return why a needle in the picture and the gap that was told exclude each other; None where they do not.
-
-    Args:
-        needle: the one that is seen.
-        known: of the eye.
-        radius_m: of the needle that the model knows.
+    """Return why a needle in the picture contradicts the known gap; None if it does not.
 
     >>> seen = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(256.0, -0.5), hidden=(244, 268))
     >>> needle_elsewhere(seen, Known(gap_m=0.8e-3), 0.35e-3)
@@ -215,10 +187,10 @@ _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What was seen in a frame: its segmentation, and slices of it where there is a wall to read.
+    """The segmentation of a frame, and slices of it if there is a wall to read.
 
-    `cuts` (slice, row, column): the slice, and the same shifted in depth where the model reads several. `reason` says
-    why it cannot be read, None where it can.
+    `cuts` (slice, row, column): the slice, and the same shifted in depth if the model reads several. `reason` says why
+    the frame cannot be read, None if it can.
     """
 
     segmentation: Segmentation
@@ -252,7 +224,7 @@ def look(
         scale: size of a pixel as stored, with the refractive index.
         slice_study: of the model.
         shifts: of the slices in depth, in rows of a slice; the first is 0.
-        thickness_m: of the wall, as told; and
+        thickness_m: of the wall, if known.
         finder: a network that checks the wall: see `find_wall`.
     """
     found = find_wall(frame, scale, thickness_m, finder)
@@ -263,30 +235,19 @@ def look(
 
 
 def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
-    """Return whether enough of the wall is in view about a contact to calibrate on a frame.
-
-    Args:
-        seen: of the frame.
-        boundaries: of its segmentation.
-        contact_m: lateral place of the contact from the frame's middle.
-    """
-    return not dent_leaves(seen.cut) and allows_calibration(
-        seen.segmentation, boundaries.lateral_m, boundaries.depth_m, contact_m
-    )
+    """Return True if enough of the wall is in view about a contact, m from the middle, to calibrate on a frame."""
+    near = np.abs(boundaries.lateral_m - contact_m) <= CALIBRATED_SPAN_M
+    if dent_leaves(seen.cut) or not seen.segmentation.inner_found or not near.any():
+        return False
+    both = np.isfinite(boundaries.depth_m[:, near]).all(axis=0)
+    return bool(both.mean() >= CALIBRATED_SHARE)
 
 
-WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
+WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this
 
 
 def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> Answer:
-    """Return the answer that one method gives.
-
-    Args:
-        reading: of the method.
-        name: of the method.
-        leaves: whether the dent leaves the window.
-        study: of the model.
-    """
+    """Return the answer that one method gives; `leaves`: the dent leaves the window."""
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
         return unusable(classes, f"the reading of the {name} is not a number")
@@ -296,7 +257,7 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     if leaves and not reading.width_n < WIDEST_N:
         return unusable(
             classes,
-            "the dent leaves the window of the slice, and its flanks leave the force open by "
+            "the dent leaves the window of the slice, and its flanks leave the force uncertain by "
             f"{from_si(reading.width_n, 'mn'):.0f} mN",
         )
     return Answer(
