@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import OPEN_GLOBE, study_globe
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
+from reference_walls import cut_section, polar_path, shift_in_plane
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.needle import needle_at
-from scleraforce.mechanics.polar import BaseShift, base_shift, polar_path
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
+from scleraforce.mechanics.polar import BaseShift, base_shift
 from scleraforce.study import GlobeStudy
 
 Floats = NDArray[np.float64]
@@ -137,7 +136,7 @@ class Reduced:
         for side in (-1.0, 1.0):
             points = np.stack([side * lateral_bn, curves_bnc[..., 1]], axis=-1)
             if self._shift is not None:
-                points += self._shift.in_plane(self._iop_ratio, force_ratio, side * lateral_bn, GAP_M, 0.0)
+                points += shift_in_plane(self._shift, self._iop_ratio, force_ratio, side * lateral_bn, GAP_M, 0.0)
             sides.append(points)
         met = curves_bnc[..., 0] >= GAP_M
         return Section(*(np.concatenate([sides[0][b][met[b]][::-1], sides[1][b][met[b]]]) for b in (0, 1)))
@@ -162,7 +161,7 @@ def print_solid(rows: int | None) -> None:
         report = []
         for moved, angle in product((None, shift), (0.0, contact.polar_rad)):
             ratio = 1e-6 * iop_pa / modulus_mpa
-            reduced = Reduced(polar_path(*sizes, ratio, polar_rad=angle, tips_m=FINE_TIPS_M), moved)
+            reduced = Reduced(polar_path((*sizes, ratio), angle, FINE_TIPS_M), moved)
             tips, sections = [], []
             for dent_m, force_n in zip(DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True):
                 force_ratio = 1e-6 * float(force_n) / modulus_mpa

@@ -22,11 +22,11 @@ from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimila
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.study import Study, read_study
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall

@@ -18,14 +18,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from least_time import least_s
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.learning.dataset import plan_dataset
 from scleraforce.learning.generate import generate_dataset
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import Range, Study, read_study
 
 IMAGES = 20  # of one contact, as in the paper's study

@@ -18,14 +18,15 @@ import numpy as np
 
 from least_time import least_s
 from reference_r2 import FORCES_MN, IOP_PA, NEEDLE_RADIUS_M, NU, RADIUS_M, TIPS_MM, reference_path
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import OPEN_GLOBE, study_globe
-from scleraforce.eye.graded import graded_globe, graded_mesh
-from scleraforce.eye.mesh import HexMesh, build_mesh
+from reference_walls import rest_nc
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.frontal import FrontalFactor
-from scleraforce.mechanics.needle import needle_at
-from scleraforce.mechanics.springs import study_springs
+from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
+from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import GlobeStudy, SupportsStudy
 
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
@@ -139,7 +140,7 @@ def parts(sizes: Sizes) -> None:
     start = process_time()
     wall = FiniteWall(mesh, NU)
     marks = {"all that is found once": process_time() - start}
-    displacement_nc = wall.rest_nc(youngs_modulus_pa=0.38e6, iop_pa=IOP_PA, density_kg_m3=0.0)
+    displacement_nc = rest_nc(wall, youngs_modulus_pa=0.38e6, iop_pa=IOP_PA, density_kg_m3=0.0)
     elements = wall.solid.tangents(displacement_nc, np.float32)
     work: dict[str, Callable[[], object]] = {
         "forces of the solid": lambda: wall.solid.forces(displacement_nc),

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.study_path import BentEye, bend_eye
+from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.study import (
     EyeStudy,
     FormStudy,

@@ -26,8 +26,8 @@ from scleraforce.library.plan import plan_library
 from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, fill_boundaries, wall_boundaries
 from scleraforce.library.store import open_library
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench_reader import draw_eye
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import Known, known_of_recording
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prior import prior_of
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import LiveReader

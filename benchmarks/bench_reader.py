@@ -16,18 +16,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prediction import Walls, place_walls
-from scleraforce.fitting.prior import prior_of
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.library import Library
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prior import prior_of
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.slice import boundary_slices
 from scleraforce.segmentation.wall import find_wall

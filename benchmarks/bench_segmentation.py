@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics, sample_pose
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.wall import find_first_wall
 from scleraforce.study import Study
 

@@ -17,8 +17,8 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
 from scleraforce.errors import SolverError
-from scleraforce.eye.globe import sealed_globe
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]

@@ -23,11 +23,11 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics, sample_pose
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.wall_finder import mask_dice, seen_mask
+from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_WALL_FINDER, folder_study, read_folder
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 
 __all__ = ["dented_wall"]
 

@@ -12,11 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scleraforce.eye.contact import Contact
-from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.mechanics.contact import Contact, ScanPlane, Section
+from scleraforce.mechanics.finite_strain import bend_eye
+from scleraforce.mechanics.section import cut_sections
 from scleraforce.report.files import BLUE, GREY, RED, inches, styled
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane, Section
 from scleraforce.study import Study, SupportsStudy, read_study
 
 Floats = NDArray[np.float64]

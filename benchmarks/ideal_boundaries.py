@@ -12,9 +12,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.section import cut_sections
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import OctStudy, Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2

@@ -7,9 +7,9 @@ displacement along the load at its centre.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh
-from scleraforce.mechanics.loads import weighted_surface_load
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import surface_points
+from scleraforce.mechanics.mesh import HexMesh
 
 __all__ = ["CONTACT", "CONVERGED_MM", "E_PA", "FORCE_N", "NU", "RADIUS_M", "SPREAD_M", "gaussian_load"]
 
@@ -21,7 +21,11 @@ CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
 def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
     """Return a load of 1 N, (node, 3), integrated over the outer surface."""
-    centre = mesh.radius_m * contact.normal
-    return weighted_surface_load(
-        mesh, lambda x: np.exp(-np.sum((x - centre) ** 2, axis=-1) / (2 * spread_m**2)), -contact.normal
+    points = surface_points(mesh, mesh.outer_qn, 8)
+    away_qp = np.sum((points.positions_qpc - mesh.radius_m * contact.normal) ** 2, axis=-1)
+    load_qp = np.exp(-away_qp / (2 * spread_m**2)) * np.linalg.norm(points.areas_qpc, axis=-1)
+    nodal_n = np.bincount(
+        mesh.outer_qn.ravel(), (load_qp @ points.values_pn).ravel() / load_qp.sum(), minlength=len(mesh.points_nc)
     )
+    load_nc: NDArray[np.float64] = -nodal_n[:, None] * contact.normal
+    return load_nc

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import SphericalVoronoi
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.needle import Needle, tip_at
+from scleraforce.mechanics.loads import Needle, tip_at
+from scleraforce.mechanics.mesh import HexMesh
 
 __all__ = ["FORCES_MN", "IOP_PA", "NEEDLE_RADIUS_M", "NU", "RADIUS_M", "TIPS_MM", "reference_path"]
 

@@ -17,11 +17,11 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "plain_text", "cluster", "processes", "whole_files", "compiled",
-    "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording",
-    "known", "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "calibration",
+    "checked_store", "study", "models", "monitor", "openigtlink", "mechanics", "recording",
+    "known", "segmentation", "library", "laboratory", "calibration",
     "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
-PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "laboratory.scanner", "calibration", "monitor"]
+PURE = ["segmentation", "mechanics", "laboratory.scanner", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
 # Of paths, NumPy and OpenCV, whatever stands before the dot.

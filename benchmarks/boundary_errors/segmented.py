@@ -10,8 +10,8 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.slice import boundary_depths
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.prediction import shining
 from scleraforce.library import INNER, OUTER
+from scleraforce.library.prediction import shining
 from scleraforce.study import SliceStudy
 
 __all__ = ["BoundaryStatistics", "boundary_statistics"]

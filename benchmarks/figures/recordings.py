@@ -21,8 +21,8 @@ from figures.workers import in_processes
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sections, write_phantom
+from scleraforce.mechanics.contact import Section
 from scleraforce.processes import work_units
-from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.whole_files import folder_files, hash_sources, renamed_when_whole, write_whole, write_whole_folder
 

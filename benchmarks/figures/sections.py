@@ -12,7 +12,7 @@ from scleraforce.laboratory.virtual_eye import (
     farthest_turn_rad,
     turned_eyes,
 )
-from scleraforce.mechanics.study_path import BentEye, bend_eye
+from scleraforce.mechanics.finite_strain import BentEye, bend_eye
 from scleraforce.study import Study
 
 __all__ = ["ComputedEye", "compute_eye"]

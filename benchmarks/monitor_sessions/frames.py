@@ -13,7 +13,7 @@ from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, Pose, sample_optics
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.study import draw
 
 __all__ = ["Frame", "PooledGenerator", "largest_force_n", "still_frame", "stream"]

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from real_tissue.punch import Pushed, flat_punch_path
 from real_tissue.shells import shallow
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
-from scleraforce.eye.globe import OPEN_GLOBE, sealed_globe
+from scleraforce.mechanics.globe import OPEN_GLOBE, sealed_globe
 from scleraforce.units import to_si
 
 __all__ = [

@@ -17,12 +17,12 @@ from scipy.interpolate import CubicSpline
 
 from real_tissue.walls import fine_meridian
 from scleraforce.errors import SolverError
-from scleraforce.eye.globe import OPEN_GLOBE, Globe
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
-from scleraforce.mechanics.axisymmetric.solid import line_shapes
-from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.quadrature import gauss_points
+from scleraforce.mechanics.elements import gauss_points
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
+from scleraforce.mechanics.material import burst_tension
+from scleraforce.mechanics.meridian import line_shapes
 
 __all__ = ["Pushed", "flat_punch_path"]
 
@@ -84,7 +84,7 @@ def flat_punch_path(
         inside: elements below the punch.
         outside: elements beyond it.
 
-    The path of a sealed globe ends where its pressure runs away (`mechanics.sealed_dent`).
+    The path of a sealed globe ends where its pressure runs away (`mechanics.equilibrium`).
 
     Raises:
         SolverError: no equilibrium was found, or of a sealed globe too few.

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.globe import Globe, sealed_globe
+from scleraforce.mechanics.material import burst_tension
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.units import from_si, to_si
 
 __all__ = [

@@ -30,8 +30,8 @@ from real_tissue.rigidity import (
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.walls import PressedWall, disc_wall, fine_meridian, pressed_wall
 from scleraforce.errors import SolverError
-from scleraforce.eye.globe import sealed_globe
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.units import from_si, to_si
 
 __all__ = ["TABLES", "pressed", "punch", "punch_pressures", "punch_spread", "sealed_dents", "shells", "volumes"]

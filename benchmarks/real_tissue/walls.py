@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.meridian import MeridianMesh
 
 __all__ = ["PressedWall", "bonded_stiffness", "disc_wall", "fine_meridian", "pressed_wall"]
 

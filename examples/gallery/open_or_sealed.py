@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.eye.globe import sealed_globe
 from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled, write_figure
 from scleraforce.units import from_si, to_si
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.needle import needle_at
+from scleraforce.mechanics.loads import needle_at
 from scleraforce.report.files import BLUE, GREY, RED, inches, styled, write_figure
 
 CONTACT = Contact(polar_rad=radians(35.0))

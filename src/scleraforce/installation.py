@@ -23,7 +23,7 @@ from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader

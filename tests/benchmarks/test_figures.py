@@ -28,8 +28,8 @@ from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.learning.fingerprint import item
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_info
-from scleraforce.section.plane import Section
 from scleraforce.study import Study, read_study
 from scleraforce.study.toml import format_record
 from scleraforce.units import to_si

@@ -14,9 +14,9 @@ from real_tissue.rigidity import NEEDLE_M, NU, RADIUS_M, laws, mmhg_per_ul, own_
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.tables import TABLES, pressed
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
-from scleraforce.eye.globe import sealed_globe
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.units import from_si, to_si
 
 PAGE = Path(__file__).parents[2] / "docs" / "real_tissue.md"

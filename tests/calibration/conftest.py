@@ -10,10 +10,10 @@ from ideal_boundaries import ideal_boundaries, virtual_sections
 from scleraforce.calibration.assimilation import FrameInput
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.study import MeshStudy, Study
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))

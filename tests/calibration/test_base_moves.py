@@ -6,12 +6,13 @@ from math import radians
 import numpy as np
 import pytest
 
+from reference_walls import shift_in_plane
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.library_eye import SIZE, base_moves
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.mechanics.axisymmetric.mesh import meridian_mesh
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.meridian import meridian_mesh
 from scleraforce.mechanics.polar import base_shift
 from scleraforce.study import Study
 
@@ -35,7 +36,7 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
     rings = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
     for side in (-1.0, 1.0):
         lateral_bn = side * np.sqrt(np.maximum(rings**2 - STATED.gap_m**2, 0.0))
-        expected = shift.in_plane(0.0, FORCE_RATIO, lateral_bn, STATED.gap_m, STATED.direction_rad)
+        expected = shift_in_plane(shift, 0.0, FORCE_RATIO, lateral_bn, STATED.gap_m, STATED.direction_rad)
         for boundary in (0, 1):
             here = (rings[boundary] > STATED.gap_m) & (np.abs(lateral_bn[boundary]) < 6e-3)
             at = lateral_bn[boundary][here]

@@ -13,7 +13,7 @@ from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.study import LibraryStudy, Study
 from scleraforce.study.fields import Range
 

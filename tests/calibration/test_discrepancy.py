@@ -9,11 +9,11 @@ from analytic_frames import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
 from scleraforce.calibration import known_forces
 from scleraforce.calibration.known_forces import read_again, settled
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prediction import Walls, force_n, predict_wall
-from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
 from scleraforce.known import OPEN, Known, Modulus
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prediction import Walls, force_n, predict_wall
+from scleraforce.library.prior import SHINE_MEAN_M, prior_of
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 

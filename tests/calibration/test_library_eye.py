@@ -16,7 +16,7 @@ from scleraforce.calibration.library_eye import library_eye, section_depths
 from scleraforce.errors import CalibrationError
 from scleraforce.laboratory.light import Pose
 from scleraforce.library import Library
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.study import Study
 
 STUDY = Study()

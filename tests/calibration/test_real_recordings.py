@@ -7,7 +7,7 @@ import pytest
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import EyeCalibration
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.recording.folder import read_recording
 from scleraforce.study import Study
 from scleraforce.units import SI_PER_UNIT

@@ -17,10 +17,10 @@ from scleraforce.calibration.registration import (
     register,
     updated_belief,
 )
-from scleraforce.fitting.placement import Places
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.section.plane import Section
+from scleraforce.library.placement import Places
+from scleraforce.mechanics.contact import Section
 
 
 @pytest.mark.slow

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, parameter_sections, stated_wall
-from scleraforce.eye.contact import Contact
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane
+from scleraforce.mechanics.contact import Contact, ScanPlane
 
 
 @pytest.mark.slow

@@ -18,10 +18,10 @@ from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import LibraryStudy, Range, Study
 from scleraforce.units import SI_PER_UNIT

@@ -15,11 +15,11 @@ from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, c
 from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError, InputError
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library
+from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.plan import stiffening_place
+from scleraforce.library.prior import prior_of
 from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study, TissueStudy
 
 LIBRARY = made_up_library()

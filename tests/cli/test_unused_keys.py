@@ -11,13 +11,13 @@ from scleraforce.calibration.assimilation import eye_model
 from scleraforce.calibration.calibrate import stated_tissue
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.cli.main import run
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.learning.dataset import draft_plan, plan_dataset
 from scleraforce.learning.generate import SampleSimulator, library_slices, near_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
+from scleraforce.mechanics.contact import Contact
 from scleraforce.study import Study, parse_study
 from scleraforce.study.fields import field_key
 from scleraforce.study.unused import UNUSED

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import MOST_CORRELATED, SEALED, Known, Modulus, correlation_of
 from scleraforce.known.calibration_file import globe_entry, read_calibration
+from scleraforce.library.prior import prior_of
 from scleraforce.study import ReaderStudy
 
 

@@ -16,7 +16,7 @@ from scleraforce.laboratory.light import (
     sample_optics,
     sample_pose,
 )
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.study import OctStudy, Study
 
 # 16 bits over 120 dB: the intensity can be read back from the counts to 0.05 %.

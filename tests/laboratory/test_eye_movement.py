@@ -5,9 +5,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.virtual_eye import STILL, EyeTurn, draw_turns, farthest_turn_rad, turned_plane
-from scleraforce.section.plane import ScanPlane
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.study import PhantomStudy, Range, fixed
 
 PLANE = ScanPlane(Contact(polar_rad=0.7, azimuth_rad=2.9), gap_m=0.5e-3, direction_rad=-1.1, tilt_rad=0.05)

@@ -11,9 +11,9 @@ from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_moving_phantom, render_frame, write_phantom
 from scleraforce.laboratory.pushes import ForcePath, motion_end_s, true_force
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, study_sections
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
-from scleraforce.section.plane import Section
 from scleraforce.study import MechanicsStudy, MeshStudy, OctStudy, PhantomStudy, Study, fixed, format_study
 
 STUDY = Study(

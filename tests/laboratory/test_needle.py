@@ -11,7 +11,7 @@ from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import NeedleShaft, Pose, sample_optics
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.study import OctStudy, Study, fixed
 
 OCT = OctStudy()

@@ -10,9 +10,9 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import plan_phantom, render_frame, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
-from scleraforce.section.plane import Section
 from scleraforce.study import CorneaStudy, FormStudy, MeshStudy, OctStudy, Study, fixed, format_study
 
 STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))

@@ -18,8 +18,8 @@ from scleraforce.laboratory.light import (
     sample_optics,
 )
 from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import Study, fixed
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye, write_vtu, write_xdmf
+from scleraforce.mechanics.contact import Contact
 from scleraforce.report.files import write_figure
 from scleraforce.report.model_figures import draw_simulation
 from scleraforce.study import MeshStudy, Study

@@ -10,8 +10,6 @@ from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import RecordingError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, plan_sections, write_phantom
 from scleraforce.laboratory.virtual_eye import (
     STILL,
@@ -26,8 +24,9 @@ from scleraforce.laboratory.virtual_eye import (
     turned_eyes,
     turned_plane,
 )
+from scleraforce.mechanics.contact import Contact, Section
+from scleraforce.mechanics.form import thickness_factor
 from scleraforce.recording.folder import read_recording
-from scleraforce.section.plane import Section
 from scleraforce.study import (
     FormStudy,
     GlobeStudy,

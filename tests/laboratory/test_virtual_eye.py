@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference_walls import cut_section
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, linear_sections, study_sections
-from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.recording.folder import read_recording
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import Section
 from scleraforce.study import (
     EyeStudy,
     FormStudy,

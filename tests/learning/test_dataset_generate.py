@@ -16,8 +16,6 @@ from numcodecs.checksum32 import CRC32C
 from small_models import rehash_store
 
 from scleraforce.errors import DatasetError, SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.learning import generate
 from scleraforce.learning.dataset import (
     CalibratedModulus,
@@ -29,10 +27,11 @@ from scleraforce.learning.dataset import (
     write_dataset_unit,
 )
 from scleraforce.learning.generate import generate_dataset
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.section import cut_section
+from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, MeshStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6

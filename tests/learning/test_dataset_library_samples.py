@@ -11,7 +11,7 @@ from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.learning.dataset import draft_plan, open_dataset, plan_dataset
 from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, GlobeStudy, MechanicsStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6

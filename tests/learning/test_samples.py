@@ -8,8 +8,6 @@ from analytic_library import analytic_library, bulging, made_up_library
 from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
-from scleraforce.fitting.prediction import Walls, place_walls
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import (
     CHUNK,
@@ -23,11 +21,13 @@ from scleraforce.learning.samples import (
     library_of_tissue,
 )
 from scleraforce.library.base import pole_direction
+from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
+from scleraforce.mechanics.contact import SliceWindow
+from scleraforce.mechanics.slices import fill_section
 from scleraforce.reader.networks import GIVEN
-from scleraforce.section.plane import SliceWindow
-from scleraforce.section.slices import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
 READER, SLICE = ReaderStudy(), SliceStudy()

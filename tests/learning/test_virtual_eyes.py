@@ -12,8 +12,6 @@ from small_recordings import LOGGED_INFO
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.calibration.known_forces import _certain, read_again
 from scleraforce.errors import CalibrationError
-from scleraforce.fitting.library_fit import fit_boundaries, fit_from
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
 from scleraforce.learning import virtual_eyes
@@ -31,6 +29,8 @@ from scleraforce.learning.virtual_eyes import (
 )
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
 from scleraforce.library import INNER, OUTER, Library
+from scleraforce.library.fit import fit_boundaries, fit_from
+from scleraforce.library.prior import prior_of
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import load_force_reader

@@ -9,7 +9,7 @@ from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import boundary_statistics
 from scleraforce.learning.walls import BoundaryErrors, disturb
 from scleraforce.library import INNER, OUTER
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.study import LibraryStudy, Range, SliceStudy, Study
 
 SLICE = SliceStudy()

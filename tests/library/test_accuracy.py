@@ -6,8 +6,8 @@ import pytest
 from scleraforce.library.build import build_library
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import Study
 
 WALLS = 12

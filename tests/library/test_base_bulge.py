@@ -9,21 +9,20 @@ from analytic_library import RADIUS_M, analytic_library, bulging
 
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.fitting.prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
-from scleraforce.fitting.prior import prior_of
-from scleraforce.fitting.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP
 from scleraforce.known import Known
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
+from scleraforce.library.prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
+from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
+from scleraforce.library.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.needle import needle_at
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.section import cut_section
 from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library, force_ratio, stiffness
 
+from reference_walls import polar_path
 from scleraforce.errors import InputError
-from scleraforce.library.base_plane import base_stiffness
+from scleraforce.library.base import DIRECTIONS, base_angle, base_stiffness
 from scleraforce.library.build import build_library
 from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, plan_library
 from scleraforce.library.store import open_library
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.polar import DIRECTIONS, base_angle, polar_path
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
 
 GRID = LibraryStudy(thickness_m=Range(min=500.0e-6, max=800.0e-6), thicknesses=4, tips=24,
@@ -48,7 +48,7 @@ def forces_beside_the_pole(thickness, ratio, polar, tips):
     """F/E of a needle beside the pole, every direction's wall solved for it."""
     plan = plan_library(Study(library=GRID))
     sizes = plan.radius_m, thickness, plan.poisson_ratio, plan.needle_radius_m, ratio
-    return polar_path(*sizes, polar_rad=polar, tips_m=tips, size=MeridianSize(32, 1)).force_ratio_m2[1:]
+    return polar_path(sizes, polar, tips, MeridianSize(32, 1)).force_ratio_m2[1:]
 
 
 @pytest.mark.slow

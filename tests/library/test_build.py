@@ -26,8 +26,8 @@ from scleraforce.library.store import (
     open_library,
     write_library_unit,
 )
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
 PATHS = 5 * 20  # of each stiffening

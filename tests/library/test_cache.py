@@ -9,8 +9,7 @@ import pytest
 from analytic_library import solve_analytic
 
 from scleraforce.errors import InputError
-from scleraforce.library.build import build_library
-from scleraforce.library.cache import cached_library, library_cache
+from scleraforce.library.build import build_library, cached_library, library_cache
 from scleraforce.library.plan import LibraryPlan
 from scleraforce.study import LibraryStudy, Study
 
@@ -68,7 +67,7 @@ def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
 def test_makers_at_the_same_time_do_no_harm_and_one_of_them_builds(tmp_path):
     code = (
         "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
-        "from scleraforce.library.cache import cached_library\n"
+        "from scleraforce.library.build import cached_library\n"
         "from scleraforce.study import LibraryStudy, Study\n"
         "if __name__ == '__main__':\n"
         "    study = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))\n"

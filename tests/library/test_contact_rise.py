@@ -7,8 +7,8 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library
 
 from scleraforce.library.base import contact_rises, rise_slope
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
 
 NU, NEEDLE_M = 0.45, 0.35e-3
 

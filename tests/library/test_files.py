@@ -10,9 +10,9 @@ from analytic_library import analytic_library, draw_walls, made_up_library, solv
 
 from scleraforce.errors import InputError
 from scleraforce.library import Library, load_library, save_library
-from scleraforce.library.family import walls_of
 from scleraforce.library.files import _differences, _summed
-from scleraforce.library.reduced_basis import STEP_TYPES
+from scleraforce.library.responses import walls_of
+from scleraforce.library.stiffened import STEP_TYPES
 from scleraforce.study import LibraryStudy, Range
 from scleraforce.whole_files import KINDS
 

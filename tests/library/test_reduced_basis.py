@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.library.reduced_basis import STEP_TYPES, reduce_rows
+from scleraforce.library.stiffened import STEP_TYPES, reduce_rows
 
 PLACES = np.linspace(0.0, 1.0, 70)
 WIDTHS = np.linspace(0.1, 1.0, 150)  # two blocks of rows and a rest

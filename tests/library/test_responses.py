@@ -7,9 +7,9 @@ import pytest
 from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.splines import CubicSpline
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 

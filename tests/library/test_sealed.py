@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.eye.graded import graded_mesh
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.store import open_library
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.needle import needle_at
+from scleraforce.mechanics.globe import Globe, sealed_globe
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
 from scleraforce.units import SI_PER_UNIT
 

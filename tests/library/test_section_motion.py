@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
-from scleraforce.fitting.placement import Places, curve_depths
-from scleraforce.fitting.prediction import Walls, place_walls
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
+from scleraforce.library.placement import Places, curve_depths
+from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.sections import SectionMotion, section_motion
 from scleraforce.library.slices import Framing, column_laterals, wall_boundaries
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.study import SliceStudy
 
 STUDY = SliceStudy()

@@ -7,12 +7,11 @@ import pytest
 from analytic_library import RADIUS_M, curves
 from scipy.optimize import brentq
 
+from reference_walls import cut_section
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.library.sections import cut_rings, cut_surfaces, highest_depths
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane
+from scleraforce.mechanics.contact import Contact, ScanPlane
+from scleraforce.mechanics.mesh import build_mesh
 
 PLANES = [(0.5e-3, 0.0, 0.0), (0.0, 0.0, 1.0), (0.8e-3, 0.12, 0.4), (0.4e-3, -0.2, -2.0), (1.2e-3, 0.05, 3.0)]
 

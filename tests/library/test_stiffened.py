@@ -9,12 +9,11 @@ from analytic_library import analytic_library, solved_library
 from scleraforce.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.build import solve_path
-from scleraforce.library.family import walls_of
 from scleraforce.library.plan import plan_library
-from scleraforce.library.responses import OTHERS
+from scleraforce.library.responses import OTHERS, walls_of
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
 
 GRID = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tension=Range(min=8e-3, max=6e-2),

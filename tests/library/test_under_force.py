@@ -7,8 +7,8 @@ from analytic_library import analytic_library, draw_walls
 from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 

@@ -6,18 +6,17 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline
 
+from reference_r1 import gaussian_load
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import sealed_globe
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import HexMesh, extrude_surface
-from scleraforce.eye.surface import half_cube, project_on_sphere
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.elasticity import lame_constants
+from scleraforce.mechanics.globe import sealed_globe
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import weighted_surface_load
+from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
+from scleraforce.mechanics.mesh import HexMesh, extrude_surface, half_cube, project_on_sphere
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
@@ -175,14 +174,10 @@ def coarse_indentation(thickness_m: float, contact: Contact) -> float:
     mesh = r2_mesh(thickness_m)
     wall = LinearWall(mesh, NU)
     outer = np.unique(mesh.outer_qn)
-
-    def weight(positions: Floats) -> Floats:
-        return gaussian(np.linalg.norm(positions - RADIUS * contact.normal, axis=-1))
-
-    amounts = weight(mesh.points_nc[outer])
+    amounts = gaussian(np.linalg.norm(mesh.points_nc[outer] - RADIUS * contact.normal, axis=-1))
     nodal_nc = np.zeros_like(mesh.points_nc)
     nodal_nc[outer] = -amounts[:, None] / amounts.sum() * contact.normal
-    smooth_nc = weighted_surface_load(mesh, weight, -contact.normal)
+    smooth_nc = gaussian_load(mesh, contact, 0.35e-3)
     tips = [tip_displacement(mesh, contact, wall.solve_one(load_nc)) for load_nc in (nodal_nc, smooth_nc)]
     return tips[0] - tips[1]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
-from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.material import burst_tension
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 
 
 def test_a_thin_sphere_holds_a_little_less_than_its_burst_and_no_more() -> None:

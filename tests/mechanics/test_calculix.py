@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh, build_mesh
+from reference_walls import wall_mesh
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_loads
+from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 from speed.solvers.calculix import MM_PER_M, calculate, force_cards, input_deck, is_installed
 
@@ -37,11 +38,11 @@ def gravity_cards(mesh: HexMesh) -> str:  # noqa: ARG001 - one of three makers o
 
 @pytest.mark.parametrize(
     ("element", "kind"),
-    [("C3D20", {"order": 2, "serendipity": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})],
+    [("C3D20", {"twenty_nodes": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})],
 )
 @pytest.mark.parametrize("load", ["iop", "gravity", "needle"])
 def test_displacements_are_those_of_calculix(tmp_path: Path, element: str, kind: dict, load: str) -> None:
-    mesh = build_mesh(R, T, level=0, layers=2, **kind)
+    mesh = wall_mesh(R, T, level=0, layers=2, **kind)
     wall = LinearWall(mesh, NU)
     cards = {"iop": iop_cards, "gravity": gravity_cards, "needle": needle_cards}[load](mesh)
     deck = input_deck(mesh, element, cards, youngs_modulus_pa=E, poisson_ratio=NU, density_kg_m3=DENSITY_KG_M3)

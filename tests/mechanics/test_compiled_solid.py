@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from solid_arrays import forces_and_tangents
 
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.solid import MOST_EXPONENT, SolidOfRevolution
-from scleraforce.mechanics.stiffening import LARGEST_EXPONENT, strain_measure
+from scleraforce.mechanics.material import LARGEST_EXPONENT, strain_measure
+from scleraforce.mechanics.meridian import MOST_EXPONENT, MeridianMesh, MeridianSize, SolidOfRevolution, meridian_mesh
 
 Floats = NDArray[np.float64]
 

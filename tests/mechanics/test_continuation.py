@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.globe import Globe
 from scleraforce.mechanics import continuation
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]

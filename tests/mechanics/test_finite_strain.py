@@ -7,20 +7,18 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
 
 from reference_r2 import FORCES_MN, TIPS_MM, reference_path
+from reference_walls import rest_nc, stiffness_matrix, symmetric_base
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.eye.graded import graded_globe
-from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.assembly import stiffness_matrix
-from scleraforce.mechanics.elasticity import lame_constants
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, _WallEquilibrium
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import volume_points
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.mechanics.graded import graded_globe
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
-from scleraforce.mechanics.needle import needle_at, tip_at
-from scleraforce.mechanics.quadrature import volume_points
-from scleraforce.mechanics.springs import elastic_bed, rectus_straps
-from scleraforce.mechanics.supports import symmetric_base
+from scleraforce.mechanics.loads import gravity_load, needle_at, needle_loads, pressure_load, tip_at
+from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.supports import elastic_bed, rectus_straps
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
@@ -106,8 +104,8 @@ def test_little_pressure_and_weight_give_linear_mechanics() -> None:
     linear = LinearWall(coarse_mesh(), NU)
     loads = {"youngs_modulus_pa": 1e10, "iop_pa": 266.0, "density_kg_m3": 1100.0}
     expected_nc = linear.displacement(np.zeros_like(linear.pressure_nc), 0.0, **loads)
-    rest_nc = coarse_wall().rest_nc(**loads)
-    np.testing.assert_allclose(rest_nc, expected_nc, atol=1e-4 * np.abs(expected_nc).max())
+    moved_nc = rest_nc(coarse_wall(), **loads)
+    np.testing.assert_allclose(moved_nc, expected_nc, atol=1e-4 * np.abs(expected_nc).max())
 
 
 def radial_displacement(inner_m: float, outer_m: float, pressure: float, at_r: np.ndarray) -> np.ndarray:
@@ -139,11 +137,13 @@ def radial_displacement(inner_m: float, outer_m: float, pressure: float, at_r: n
 def thick_sphere_error(divisions: int) -> float:
     """Largest error over the largest displacement, for a sphere that swells by 22 % inside."""
     mesh = build_mesh(R, 4e-3, divisions=divisions, level=0, layers=divisions // 4)
-    rest_nc = FiniteWall(mesh, NU, symmetric_base(mesh)).rest_nc(youngs_modulus_pa=1.0, iop_pa=0.15, density_kg_m3=0.0)
+    moved_nc = rest_nc(
+        FiniteWall(mesh, NU, symmetric_base(mesh)), youngs_modulus_pa=1.0, iop_pa=0.15, density_kg_m3=0.0
+    )
     r = np.linalg.norm(mesh.points_nc, axis=1)
     exact_nc = (radial_displacement(R - 4e-3, R, 0.15, r) / r)[:, None] * mesh.points_nc
     assert np.abs(exact_nc).max() > 1.5e-3
-    return float(np.abs(rest_nc - exact_nc).max() / np.abs(exact_nc).max())
+    return float(np.abs(moved_nc - exact_nc).max() / np.abs(exact_nc).max())
 
 
 @pytest.mark.slow
@@ -180,7 +180,7 @@ def test_every_state_balances_its_loads() -> None:
 @pytest.mark.parametrize("size", [1e-60, 1.0, 1e60])
 def test_a_tangent_factored_in_single_precision_solves_as_one_in_double(size: float) -> None:
     path, wall = coarse_path(), coarse_wall()
-    problem = _WallEquilibrium(wall, needle_at(coarse_mesh(), CONTACT, WIDE), E, 1100.0)
+    problem = WallEquilibrium(wall, needle_at(coarse_mesh(), CONTACT, WIDE), E, 1100.0)
     deep = path.displacement_snc[-1].ravel()[wall.free]
     loads_uk = size * np.random.default_rng(3).normal(size=(len(wall.free), 2))
     answers_uk = problem.factor(deep, IOP / E)(loads_uk)
@@ -220,8 +220,8 @@ def test_a_modulus_factor_of_two_everywhere_is_twice_the_modulus() -> None:
     mesh = coarse_mesh()
     loads = {"iop_pa": IOP, "density_kg_m3": 0.0}
     factor_ep = np.full(volume_points(mesh).volumes_ep.shape, 2.0)
-    double_nc = FiniteWall(mesh, NU, modulus_factor_ep=factor_ep).rest_nc(youngs_modulus_pa=E, **loads)
-    np.testing.assert_allclose(double_nc, coarse_wall().rest_nc(youngs_modulus_pa=2 * E, **loads), atol=1e-12)
+    double_nc = rest_nc(FiniteWall(mesh, NU, modulus_factor_ep=factor_ep), youngs_modulus_pa=E, **loads)
+    np.testing.assert_allclose(double_nc, rest_nc(coarse_wall(), youngs_modulus_pa=2 * E, **loads), atol=1e-12)
 
 
 def test_a_soft_region_bends_more() -> None:
@@ -256,7 +256,7 @@ def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displac
     assert opened.travel_m(force_n) == opened.tip_m(force_n)
 
     # The undented wall at the pressure of the last state, on its own.
-    undented_nc = coarse_wall().rest_nc(**{**LOADS, "iop_pa": float(path.pressures_pa[-1])})
+    undented_nc = rest_nc(coarse_wall(), **{**LOADS, "iop_pa": float(path.pressures_pa[-1])})
     displaced_m3 = inner.volume(undented_nc) - inner.volume(path.displacement_snc[-1])
     assert GLOBE.pressure(IOP, displaced_m3) == pytest.approx(path.pressures_pa[-1], rel=1e-7)
     tip_nc = needle_at(coarse_mesh(), CONTACT, WIDE).tip_nc

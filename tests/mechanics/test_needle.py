@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_globe
-from scleraforce.eye.mesh import build_mesh
-from scleraforce.mechanics.loads import needle_loads
-from scleraforce.mechanics.needle import needle_at, tip_at
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.graded import graded_globe
+from scleraforce.mechanics.loads import needle_at, needle_loads, tip_at
+from scleraforce.mechanics.mesh import build_mesh
 
 R, RADIUS = 12e-3, 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference_walls import cut_section, polar_path, shift_in_plane
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import locate, surface_weights
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
+from scleraforce.library.base import base_angle
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.needle import needle_at
-from scleraforce.mechanics.polar import base_angle, base_shift, polar_path
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import ScanPlane
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.meridian import MeridianSize
+from scleraforce.mechanics.mesh import locate, surface_weights
+from scleraforce.mechanics.polar import base_shift
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
 @pytest.mark.slow
 def test_on_the_pole_nothing_changes() -> None:
     tips = np.array([0.5e-3, 2e-3])
-    beside = polar_path(*EYE, IOP_RATIO, polar_rad=0.0, tips_m=tips)
+    beside = polar_path((*EYE, IOP_RATIO), 0.0, tips)
     np.testing.assert_array_equal(beside.force_ratio_m2, axisymmetric_path(*EYE, IOP_RATIO, tips_m=tips).force_ratio_m2)
     shift = base_shift(*EYE, polar_rad=0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
@@ -59,7 +59,7 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
         for side in (-1.0, 1.0):
             lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
             lateral, depth = np.moveaxis(
-                shift.in_plane(iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0], -1, 0
+                shift_in_plane(shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0], -1, 0
             )
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
             expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
@@ -79,7 +79,7 @@ def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
     expected = np.sum(surface_weights(wall.mesh, places) * nodal, axis=1)
 
     rings = axisymmetric_path(*EYE, 0.0, tips_m=np.array([1e-6])).curves_sbnc[0]
-    lateral = shift.in_plane(1.0, 0.0, np.zeros(rings.shape[:2]), 1.0, 0.0)[0, :, 0]
+    lateral = shift_in_plane(shift, 1.0, 0.0, np.zeros(rings.shape[:2]), 1.0, 0.0)[0, :, 0]
     found = np.interp(angles, np.arctan2(rings[0, :, 0], RADIUS - rings[0, :, 1]), lateral)
     np.testing.assert_allclose(found, expected, rtol=0.05)  # the third harmonic is left out
 
@@ -99,8 +99,7 @@ def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
         max_tip_m=tip_m,
     )
     forces = [
-        polar_path(*EYE, IOP_RATIO, polar_rad=angle, tips_m=np.array([tip_m])).force_ratio_m2[-1]
-        for angle in (0.0, contact.polar_rad)
+        polar_path((*EYE, IOP_RATIO), angle, np.array([tip_m])).force_ratio_m2[-1] for angle in (0.0, contact.polar_rad)
     ]
     expected = solid.forces_n[-1] / modulus_pa
     assert forces[1] == pytest.approx(expected, rel=0.01)
@@ -111,5 +110,3 @@ def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
 def test_polar_angles_out_of_range_are_refused(polar_deg: float) -> None:
     with pytest.raises(InputError, match="polar angle"):
         base_shift(*EYE, polar_rad=np.radians(polar_deg), size=MeridianSize(16))
-    with pytest.raises(InputError, match="polar angle"):
-        polar_path(*EYE, 0.0, polar_rad=np.radians(polar_deg), tips_m=np.array([1e-3]))

@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
 
-from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.assembly import stiffness_matrix
-from scleraforce.mechanics.loads import pressure_load
-from scleraforce.mechanics.pressure import InnerSurface
-from scleraforce.mechanics.supports import clamped_base, symmetric_base
+from reference_walls import stiffness_matrix, symmetric_base
+from scleraforce.mechanics.loads import InnerSurface, pressure_load
+from scleraforce.mechanics.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.supports import clamped_base
 
 R, T = 12e-3, 1e-3
-KINDS = {"8 nodes": {"order": 1}, "20 nodes": {"order": 2, "serendipity": True}, "27 nodes": {"order": 2}}
+KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}
 
 
 def surface(kind: str = "27 nodes") -> tuple[HexMesh, InnerSurface]:

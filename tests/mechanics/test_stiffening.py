@@ -8,24 +8,21 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from solid_arrays import gradient_operator
 
+from reference_walls import stiffness_matrix
 from scleraforce.errors import SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.assembly import stiffness_matrix
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
-from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.elasticity import lame_constants
+from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.needle import needle_at
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.material import burst_tension, growth, lame_constants, strain_measure
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, meridian_mesh
+from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
-from scleraforce.mechanics.quadrature import volume_points
-from scleraforce.mechanics.stiffening import growth, strain_measure
 
 Floats = NDArray[np.float64]
 

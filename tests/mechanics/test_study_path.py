@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import SolverError
-from scleraforce.eye.contact import Contact
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.finite_strain import BentEye, bend_eye
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import (
     EyeStudy,
     FormStudy,

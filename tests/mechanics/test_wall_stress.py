@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import keip, kerp
 
 from scleraforce.errors import InputError
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.mechanics.wall_stress import SIZE, _least_force, adaptive_bound_n, inner_path, inner_surface
 from scleraforce.study import Study
 

@@ -4,11 +4,10 @@ import numpy as np
 from library_arrays import values_at
 from numpy.typing import NDArray
 
-from scleraforce.fitting import prediction
-from scleraforce.fitting.globe_term import LEAST_SD
-from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.fitting.prediction import Walls, cut_by_plane, shining
-from scleraforce.fitting.unknowns import (
+from scleraforce.library import prediction
+from scleraforce.library.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
+from scleraforce.library.prediction import LEAST_SD, Walls, cut_by_plane, shining
+from scleraforce.library.unknowns import (
     DEPTH,
     FORM,
     GAP,

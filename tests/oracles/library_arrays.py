@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
 from scleraforce.library.splines import first_crossing
+from scleraforce.mechanics.globe import Globe
 
 Floats = NDArray[np.float64]
 

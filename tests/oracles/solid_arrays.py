@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
-from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
-from scleraforce.mechanics.stiffening import LARGEST_EXPONENT
+from scleraforce.mechanics.material import LARGEST_EXPONENT
+from scleraforce.mechanics.meridian import MeridianMesh, SolidOfRevolution
 
 Floats = NDArray[np.float64]
 

@@ -24,10 +24,10 @@ from small_models import FIVE_MN, force_reader
 from tifffile import TiffFile
 
 from scleraforce.known import Known, Modulus
+from scleraforce.mechanics.contact import Section
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import SHIFTS, ForceReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.slice import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Range

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import ModelError
-from scleraforce.fitting.library_fit import BoundaryFit
-from scleraforce.fitting.prior import prior_of
-from scleraforce.fitting.unknowns import FORM, FORMS, NAMES
 from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, Known, Modulus
+from scleraforce.library.fit import BoundaryFit
+from scleraforce.library.prior import prior_of
+from scleraforce.library.unknowns import FORM, FORMS, NAMES
 from scleraforce.reader.answer import Reading, fit_reading
 from scleraforce.reader.intervals import (
     FIT_TRAITS,

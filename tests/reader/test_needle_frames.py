@@ -8,9 +8,9 @@ import pytest
 from analytic_frames import CLEAN, GAP_M, KNOWN, SCALE, STEEL, STUDY, image, tip_of, wall_section
 from small_models import FIVE_MN, force_reader
 
-from scleraforce.fitting.unknowns import GAP
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import sample_optics
+from scleraforce.library.unknowns import GAP
 from scleraforce.reader import intervals, load_model
 from scleraforce.segmentation.wall import find_wall
 

@@ -11,14 +11,14 @@ from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, THICKNESS_M, image, recor
 
 import scleraforce as sf
 from scleraforce.cli.main import run
-from scleraforce.fitting.prediction import Walls, place_walls
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known import known_of_recording
+from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.units import from_si
 
 DENTS_MM = (0.4, 1.0, 1.6)

@@ -7,10 +7,10 @@ import pytest
 
 from scleraforce.calibration.eye_model import known_of_constants
 from scleraforce.errors import CalibrationError
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import STATED_MODULUS_SD, Modulus
 from scleraforce.learning.virtual_eyes import draw_eye, draw_frames
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prior import prior_of
 from scleraforce.reader.answer import fit_reading
 from scleraforce.reader.intervals import score
 from scleraforce.reader.model import load_force_reader

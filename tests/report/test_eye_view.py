@@ -15,8 +15,8 @@ import pytest
 from chromium import CHROMIUM, NEEDS_CHROMIUM
 from playwright.sync_api import Page, sync_playwright
 
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
+from scleraforce.mechanics.contact import Contact
 from scleraforce.report.eye_view import eye_scene, skin_of, write_simulation_html
 from scleraforce.study import Study
 from scleraforce.study.eye import MeshStudy

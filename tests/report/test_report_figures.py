@@ -13,6 +13,7 @@ from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.known import SEALED
 from scleraforce.laboratory.light import Pose
+from scleraforce.mechanics.contact import Section
 from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.report.files import CLASS_COLOURS, data_uri
 from scleraforce.report.force_figures import draw_force_log, draw_read_forces, draw_training_curves, draw_trial_forces
@@ -27,7 +28,6 @@ from scleraforce.report.slice_figures import (
     laid_on_surface,
     plot_walls,
 )
-from scleraforce.section.plane import Section
 
 
 def lines(figure: Figure) -> dict[str, np.ndarray]:

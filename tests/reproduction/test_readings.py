@@ -10,16 +10,15 @@ import pytest
 from analytic_library import made_up_library
 
 from scleraforce.calibration.calibrate import calibration_passes
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
 from scleraforce.learning.classifier import classes_at_modulus
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.section import cut_sections
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reproduction import readings, stages
 from scleraforce.reproduction.readings import LeftOut, read_left_out_file, write_left_out
 from scleraforce.reproduction.run import open_run
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane
 from scleraforce.study import ClassesStudy, Study
 
 

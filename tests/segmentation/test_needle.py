@@ -13,9 +13,9 @@ from analytic_frames import STEEL
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.needle import needle_entry
 from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.overlay import draw_overlay

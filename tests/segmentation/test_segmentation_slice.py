@@ -7,9 +7,9 @@ import pytest
 import wall_arrays
 from hypothesis import given, strategies as st
 
+from scleraforce.mechanics.contact import Section, SliceWindow
+from scleraforce.mechanics.slices import fill_section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section, SliceWindow
-from scleraforce.section.slices import fill_section
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.slice import boundary_depths, boundary_slice, boundary_slices
 from scleraforce.study import SliceStudy

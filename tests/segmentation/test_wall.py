@@ -14,8 +14,8 @@ from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics, sample_pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study

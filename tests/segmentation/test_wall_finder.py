@@ -9,8 +9,8 @@ from small_models import FINDER_STUDY as STUDY, ToldSession, distributions, told
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.checked_wall import checked_by, refined_wall
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle

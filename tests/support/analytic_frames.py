@@ -6,15 +6,15 @@ from math import log, pi
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.fitting.placement import Placed, Places
-from scleraforce.fitting.prediction import Walls, place_walls
-from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
 from scleraforce.laboratory.scanner_display import ImagedEye
+from scleraforce.library.placement import Placed, Places
+from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.section.plane import Section
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 

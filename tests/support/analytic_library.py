@@ -12,8 +12,8 @@ from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.build import SolvedPath, solve_path
-from scleraforce.library.family import library_of
 from scleraforce.library.plan import plan_library
+from scleraforce.library.responses import library_of
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.study import LibraryStudy, Range, Study
 

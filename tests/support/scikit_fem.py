@@ -3,8 +3,8 @@
 import numpy as np
 import skfem
 
-from scleraforce.eye.mesh import HexMesh
-from scleraforce.eye.shapes import node_positions
+from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.shapes import node_positions
 
 __all__ = ["scikit_fem_basis"]
 

@@ -33,7 +33,7 @@ from scleraforce.known import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.learning.generate import generate_dataset
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.folder import (

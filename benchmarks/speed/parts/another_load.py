@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU
-from scleraforce.eye.contact import Contact
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns

@@ -4,10 +4,10 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from scleraforce.eye.contact import Contact
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.processes import available_cores
 from scleraforce.study import Study
 from speed.record import Row, Table, spread

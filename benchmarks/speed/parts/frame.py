@@ -9,9 +9,9 @@ from time import perf_counter, sleep
 import cv2
 import numpy as np
 
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import Modulus, known_of_recording
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prior import prior_of
 from scleraforce.reader import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording

@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.mesh import HexMesh
 from speed.solvers.problem import peak_mb
 
 __all__ = ["MM_PER_M", "Calculated", "calculate", "force_cards", "input_deck", "is_installed"]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skfem.models.elasticity import lame_parameters, linear_elasticity  # type: ignore[import-untyped]  # as above
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M
-from scleraforce.eye.mesh import HexMesh, build_mesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
 __all__ = ["Assembled", "assemble", "solve"]

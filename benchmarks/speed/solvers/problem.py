@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_r1 import CONTACT, CONVERGED_MM, FORCE_N, RADIUS_M, SPREAD_M, gaussian_load
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.eye.study_mesh import study_mesh
+from reference_walls import wall_mesh
+from scleraforce.mechanics.graded import graded_mesh, study_mesh
 from scleraforce.mechanics.linear import tip_displacement
+from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.study import Study
 
 __all__ = ["MESHES", "THICKNESS_M", "Solved", "error_percent", "peak_mb", "r1_forces", "r1_mesh", "tip_mm"]
@@ -22,7 +22,7 @@ THICKNESS_M = 0.5e-3
 QUICK: dict[str, Any] = {"divisions": 4, "level": 0}
 MESHES: dict[str, Callable[[bool], HexMesh]] = {
     "default": lambda quick: _even(**QUICK) if quick else study_mesh(Study(), THICKNESS_M, CONTACT),
-    "20-node": lambda quick: _even(**(QUICK if quick else {}), serendipity=True),
+    "20-node": lambda quick: _even(**(QUICK if quick else {}), twenty_nodes=True),
     "graded": lambda quick: graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, *((2, 6) if quick else ())),
     "paper's": lambda quick: _even(**(QUICK if quick else {"level": 2}), layers=2, order=1),
 }
@@ -50,7 +50,7 @@ class Solved:
 
 
 def _even(**kind: Any) -> HexMesh:
-    return build_mesh(RADIUS_M, THICKNESS_M, **kind)
+    return wall_mesh(RADIUS_M, THICKNESS_M, **kind)
 
 
 def r1_mesh(name: str, quick: bool) -> HexMesh:

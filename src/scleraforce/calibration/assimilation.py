@@ -51,9 +51,9 @@ from scleraforce.calibration.roukf import (
     initial_posterior,
     sigma_points,
 )
-from scleraforce.fitting.placement import Placed, Places, curve_depths
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
+from scleraforce.library.placement import Placed, Places, curve_depths
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import from_si

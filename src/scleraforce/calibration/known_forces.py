@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.calibration.stiffening import TissueTrial
-from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import (
     NINETY_PERCENT,
     OPEN,
@@ -36,6 +34,8 @@ from scleraforce.known import (
     within_bounds,
 )
 from scleraforce.library import Library
+from scleraforce.library.fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
+from scleraforce.library.prior import prior_of
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 

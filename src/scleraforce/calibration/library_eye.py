@@ -31,15 +31,15 @@ from scleraforce.calibration.eye_model import (
     smoothed,
 )
 from scleraforce.errors import CalibrationError, InputError
-from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
-from scleraforce.fitting.prior import form_size, prior_of
-from scleraforce.fitting.unknowns import FORM, form_depths
 from scleraforce.known import Modulus
 from scleraforce.library import Library
 from scleraforce.library.base import pole_direction, section_places
+from scleraforce.library.fit import NO_WALL_M, fit_boundaries
+from scleraforce.library.prior import form_size, prior_of
 from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import cut_rings
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
+from scleraforce.library.unknowns import FORM, form_depths
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy, Study

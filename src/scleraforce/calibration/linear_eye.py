@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, lagrange, polar_nodes, smoothed
 from scleraforce.errors import CalibrationError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.eye.study_mesh import study_mesh
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 

@@ -12,9 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, WallState, stated_wall
-from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
-from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.known import REFERENCE_RIGIDITY
+from scleraforce.library.placement import (
+    Columns,
+    Placed,
+    Places,
+    Stopping,
+    curve_depths,
+    gauss_newton,
+    place_curves,
+    pose_derivatives,
+    robust_spread,
+)
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 

@@ -1,6 +1,6 @@
 """What is known of a globe's rigidity, as a residual of a fit.
 
-In a sealed globe level(P) - level(P0) = k dV (`eye.globe`), with P the pressure under the needle. Of a normal k this
+In a sealed globe level(P) - level(P0) = k dV (`mechanics.globe`), with P the pressure under the needle. Of a normal k this
 says that level(P) is normal about level(P0) + mean(k) dV with the standard deviation sd(k) dV. So the pressure is
 fitted, which a frame shows, and not the rigidity, which it shows only where the dent is deep.
 """
@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.eye.globe import Globe
-from scleraforce.fitting.loops import Law, off_the_laws
-from scleraforce.fitting.prediction import Walls, displaced_m3
-from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.known import KnownGlobe
+from scleraforce.library.fit_loops import Law, off_the_laws
+from scleraforce.library.prediction import Walls, displaced_m3
+from scleraforce.library.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
+from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from scleraforce.eye.globe import Globe, sealed_globe
+from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.recording.folder import EyeInfo, RecordingInfo
 from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
@@ -261,7 +261,7 @@ class Known:
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian.
     `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `stiffening` is b of the tissue
-    (`mechanics.stiffening`); None is read as 0, tissue that does not stiffen. `discrepancy` goes with an eye's own
+    (`mechanics.material`); None is read as 0, tissue that does not stiffen. `discrepancy` goes with an eye's own
     modulus.
     """
 

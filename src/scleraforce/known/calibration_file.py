@@ -77,7 +77,7 @@ class EyeSummary:
     `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
     `globe` is what is known of it after the frames; files without it come from when every globe was taken for open.
     `discrepancy` is how far its forces lie off the library's; None with linear mechanics and in earlier files.
-    `stiffening` is b of its tissue (`mechanics.stiffening`), 0 with linear mechanics and in earlier files.
+    `stiffening` is b of its tissue (`mechanics.material`), 0 with linear mechanics and in earlier files.
     `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
     """
 

@@ -28,7 +28,7 @@ from scleraforce.laboratory.light import (
     seen_through,
     transmission,
 )
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 

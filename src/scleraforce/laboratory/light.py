@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
 

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
 from scleraforce.laboratory.light import (
     BscanOptics,
@@ -55,9 +53,10 @@ from scleraforce.laboratory.virtual_eye import (
     pressures_pa,
     turned_plane,
 )
+from scleraforce.mechanics.contact import Contact, Section
+from scleraforce.mechanics.form import thickness_factor
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
-from scleraforce.section.plane import Section
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
 

@@ -38,8 +38,8 @@ from scleraforce.laboratory.scanner_light import (
     roll_off,
     surface_light,
 )
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
-from scleraforce.section.plane import Section
 from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Study, format_study
 from scleraforce.study.fields import field_key, field_unit
 

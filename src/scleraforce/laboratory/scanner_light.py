@@ -13,7 +13,6 @@ from scipy.special import ndtr, spence
 from scipy.stats import ncx2, theilslopes
 
 from scleraforce.errors import FrameError
-from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.laboratory.light import amplitude_sigma
 from scleraforce.laboratory.scanner_display import (
     MEDIAN_DB,
@@ -25,6 +24,7 @@ from scleraforce.laboratory.scanner_display import (
     fitted,
     level_db,
 )
+from scleraforce.library.placement import robust_spread
 
 BIN_M = 15e-6  # of depth
 LEAST_BINS, LEAST_IN_BIN = 5, 50

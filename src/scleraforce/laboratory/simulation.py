@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh
-from scleraforce.eye.study_mesh import supported_mesh
+from scleraforce.mechanics.contact import Contact, ScanPlane, SliceWindow
+from scleraforce.mechanics.finite_strain import bend_eye
+from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.springs import study_springs
-from scleraforce.mechanics.study_path import bend_eye
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane, SliceWindow
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.whole_files import renamed_when_whole

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.study_mesh import supported_mesh
+from scleraforce.mechanics.contact import Contact, ScanPlane, Section
+from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.springs import study_springs
-from scleraforce.mechanics.study_path import BentEye, bend_eye
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import PhantomStudy, Study, draw
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused

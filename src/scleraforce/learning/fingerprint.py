@@ -16,8 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scleraforce.errors import CalibrationError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, with_half_weights
 from scleraforce.learning.dataset import plan_dataset
 from scleraforce.learning.descent import torch
@@ -31,6 +29,8 @@ from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import complete_library, create_library, open_library, write_library_unit
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
 from scleraforce.units import from_si

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.learning.dataset import (
     CalibratedModulus,
     DatasetPlan,
@@ -28,11 +26,12 @@ from scleraforce.learning.dataset import (
 from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
+from scleraforce.mechanics.contact import Contact, ScanPlane, Section
+from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.slices import fill_sections, slice_window
 from scleraforce.processes import available_cores, work_units
-from scleraforce.section.cut import cut_sections
-from scleraforce.section.plane import ScanPlane, Section
-from scleraforce.section.slices import fill_sections, slice_window
 from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2

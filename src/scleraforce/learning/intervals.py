@@ -18,8 +18,6 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack
 
 from scleraforce.errors import CalibrationError, SolverError
-from scleraforce.fitting.library_fit import fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import Known
 from scleraforce.learning.virtual_eyes import (
     CALIBRATED,
@@ -34,6 +32,8 @@ from scleraforce.learning.virtual_eyes import (
     of_population,
 )
 from scleraforce.library import Library
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.prior import prior_of
 from scleraforce.processes import work_in_order
 from scleraforce.reader.answer import Reading, fit_reading
 from scleraforce.reader.intervals import (

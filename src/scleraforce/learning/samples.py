@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.known import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
 from scleraforce.library import Library
@@ -20,6 +19,7 @@ from scleraforce.library.base import pole_directions
 from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
+from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.processes import work_in_order
 from scleraforce.reader.networks import GivenEyes, given_inputs, given_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy

@@ -29,11 +29,11 @@ from scleraforce.calibration.one_tissue import frame_order
 from scleraforce.calibration.registration import place_section
 from scleraforce.calibration.stiffening import TissueTrial, search
 from scleraforce.errors import CalibrationError
-from scleraforce.fitting.placement import Places, curve_depths
 from scleraforce.known import OPEN, POPULATION_SD, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.learning.samples import library_of_tissue, log_even
 from scleraforce.learning.walls import Forms, added_depths, disturb, draw_forms
 from scleraforce.library import Library
+from scleraforce.library.placement import Places, curve_depths
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.segmentation.observations import Boundaries

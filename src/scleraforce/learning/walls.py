@@ -19,9 +19,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.prediction import shining
-from scleraforce.fitting.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library import INNER, OUTER
+from scleraforce.library.prediction import shining
+from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]

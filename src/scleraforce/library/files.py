@@ -1,6 +1,6 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
-Its walls, and the factors of its forces, are stored in a reduced basis (`library.reduced_basis`) and unpacked when they
+Its walls, and the factors of its forces, are stored in a reduced basis (`library.stiffened`) and unpacked when they
 are read. Their largest errors were measured when the file was written, and stand in it. The steps of the basis change
 smoothly along the last axis of the rows (the tips, the polar angles): their second differences are stored, and all is
 deflated.
@@ -19,10 +19,8 @@ from numpy.lib.format import read_array, read_array_header_1_0, read_array_heade
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.library.family import library_of, walls_of
-from scleraforce.library.reduced_basis import STEP_TYPES, ReducedRows, reduce_rows
-from scleraforce.library.responses import Library
-from scleraforce.library.stiffened import ReducedCurves, StiffenedWalls
+from scleraforce.library.responses import Library, library_of, walls_of
+from scleraforce.library.stiffened import STEP_TYPES, ReducedCurves, ReducedRows, StiffenedWalls, reduce_rows
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
 AXES = {

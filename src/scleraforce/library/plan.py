@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.material import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 

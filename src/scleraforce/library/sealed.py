@@ -1,15 +1,12 @@
-"""Sealed globes: the state of the library whose pressure solves the globe's law at a dent (NumPy only).
+"""Sealed globes: the state of the library whose pressure solves the globe's law, at a dent or under a force.
 
 A sealed globe at a dent is the open one at the pressure P with level(P) = level(P0) + rate dV, and dV the volume that
-the library knows of each state (`eye.globe`, docs/library.md). Of several solutions the lowest counts: loading meets it
-first. All pressures stand over E, all arguments are arrays (sample,) that broadcast.
+the library has for each state (`mechanics.globe`, docs/library.md). Of several solutions the lowest counts: loading
+meets it first. All pressures are over E, all arguments are arrays (sample,) that broadcast.
 
-Compiled loops: the pressure in sealed globes under a force, one eye at a time (`library.sealed`).
-Under a force a higher pressure leaves a shallower dent, which displaces less. So what the law misses rises with the
-pressure, by jumps where a wall snaps through: the root is found by bisection, and between the last two pressures by a
-straight line.
-
-Sealed globes under a force: the state of the library whose pressure solves the globe's law (`library.sealed`).
+Under a force a higher pressure leaves a shallower dent, which displaces less. So the error of the law rises with the
+pressure, by jumps where a wall snaps through: compiled loops find the root by bisection, one eye at a time, and between
+the last two pressures by a straight line.
 """
 
 from typing import NamedTuple
@@ -18,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
-from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
 from scleraforce.library.splines import CONVERGED, MOST_STEPS, SUPPORT, first_crossing
 from scleraforce.library.states import SplineTables, spline_weights, state_weights, value_at
+from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]
@@ -30,7 +27,7 @@ Floats = NDArray[np.float64]
 def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
     """Return the pressure over E at dents (sample,); NaN where no pressure of the library solves the law.
 
-    It then runs away (`mechanics.sealed_dent`), or rises beyond the library. Dents count from the undented wall at that
+    It then runs away (`mechanics.equilibrium`), or rises beyond the library. Dents count from the undented wall at that
     pressure, as they do in all states of the library.
 
     Args:
@@ -221,7 +218,7 @@ def _value(cubic: tuple[float, float, float, float], x: float) -> float:
 
 @compiled
 def level_of(pressure: float, is_logarithmic: bool) -> float:
-    """Return what of the pressure is linear in the volume (`eye.globe`)."""
+    """Return what of the pressure is linear in the volume (`mechanics.globe`)."""
     return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
 
 

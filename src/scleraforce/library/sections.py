@@ -1,16 +1,14 @@
 """Surfaces of revolution, cut by the plane of the B-scan: closed form.
 
 A surface consists of rings at distance r from the needle axis and depth d below the undeformed contact. In the frame of
-`section.plane.ScanPlane` (gap g, tilt tau) the point of the plane at lateral X and depth Y lies at X along the lateral
-axis, g + Y sin(tau) along the offset, and Y cos(tau) deep. So the plane meets the ring (r, d) at
+`mechanics.contact.ScanPlane` (gap g, tilt tau) the point of the plane at lateral X and depth Y lies at X along the
+lateral axis, g + Y sin(tau) along the offset, and Y cos(tau) deep. So the plane meets the ring (r, d) at
 
     Y = d / cos(tau),   X^2 = r^2 - (g + d tan(tau))^2,
 
 if that is not negative: on both sides of the needle axis alike, whatever the direction of the plane. Between two rings
 of the library, Y is interpolated linearly in X^2: that is exact for a parabola, also at X = 0, where X itself grows
-like a square root along the surface.
-
-What the nearness of the eye's base moves many sections by, each of an eye of its own (`library.base`).
+like a square root along the surface. `section_motion` adds the effect of the eye's base (`library.base`).
 """
 
 from dataclasses import dataclass
@@ -22,7 +20,7 @@ from scleraforce.errors import InputError
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.responses import INNER, OUTER, Library
 from scleraforce.library.states import Responses
-from scleraforce.section.plane import Section
+from scleraforce.mechanics.contact import Section
 
 Floats = NDArray[np.float64]
 

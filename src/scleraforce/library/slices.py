@@ -1,12 +1,11 @@
-"""Boundaries at the columns of slices, for many sections at once.
+"""Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
 
 `sections.cut_rings` gives X^2 and Y of each ring. Y is taken first at evenly spaced X, the *stations*, for all sections
 together; a place between two stations is then found without a search. A section that is turned in its plane meets a
 column where X cos(turn) - Y(X) sin(turn) has the column's value: Newton's method finds it. A boundary that folds over
-is done alone. What the base's nearness moves (`library.sections`) moves the stations.
+is done alone. The motion of `sections.section_motion` moves the stations.
 
-Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
-The picture is that of `section.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
+The picture is that of `mechanics.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
 wall. Boundaries come separately, so that errors like those of a segmentation can be added before they are filled.
 """
 
@@ -17,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library.sections import ACROSS, ALONG, DOWN, SectionMotion, cut_rings, cut_surfaces, section_curve
-from scleraforce.section.plane import Section, SliceWindow
-from scleraforce.section.slices import SNAP, WALL, fill_section
+from scleraforce.mechanics.contact import Section, SliceWindow
+from scleraforce.mechanics.slices import SNAP, WALL, fill_section
 from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]

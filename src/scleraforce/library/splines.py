@@ -4,12 +4,9 @@ A cubic spline through n nodes is a sum of n B-splines, of which four are not ze
 B-splines are solved for once; afterwards a value costs four products, also in a tensor of several axes. Its second
 derivative is continuous, its error of fourth order up to the ends (de Boor, A Practical Guide to Splines, IX, XIII).
 
-What a library's states weigh in the splines between them: computed when first needed, whatever the contact.
-
-The first state on a load path that carries a force.
-Where a wall softens so far that the force falls along the path, loading jumps from the peak over the valley behind it,
-and never sees the states between. A path is the force at increasing tips with its slope there; between two tips it is
-a cubic (Hermite).
+`first_crossing` finds the first state on a load path that carries a force. Where a wall softens so far that the force
+falls along the path, loading jumps from the peak over the valley behind it, and never sees the states between. A path
+is the force at increasing tips with its slope there; between two tips it is a cubic (Hermite).
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,6 @@
-"""A library's spline weights and axes as plain arrays, as compiled loops read them (`library.states`).
+"""A library's tables as plain arrays, and the compiled loops that interpolate them, one state at a time.
 
-States of walls, as a library answers with them.
-
-Compiled loops over a library's tables: what `library.responses` interpolates, one state at a time.
-They write into arrays that the caller owns. `responses` is their oracle.
+The loops write into arrays that the caller owns.
 """
 
 from dataclasses import dataclass

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from scleraforce.checked_store import CheckedStore, StoredArray
 from scleraforce.errors import InputError
-from scleraforce.library.base_plane import base_stiffness
-from scleraforce.library.family import library_of
+from scleraforce.library.base import base_stiffness
 from scleraforce.library.plan import LibraryPlan, parse_plan
-from scleraforce.library.responses import Library
+from scleraforce.library.responses import Library, library_of
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"

@@ -1,1 +1,1 @@
-"""Mechanics of the wall: displacement under eye pressure, gravity and the needle."""
+"""The eye: its mesh, loads and displacement, and what a B-scan plane cuts out of the deformed wall."""

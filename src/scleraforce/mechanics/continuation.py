@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.globe import OPEN_GLOBE, Globe
-from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, solve_balance
-from scleraforce.mechanics.sealed_dent import SealedDent
+from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, SealedDent, solve_balance
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.units import from_si
 
 Floats = NDArray[np.float64]

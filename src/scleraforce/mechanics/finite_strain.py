@@ -1,35 +1,36 @@
 """Finite-strain mechanics of the wall: load paths of an eye under pressure, weight and the needle.
 
-Its material is neo-Hookean, or an exponential of that, which stiffens (`mechanics.stiffening`).
-
-A dent of a few wall thicknesses softens the wall and then stiffens it, which linear mechanics does not know. A load
-path is computed once, by the tip's displacement (`mechanics.continuation`), and then read at any force.
+The material is neo-Hookean, or an exponential of that, which stiffens (`mechanics.material`). A dent of a few wall
+thicknesses softens the wall and then stiffens it, which linear mechanics does not model. A load path is computed once,
+by the tip's displacement (`mechanics.continuation`), and then read at any force.
 
 The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E only; E is 1 Pa inside.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.globe import OPEN_GLOBE, Globe
-from scleraforce.eye.mesh import HexMesh
-from scleraforce.mechanics.assembly import FacePlaces
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
-from scleraforce.mechanics.dissection import dissect
+from scleraforce.mechanics.elements import FacePlaces, gauss_points
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
-from scleraforce.mechanics.loads import gravity_load
-from scleraforce.mechanics.needle import Needle
+from scleraforce.mechanics.form import form_mesh
+from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
+from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.loads import InnerSurface, Needle, gravity_load, needle_at, pressure_load
+from scleraforce.mechanics.material import burst_tension
+from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
-from scleraforce.mechanics.pressure import InnerSurface
-from scleraforce.mechanics.springs import Springs
-from scleraforce.mechanics.supports import clamped_base
+from scleraforce.mechanics.supports import Springs, clamped_base, study_springs
+from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 Floats = NDArray[np.float64]
@@ -159,7 +160,7 @@ class FiniteWall:
             dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
                 that follows the inner surface; `loads.pressure_load` is such.
             springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
-            stiffening: b of `mechanics.stiffening`; 0: neo-Hookean.
+            stiffening: b of `mechanics.material`; 0: neo-Hookean.
 
         Raises:
             SolverError: an element is turned inside out, or the supports leave a rigid motion free.
@@ -179,17 +180,6 @@ class FiniteWall:
     def gravity_nc(self) -> Floats:
         """Nodal forces of 1 N/m^3 of weight, along -z, (node, 3) in N."""
         return gravity_load(self.mesh, self.solid.points)
-
-    def rest_nc(self, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float) -> Floats:
-        """Return the displacement under pressure and weight without a needle, (node, 3) in m.
-
-        Raises:
-            SolverError: no equilibrium was found; the message says what was reached.
-        """
-        nothing = np.zeros_like(self.mesh.points_nc)
-        problem = _WallEquilibrium(self, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3)
-        with one_blas_thread():
-            return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
     def load_path(
         self,
@@ -225,7 +215,7 @@ class FiniteWall:
         """
         if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
-        problem = _WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
+        problem = WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
         with one_blas_thread():
             states = trace(
@@ -269,7 +259,7 @@ def _check_supports(mesh: HexMesh, held_nc: NDArray[np.bool_], springs: Springs 
         raise SolverError("supports: the wall may move as a rigid body; add supports against that")
 
 
-class _WallEquilibrium:
+class WallEquilibrium:
     """The wall for `continuation`: its unknowns are the free components, at E = 1 Pa."""
 
     def __init__(self, wall: FiniteWall, needle: Needle, youngs_modulus_pa: float, density_kg_m3: float) -> None:
@@ -280,6 +270,7 @@ class _WallEquilibrium:
         self._per_modulus = 1.0 / youngs_modulus_pa
 
     def residual(self, u: Floats, pressure: float) -> Floats:
+        """Return the forces out of balance without the needle, (unknown,)."""
         displaced_nc = self._wall.full_nc(u)
         wall = self._wall
         pushed_nc = wall.inner.forces(displaced_nc) if wall.dead_pressure_nc is None else wall.dead_pressure_nc
@@ -289,6 +280,7 @@ class _WallEquilibrium:
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
+        """Factor the tangent, in single precision."""
         displaced_nc = self._wall.full_nc(u)
         wall = self._wall
         elements = wall.solid.tangents(displaced_nc, np.float32)
@@ -302,6 +294,7 @@ class _WallEquilibrium:
             raise SolverError(f"tangent: {fault}; add supports against rigid motion") from fault
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
+        """Return the volume inside in m^3 and its derivative, (unknown,)."""
         displaced_nc = self._wall.full_nc(u)
         inner = self._wall.inner
         return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[self._wall.free]
@@ -319,3 +312,95 @@ def _scaled(factor: FrontalFactor) -> Solve:
         return factor.solve(load / size) * size
 
     return solve
+
+
+LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path
+LEAST_STATES = 4  # of a path: a cubic in the tip needs so many
+STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
+
+
+@dataclass(frozen=True, eq=False)
+class BentEye:
+    """A formed wall under the needle, and its states under growing force."""
+
+    mesh: HexMesh
+    path: LoadPath
+
+
+def bend_eye(
+    study: Study,
+    contact: Contact,
+    *,
+    thickness_m: float,
+    youngs_modulus_pa: float,
+    iop_pa: float,
+    max_force_n: float,
+    max_tip_m: float | None = None,
+    as_far_as_found: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> BentEye:
+    """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
+
+    Args:
+        study: all of its sections on the eye count, with a mesh of the graded kind.
+        contact: where the needle pushes.
+        thickness_m: nominal thickness of the wall.
+        youngs_modulus_pa: E outside all regions.
+        iop_pa: eye pressure without the needle.
+        max_force_n: where the path may end.
+        max_tip_m: the deepest dent; the path may then end below the force.
+        as_far_as_found: the path may also end where no equilibrium is found any more.
+        progress: called after every state with the share of the force that is reached.
+
+    Raises:
+        InputError: the contact is too close to the base.
+        SolverError: no equilibrium was found; the message says what was reached.
+    """
+    eye, cells = study.eye, study.mesh
+    graded = graded_globe if study.supports.has_bed else graded_mesh
+    sphere = graded(eye.radius_m, thickness_m, contact, cells.core, cells.rings, cells.layers, cells.order)
+    formed = form_mesh(sphere, study.form, contact)
+    wall = FiniteWall(
+        formed.mesh,
+        eye.poisson_ratio,
+        modulus_factor_ep=formed.modulus_factor(gauss_points(3, formed.mesh.order + 1)[0]),
+        dead_pressure_nc=None if study.mechanics.follower else pressure_load(formed.mesh),
+        springs=study_springs(study.supports, formed.mesh),
+        stiffening=study.tissue.stiffening,
+    )
+    axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
+    goal_n = max(max_force_n, LEAST_FORCE_N)
+    linear_tip_m = _linear_tip_m(study, goal_n, youngs_modulus_pa, thickness_m)
+    walk = partial(
+        wall.load_path,
+        needle_at(formed.mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
+        youngs_modulus_pa=youngs_modulus_pa,
+        iop_pa=iop_pa,
+        density_kg_m3=eye.density_kg_m3,
+        max_force_n=goal_n,
+        max_tip_m=max_tip_m,
+        globe=study_globe(study.globe),
+        largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
+        as_far_as_found=as_far_as_found,
+        progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
+    )
+    try:
+        path = walk()
+    except SolverError as fault:
+        raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
+    if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
+        path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
+    return BentEye(formed.mesh, path)
+
+
+def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:
+    """Return at what pressure a thin even sphere of a wall bursts, as the end of a sentence; empty where it stands."""
+    limit = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
+    burst_pa = limit * youngs_modulus_pa * thickness_m / study.eye.radius_m
+    return f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""
+
+
+def _linear_tip_m(study: Study, force_n: float, youngs_modulus_pa: float, thickness_m: float) -> float:
+    """Dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946)."""
+    stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
+    return sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 * force_n / stiffness

@@ -5,19 +5,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from scleraforce.errors import SolverError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.assembly import FacePlaces, element_stiffness, stiffness_matrix
-from scleraforce.mechanics.dissection import dissect
-from scleraforce.mechanics.elasticity import lame_constants
-from scleraforce.mechanics.frontal import FrontalFactor
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume_points
+from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
-from scleraforce.mechanics.quadrature import volume_points
-from scleraforce.mechanics.springs import Springs
-from scleraforce.mechanics.supports import clamped_base
+from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.supports import Springs, clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
@@ -65,11 +61,6 @@ class LinearWall:
         self._springs, self._springs_modulus_pa = springs, springs_modulus_pa
         self._free = np.flatnonzero(~self.held_nc.ravel())
         self._factor = _factorise(mesh, self.held_nc, self._elements())
-
-    @cached_property
-    def stiffness(self) -> csr_array:
-        """K at E = 1 Pa of all unknowns (3 n + c: node n, component c), held ones included, sparse."""
-        return stiffness_matrix(self.mesh, self._elements())
 
     @cached_property
     def pressure_nc(self) -> Floats:
@@ -120,10 +111,6 @@ class LinearWall:
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
         loaded = iop_pa * self.pressure_nc + weight_n_m3 * self.gravity_nc + force_n * needle_nc
         return loaded / youngs_modulus_pa
-
-    def reactions(self, displacement_nc: Floats, load_nc: Floats) -> Floats:
-        """Return the supports' forces K u - f at E = 1 Pa, (node, 3) in N; zero to rounding where nothing is held."""
-        return (self.stiffness @ displacement_nc.ravel()).reshape(-1, 3) - load_nc
 
     def _elements(self) -> Floats:
         """Element matrices at E = 1 Pa, those of the springs included, (element, 3, node, 3, node)."""

@@ -1,18 +1,22 @@
-"""Nodal forces: eye pressure, gravity, the needle, any load on the outer surface (paper sec. 2.1).
+"""Nodal forces: eye pressure, gravity, the needle (paper sec. 2.1).
 
 All are consistent: integrals of the load times the shape functions, so that the sum of the nodal forces is exactly the
-resultant of the integrated load. They act on the undeformed wall, as linear mechanics has it.
+resultant of the integrated load. They act on the undeformed wall, as in linear mechanics, or follow it
+(`InnerSurface`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.quadrature import VolumePoints, gauss_points, surface_points
+from scleraforce.errors import InputError, SolverError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import FacePlaces, VolumePoints, gauss_points, surface_points
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.shapes import shape_gradients, shape_values
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -57,20 +61,6 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
     return loads
 
 
-def weighted_surface_load(
-    mesh: HexMesh, weight: Callable[[Floats], Floats], direction_c: Floats, points_per_quad: int = 8
-) -> Floats:
-    """Return nodal forces of 1 N along `direction_c`, spread over the outer surface: (node, 3).
-
-    `weight` maps positions (..., 3) in m to a load per area (...) of any scale; it is normalised to the total. The
-    Gaussian of reference problem R1 is one such weight.
-    """
-    points = surface_points(mesh, mesh.outer_qn, points_per_quad)
-    load_qp = weight(points.positions_qpc) * np.linalg.norm(points.areas_qpc, axis=-1)
-    nodal_qn = load_qp @ points.values_pn / load_qp.sum()
-    return _scatter(mesh, mesh.outer_qn, nodal_qn[..., None] * direction_c)
-
-
 def disc_rule() -> tuple[Floats, Floats]:
     """Return points (point, 2) in the unit disc and weights (point,) that sum to 1: a uniform load."""
     places, weights = gauss_points(1, DISC_RINGS)
@@ -102,3 +92,150 @@ def _scatter(mesh: HexMesh, nodes_en: Integers, values_enc: Floats) -> Floats:
     flat, count = nodes_en.ravel(), len(mesh.points_nc)
     values = values_enc.reshape(-1, 3)
     return np.stack([np.bincount(flat, values[:, c], minlength=count) for c in range(3)], axis=1)
+
+
+PROJECTIONS = 30
+PROJECTED_M = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Needle:
+    """A push on the wall.
+
+    `load_nc` (node, 3): nodal forces of 1 N. `tip_nc` (node, 3): the sum of its product with a displacement is the
+    tip's displacement along the needle axis, inward, in m.
+    """
+
+    load_nc: Floats
+    tip_nc: Floats
+
+
+def needle_at(mesh: HexMesh, contact: Contact, needle_radius_m: float, axis_c: Floats | None = None) -> Needle:
+    """Return a needle whose axis meets the outer surface at the contact.
+
+    The force along the axis is uniform over the disc of the needle's outer radius, seen along the axis, and taken up by
+    the outer surface below; for a sphere and the default axis it is that of `loads.needle_loads`.
+
+    Args:
+        mesh: the wall, of any form.
+        contact: where it pushes; of a wall that is no sphere, the point that has this direction on the sphere.
+        needle_radius_m: outer radius of the needle.
+        axis_c: unit vector of the needle axis, inward, (3,); by default the opposite of the contact's normal.
+
+    Raises:
+        InputError: the axis is no unit vector that points inward, or the disc reaches over the base plane.
+    """
+    axis = -contact.normal if axis_c is None else axis_c
+    if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:
+        raise InputError(f"needle axis: {np.round(axis, 3).tolist()}; must be a unit vector into the eye")
+    places_pk, weights_p = disc_rule()
+    across = np.cross(contact.parallel, axis)
+    across /= np.linalg.norm(across)
+    sideways_pc = needle_radius_m * places_pk @ np.stack([across, np.cross(axis, across)])
+    directions = _below_disc(mesh, contact, sideways_pc, axis)
+    return Needle(_spread(mesh, directions, weights_p)[:, None] * axis, tip_at(mesh, contact, axis))
+
+
+def tip_at(mesh: HexMesh, contact: Contact, axis_c: Floats) -> Floats:
+    """Return the functional of the outer surface's displacement at the contact along `axis_c`, (node, 3)."""
+    return _spread(mesh, contact.normal[None], np.ones(1))[:, None] * axis_c
+
+
+def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
+    """Sum of weights times shape functions of the outer surface at directions, (node,)."""
+    quads, local = locate(mesh, directions_dc)
+    amounts: Floats = surface_weights(mesh, local) * weights_d[:, None]
+    nodal = np.bincount(mesh.outer_qn[quads].ravel(), amounts.ravel(), minlength=len(mesh.points_nc))
+    return np.asarray(nodal, dtype=np.float64)
+
+
+def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Floats) -> Floats:
+    """Directions (point, 3) of the outer surface's points that lie below points of the disc, along the axis.
+
+    A direction that grows by v moves its point of the surface by about v, so correcting it by what the point is off,
+    across the axis, contracts: by the squared sine of the tilt on a sphere.
+    """
+    goals_pc = _surface_points(mesh, contact.normal[None]) + sideways_pc
+    directions = mesh.radius_m * contact.normal + sideways_pc
+    for _ in range(PROJECTIONS):
+        if len(mesh.base_nodes) and np.any(directions[:, 2] < 0.0):
+            polar = np.degrees(contact.polar_rad)
+            raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
+        off = _surface_points(mesh, directions) - goals_pc
+        off -= (off @ axis_c)[:, None] * axis_c
+        directions = directions - off
+        if np.abs(off).max() < PROJECTED_M:
+            return directions
+    raise SolverError("needle: its disc could not be laid on the wall; use an axis closer to the normal")
+
+
+def _surface_points(mesh: HexMesh, directions_dc: Floats) -> Floats:
+    """Points of the outer surface whose directions on the sphere these are, (direction, 3)."""
+    quads, local = locate(mesh, directions_dc)
+    points: Floats = np.einsum("dn,dnc->dc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
+    return points
+
+
+# (e_k x a)_i = a_m for these (i, k, m), and -a_m with i and k exchanged.
+TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+
+
+class InnerSurface:
+    """The inner surface of the wall, on which the vitreous presses; displacements are (node, 3) in m."""
+
+    def __init__(self, mesh: HexMesh) -> None:
+        """Prepare everything that does not depend on the displacement."""
+        places, weights = gauss_points(2, PRESSURE_POINTS)
+        nodes = mesh.inner_qn.shape[1]
+        self._points_nc, self._quads_qn = mesh.points_nc, mesh.inner_qn
+        base = mesh.points_nc[np.intersect1d(mesh.base_nodes, mesh.inner_qn)]
+        self._origin_c = base.mean(axis=0) if len(base) else np.zeros(3)
+        self._values_pn = shape_values(places, nodes)
+        self._slopes_kpn = shape_gradients(places, nodes).transpose(2, 0, 1)
+        self._weights_p = weights
+        self._places = FacePlaces(mesh.cells_en, mesh.inner_qn)
+        # integral of N_a N_b,k for the derivative: w_p N_a N_b,k, (k, a, b, point)
+        self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
+
+    def volume(self, displacement_nc: Floats) -> float:
+        """Return the volume of the cavity in m^3: that inside a whole globe, or above the base of a half.
+
+        V = 1/3 integral of x . n with x from a point of the base, so that the base, which is plane, adds nothing.
+        """
+        x_qnc = (self._points_nc + displacement_nc - self._origin_c)[self._quads_qn]
+        areas = self._areas(x_qnc)
+        return float(np.einsum("p,pn,qnc,qpc->", self._weights_p, self._values_pn, x_qnc, areas, optimize=True)) / 3.0
+
+    def forces(self, displacement_nc: Floats) -> Floats:
+        """Return the nodal forces of 1 Pa, normal to the deformed surface, outward: (node, 3) in N.
+
+        They are the derivative of `volume` by the displacement where the edge is held.
+        """
+        areas = self._areas((self._points_nc + displacement_nc)[self._quads_qn])
+        local_qnc = np.einsum("p,pn,qpc->qnc", self._weights_p, self._values_pn, areas, optimize=True)
+        flat, count = self._quads_qn.ravel(), len(self._points_nc)
+        return np.stack([np.bincount(flat, local_qnc[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+
+    def add_tangent(self, element_eiajb: NDArray[np.floating[Any]], displacement_nc: Floats, factor: float) -> None:
+        """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.
+
+        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Of every quad its symmetric part is added:
+        what is left out cancels between neighbours, and at the edge where it is held.
+        """
+        x_qnc = (self._points_nc + displacement_nc)[self._quads_qn]
+        first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)
+        vectors = np.einsum("abp,qpm->qabm", self._products[0], second, optimize=True)
+        vectors -= np.einsum("abp,qpm->qabm", self._products[1], first, optimize=True)
+        vectors = 0.5 * factor * (vectors - vectors.transpose(0, 2, 1, 3))
+        nodes = self._quads_qn.shape[1]
+        local = np.zeros((len(vectors), 3, nodes, 3, nodes))
+        for i, k, m in TURNS:
+            local[:, i, :, k] = vectors[..., m]
+            local[:, k, :, i] = -vectors[..., m]
+        self._places.add(element_eiajb, local)
+
+    def _areas(self, x_qnc: Floats) -> Floats:
+        """x,1 x x,2 at the Gauss points of quads with nodes at x, (quad, point, 3)."""
+        first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)
+        areas: Floats = np.cross(first, second)
+        return areas

@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
-from scleraforce.eye.mesh import HexMesh
-from scleraforce.mechanics.assembly import ELEMENTS_AT_ONCE
-from scleraforce.mechanics.elasticity import lame_constants
-from scleraforce.mechanics.quadrature import VolumePoints, volume_points
-from scleraforce.mechanics.stiffening import growth, strain_measure
+from scleraforce.mechanics.elements import ELEMENTS_AT_ONCE, VolumePoints, volume_points
+from scleraforce.mechanics.material import growth, lame_constants, strain_measure
+from scleraforce.mechanics.mesh import HexMesh
 
 Floats = NDArray[np.float64]
 Precise = NDArray[np.floating[Any]]
@@ -60,10 +58,6 @@ class NeoHookeanSolid:
         # Rows of D are (point, direction J): D u gives all deformation gradients of an element in one product.
         self._gradients_erN = points.gradients_epnc.transpose(0, 1, 3, 2).reshape(elements, 3 * count, nodes).copy()
         self._laplacian_enn = self._laplacian(slice(None), self._mu_ep)
-
-    def volume_ratio(self, displacement_nc: Floats) -> Floats:
-        """Return J at every Gauss point, (element, point); not positive where the wall is turned inside out."""
-        return 1.0 + _dilatation(self._displacement_gradient(displacement_nc))
 
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N per Pa of modulus.

@@ -1,83 +1,29 @@
-"""The effect of the base on a needle that pushes away from the pole: from the wall of revolution to the eye.
+"""The shift: the motion of a wall of revolution by the plane base of the eye, for a needle beside the pole.
 
-A wall of revolution about the needle axis is clamped all around at one angle. The base of an eye with the needle at the
-polar angle a is a plane, nearer on one side: in the direction phi around the needle axis (from the meridian, away from
-the pole) it lies at the angle b with tan b = cot a / cos phi. Two corrections make up for it.
-
-- *Stiffening.* The force at a dent is scaled by 1 + SHARE (mean over phi of F(b) / F(90 deg) - 1), where F(b) is the
-  force of a wall of revolution clamped at b. SHARE is what is left of it where neighbouring directions share the load:
-  on three eyes (0.5 to 0.8 mm, E 0.25 to 0.38 MPa, IOP 266 and 400 Pa), needles at 35 to 50 deg and dents to 4 mm, 3-D
-  finite strain gave 0.41 to 0.63 of the mean.
-- *Shift.* The far part of the wall moves in proportion to its loads, and differently in 3-D: linear 3-D displacement
-  less linear axisymmetric displacement, at equal force and at equal pressure, is added to the curves. It is smooth, and
-  harmonics of phi up to the second hold it.
-
-`docs/physics.md` has the errors with both, with each and with none, and what other reductions gave.
+The far part of the wall moves in proportion to its loads, and differently in 3-D: linear 3-D displacement less linear
+axisymmetric displacement, at equal force and at equal pressure, is added to the curves. It is smooth, and harmonics of
+the direction around the needle axis up to the second represent it. `docs/physics.md` states the remaining errors.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
-from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
 
 Floats = NDArray[np.float64]
 
-SHARE = 0.5
-DIRECTIONS = 4  # around half of the needle axis; the force is 0.02 % off at 35 deg, 0.5 % at 50 deg
 LARGEST_POLAR_RAD = np.radians(55.0)
 HARMONICS = 3
 AZIMUTHS = 12
 MARGIN_RAD = np.radians(1.0)
-
-
-def base_angle(polar_rad: float, azimuth_rad: Floats) -> Floats:
-    """Return the angle from the needle axis at which the base lies, by the direction around that axis.
-
-    >>> base_angle(np.radians(50.0), np.radians([0.0, 90.0, 180.0])).round(6)
-    array([0.698132, 1.570796, 2.443461])
-    """
-    angle: Floats = np.arctan2(np.cos(polar_rad), np.cos(azimuth_rad) * np.sin(polar_rad))
-    return angle
-
-
-def polar_path(
-    radius_m: float,
-    thickness_m: float,
-    poisson_ratio: float,
-    needle_radius_m: float,
-    iop_ratio: float,
-    *,
-    polar_rad: float,
-    tips_m: Floats,
-    size: MeridianSize | None = None,
-) -> AxisymmetricPath:
-    """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle, up to 55 deg.
-
-    Arguments, units and errors are those of `axisymmetric_path`; `tips_m` is required, because all walls share them.
-    The globe is open.
-    """
-    if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
-        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
-
-    def path_to(support_rad: float) -> AxisymmetricPath:
-        sizes = (radius_m, thickness_m, poisson_ratio, needle_radius_m, iop_ratio)
-        return axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size)
-
-    even = path_to(0.5 * np.pi)
-    if polar_rad == 0.0:
-        return even
-    around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    forces = [path_to(float(angle)).force_ratio_m2 for angle in base_angle(polar_rad, around)]
-    stiffer = SHARE * (np.mean(forces, axis=0) - even.force_ratio_m2)
-    return replace(even, force_ratio_m2=even.force_ratio_m2 + stiffer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,26 +40,6 @@ class BaseShift:
 
     pressure_mbnc: Floats
     needle_mbnc: Floats
-
-    def in_plane(
-        self, iop_ratio: float, force_ratio_m2: float, lateral_bn: Floats, gap_m: float, direction_rad: float
-    ) -> Floats:
-        """Return the motion of the points of a section, (boundary, node, [lateral, depth]) in m.
-
-        Args:
-            iop_ratio: p/E.
-            force_ratio_m2: F/E in m^2.
-            lateral_bn: where the plane meets the ring of each node, (boundary, node) in m.
-            gap_m: distance of the plane from the needle axis.
-            direction_rad: of the plane's lateral axis from the meridian.
-        """
-        field_mbnc = iop_ratio * self.pressure_mbnc + force_ratio_m2 * self.needle_mbnc
-        inside_bn = np.arctan2(gap_m, lateral_bn)  # from the lateral axis
-        phase_mbn = np.arange(len(field_mbnc))[:, None, None] * (inside_bn + direction_rad)
-        cosine, sine = np.cos(phase_mbn), np.sin(phase_mbn)
-        away, depth = np.sum(field_mbnc[..., 0] * cosine, axis=0), np.sum(field_mbnc[..., 2] * cosine, axis=0)
-        around = np.sum(field_mbnc[..., 1] * sine, axis=0)
-        return np.stack([away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1)
 
 
 def base_shift(

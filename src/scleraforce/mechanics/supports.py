@@ -1,9 +1,24 @@
-"""The supports of the wall: the displacement components that are held at zero."""
+"""The supports of the wall: the clamped base, and springs on the outer surface.
+
+The springs are an elastic bed around the lower half and straps where the rectus muscles are inserted. Both are linear
+in the displacement, with directions of the undeformed wall, and integrated with the shape functions like the loads.
+Insertions lie on the spiral of Tillaux: 5.5, 6.5, 6.9 and 7.7 mm behind the limbus (medial, inferior, lateral,
+superior), 9 to 11 mm wide (Apt, Trans. Am. Ophthalmol. Soc. 78, 1980, 365), on an eye of 12 mm radius whose limbus has
+a radius of 5.75 mm; on other eyes at the same angles.
+"""
+
+from dataclasses import dataclass
+from math import asin, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.eye.mesh import HexMesh
+from scleraforce.errors import InputError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import FacePlaces, gauss_points, surface_points
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.study import SupportsStudy
 
 Flags = NDArray[np.bool_]
 
@@ -15,15 +30,125 @@ def clamped_base(mesh: HexMesh) -> Flags:
     return held
 
 
-def symmetric_base(mesh: HexMesh) -> Flags:
-    """Make the base a plane of symmetry: the half-sphere stands for a whole sphere; flags (node, 3).
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
-    Beside u_z on the base, three components are held against motion as a rigid body in the plane: u_y of the nodes at
-    largest and smallest x, u_x of the one at largest y. They carry no force where the loads in the plane balance.
+BED_POINTS = 3
+STRAP_POINTS = 16  # Gauss points along the line of an insertion
+EYE_RADIUS_MM = 12.0
+LIMBUS_RADIUS_MM = 5.75
+
+
+@dataclass(frozen=True, kw_only=True)
+class Insertion:
+    """A muscle's insertion: polar angle, azimuth from the medial rectus, and the arc's width, in rad."""
+
+    polar_rad: float
+    azimuth_rad: float
+    width_rad: float
+
+
+def _insertion(behind_limbus_mm: float, quarter_turns: int, width_mm: float) -> Insertion:
+    polar = asin(LIMBUS_RADIUS_MM / EYE_RADIUS_MM) + behind_limbus_mm / EYE_RADIUS_MM
+    return Insertion(polar_rad=polar, azimuth_rad=0.5 * pi * quarter_turns, width_rad=width_mm / EYE_RADIUS_MM)
+
+
+INSERTIONS = {
+    "medial": _insertion(5.5, 0, 10.3),
+    "superior": _insertion(7.7, 1, 10.6),
+    "lateral": _insertion(6.9, 2, 9.2),
+    "inferior": _insertion(6.5, 3, 9.8),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs between the wall and its undeformed place.
+
+    `nodes_qn` (quad, node): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3, 3): their stiffness in
+    N/m. A quad may occur more than once.
     """
-    held = np.zeros(mesh.points_nc.shape, dtype=bool)
-    base = mesh.points_nc[mesh.base_nodes]
-    held[mesh.base_nodes, 2] = True
-    held[mesh.base_nodes[[np.argmax(base[:, 0]), np.argmin(base[:, 0])]], 1] = True
-    held[mesh.base_nodes[np.argmax(base[:, 1])], 0] = True
-    return held
+
+    nodes_qn: Integers
+    blocks_qnnii: Floats
+
+    def __add__(self, other: "Springs") -> "Springs":
+        """Return the springs of both."""
+        nodes = np.concatenate([self.nodes_qn, other.nodes_qn])
+        return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
+
+    def add_to(self, element_eiajb: NDArray[np.floating[Any]], places: FacePlaces, factor: float) -> None:
+        """Add `factor` times the stiffness to element matrices, in place; `places` are those of `nodes_qn`."""
+        places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
+
+    def forces(self, displacement_nc: Floats) -> Floats:
+        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""
+        local_qni = np.einsum("qnmij,qmj->qni", self.blocks_qnnii, displacement_nc[self.nodes_qn], optimize=True)
+        flat, count = self.nodes_qn.ravel(), len(displacement_nc)
+        return np.stack([np.bincount(flat, local_qni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+
+
+def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float) -> Springs:
+    """Return a Winkler bed under the outer surface of a globe's lower half, z < 0 on the sphere.
+
+    Args:
+        mesh: a whole globe.
+        stiffness_pa_m: pressure per metre that the wall moves along its normal, either way.
+        shear_stiffness_pa_m: shear per metre that it slides.
+
+    Raises:
+        InputError: a wall without a lower half.
+    """
+    places, _ = gauss_points(2, BED_POINTS)
+    heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ surface_weights(mesh, places).T
+    quads = mesh.outer_qn[np.any(heights_qp < 0.0, axis=1)]
+    if not len(quads):
+        raise InputError("bed: this wall has no lower half to lie on it; use a whole globe")
+    points = surface_points(mesh, quads, BED_POINTS)
+    amounts_qp = np.linalg.norm(points.areas_qpc, axis=-1)
+    normals_qpc = points.areas_qpc / amounts_qp[..., None]
+    outer_qpii = normals_qpc[..., :, None] * normals_qpc[..., None, :]
+    stiffness_qpii = shear_stiffness_pa_m * np.eye(3) + (stiffness_pa_m - shear_stiffness_pa_m) * outer_qpii
+    stiffness_qpii *= (amounts_qp * (heights_qp[np.any(heights_qp < 0.0, axis=1)] < 0.0))[..., None, None]
+    values_pn = points.values_pn
+    return Springs(quads, np.einsum("pn,pm,qpij->qnmij", values_pn, values_pn, stiffness_qpii, optimize=True))
+
+
+def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0) -> Springs:
+    """Return four straps that hold the insertions of the rectus muscles along the meridians, as the muscles run.
+
+    Args:
+        mesh: the wall, half or whole.
+        stiffness_n_m: force per metre of one muscle, even over the width of its insertion.
+        medial_azimuth_rad: azimuth of the medial rectus.
+    """
+    places, weights = gauss_points(1, STRAP_POINTS)
+    straps = [_strap(mesh, one, medial_azimuth_rad, places[:, 0], 0.5 * weights) for one in INSERTIONS.values()]
+    unit = straps[0] + straps[1] + straps[2] + straps[3]
+    return Springs(unit.nodes_qn, stiffness_n_m * unit.blocks_qnnii)
+
+
+def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
+    """Return the springs of a study's supports; None for the clamped base alone.
+
+    Raises:
+        InputError: a bed under a wall without a lower half.
+    """
+    springs = None
+    if supports.has_bed:
+        springs = elastic_bed(mesh, supports.bed_stiffness_pa_per_m, supports.bed_shear_stiffness_pa_per_m)
+    if supports.has_straps:
+        straps = rectus_straps(mesh, supports.strap_stiffness_n_per_m, supports.medial_azimuth_rad)
+        springs = straps if springs is None else springs + straps
+    return springs
+
+
+def _strap(mesh: HexMesh, insertion: Insertion, medial_rad: float, places_p: Floats, weights_p: Floats) -> Springs:
+    """One strap of 1 N/m; `weights_p` sum to 1."""
+    azimuths_p = medial_rad + insertion.azimuth_rad + 0.5 * insertion.width_rad * places_p / np.sin(insertion.polar_rad)
+    contacts = [Contact(polar_rad=insertion.polar_rad, azimuth_rad=azimuth) for azimuth in azimuths_p]
+    quads, local = locate(mesh, np.array([contact.normal for contact in contacts]))
+    values_pn = surface_weights(mesh, local)
+    along_pc = np.array([contact.meridian for contact in contacts])
+    blocks = np.einsum("p,pn,pm,pi,pj->pnmij", weights_p, values_pn, values_pn, along_pc, along_pc, optimize=True)
+    return Springs(mesh.outer_qn[quads], blocks)

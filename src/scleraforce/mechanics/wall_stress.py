@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
-from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
-from scleraforce.mechanics.axisymmetric.solid import line_shapes
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.elasticity import lame_constants
-from scleraforce.mechanics.quadrature import gauss_points
+from scleraforce.mechanics.elements import gauss_points
+from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, line_shapes, meridian_mesh
 from scleraforce.study import Study
 
 Floats = NDArray[np.float64]

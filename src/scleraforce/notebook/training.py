@@ -9,8 +9,7 @@ from scleraforce.errors import InputError
 from scleraforce.learning.dataset import CalibratedModulus, Dataset, open_dataset
 from scleraforce.learning.generate import Generation, generate_dataset
 from scleraforce.library import Library
-from scleraforce.library.build import build_library
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import build_library, cached_library
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER, read_folder

@@ -7,11 +7,11 @@ from os import PathLike
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.acquisition import Acquisition
 from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook.counting import Counting, counting_for
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import Study, fixed

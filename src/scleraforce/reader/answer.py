@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from math import hypot, isfinite
 from typing import Any
 
-from scleraforce.fitting.library_fit import BoundaryFit
-from scleraforce.fitting.unknowns import LATERAL
+from scleraforce.library.fit import BoundaryFit
+from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry

@@ -25,9 +25,9 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
-from scleraforce.fitting.library_fit import BoundaryFit
-from scleraforce.fitting.prior import form_size
 from scleraforce.known import UNKNOWN, Known, KnownGlobe
+from scleraforce.library.fit import BoundaryFit
+from scleraforce.library.prior import form_size
 from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy

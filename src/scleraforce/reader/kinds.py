@@ -12,9 +12,9 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
-from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
-from scleraforce.fitting.prior import prior_of
 from scleraforce.known import NOTHING_KNOWN, Known
+from scleraforce.library.fit import BoundaryFit, fit_boundaries
+from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
 from scleraforce.reader.answer import (

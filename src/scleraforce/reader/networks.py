@@ -19,10 +19,10 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
-from scleraforce.eye.globe import SAME_SLOPE_PA
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, Known
 from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
+from scleraforce.mechanics.globe import SAME_SLOPE_PA
 from scleraforce.models import check_interface, run_network
 from scleraforce.reader.answer import Reading, stretched_interval, unstretched
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors

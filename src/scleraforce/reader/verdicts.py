@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
-from scleraforce.fitting.prior import Prior
-from scleraforce.fitting.unknowns import FORM, FORMS, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.known import Known
+from scleraforce.library.fit import NO_WALL_M, BoundaryFit
+from scleraforce.library.prior import Prior
+from scleraforce.library.unknowns import FORM, FORMS, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.reader.answer import Answer, Reading, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation

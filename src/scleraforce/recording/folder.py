@@ -39,7 +39,7 @@ class EyeInfo:
     """The eye: a name, and what was measured on it or is known of it (None: it was not, it is not).
 
     `globe`: "open" (infused or vented: the needle leaves the pressure as it is) or "sealed"; of a sealed one the
-    rigidity and its law (`eye.globe`), where they were measured.
+    rigidity and its law (`mechanics.globe`), where they were measured.
     """
 
     id: str

@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from scleraforce.mechanics.contact import Section
 from scleraforce.report.files import AMBER, BLUE, CLASS_INKS, RED, SCAN_COLOURS, inches, styled
-from scleraforce.section.plane import Section
 from scleraforce.units import from_si
 
 

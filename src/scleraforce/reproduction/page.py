@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import linear_sections
 from scleraforce.learning.dataset import open_dataset
+from scleraforce.mechanics.contact import Contact, Section
+from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import read_recording
@@ -42,8 +43,6 @@ from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw
 from scleraforce.reproduction.readings import read_left_out_file
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.reproduction.sections import bent_section, calibration_section, eye_of, left_out_section
-from scleraforce.section.plane import Section
-from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Study
 from scleraforce.units import from_si
 

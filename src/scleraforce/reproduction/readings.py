@@ -28,7 +28,7 @@ from scleraforce.learning.classifier import TrainedNetwork, fit
 from scleraforce.learning.dataset import Dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import split_samples, train_classifier, train_reader
 from scleraforce.library import Library
-from scleraforce.library.cache import cached_library
+from scleraforce.library.build import cached_library
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader, load_model

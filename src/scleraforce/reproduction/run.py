@@ -29,8 +29,8 @@ STATE_FILE = "reproduce.json"
 # What decides results that are kept. A hash, as this only serves to go on after Ctrl-C: an edit costs one run, a
 # fingerprint (`learning.fingerprint`) would cost each run several seconds. The page is drawn in every run.
 SOURCES = (
-    "calibration", "eye", "fitting", "known", "laboratory", "learning", "library", "mechanics", "reader",
-    "recording", "section", "segmentation", "study",
+    "calibration", "known", "laboratory", "learning", "library", "mechanics", "reader", "recording", "segmentation",
+    "study",
     *(f"reproduction/{name}.py" for name in ("readings", "run", "stages")),
 )  # fmt: skip
 # What a reader is trained for. The bundled reader serves a study that has its values here.

@@ -14,6 +14,7 @@ from scleraforce.known.calibration_file import CalibrationSummary, open_calibrat
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
+from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
@@ -48,7 +49,6 @@ from scleraforce.report.paper import EYES, MEAN_MODULUS_PA
 from scleraforce.report.slice_figures import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
 from scleraforce.reproduction.readings import CALIBRATED_EYES, CALIBRATION_FORCES_N, LeftOut, bent_trials, run_library
 from scleraforce.reproduction.run import Run
-from scleraforce.section.plane import Section
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 

@@ -78,7 +78,7 @@ class MechanicsStudy(Section):
 class TissueStudy(Section):
     """The wall's material beside Young's modulus and Poisson's ratio, in finite strain.
 
-    `stiffening` is b of `mechanics.stiffening`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
+    `stiffening` is b of `mechanics.material`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
     tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
     """
 
@@ -124,8 +124,8 @@ RIGIDITY_LAWS = ("cube-root", "logarithmic")
 class GlobeStudy(Section):
     """An open globe (infused or vented), as in the paper, or a sealed one, whose pressure rises with the dent.
 
-    `rigidity_pa13_per_m3` is k of `rigidity_law` (`eye.globe`); the default is that of enucleated human eyes (van der
-    Werff 1981).
+    `rigidity_pa13_per_m3` is k of `rigidity_law` (`mechanics.globe`); the default is that of enucleated human eyes
+    (van der Werff 1981).
     """
 
     kind: str = option("open", *GLOBES)

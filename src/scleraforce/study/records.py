@@ -75,7 +75,7 @@ class LibraryStudy(Section):
     `thicknesses` values are spread evenly in their logarithm between the ends of `thickness_m`, and `tensions` between
     those of `tension`, which is p R/(E t): likewise where it is low, denser towards the one at which the wall bursts
     (0.416 with a Poisson's ratio of 0.45). Sealed eyes rise far above their pressure at rest. Each path has `tips`
-    states up to `max_tip_m`, denser at small dents. `stiffenings` values of b (`mechanics.stiffening`) are spread
+    states up to `max_tip_m`, denser at small dents. `stiffenings` values of b (`mechanics.material`) are spread
     evenly in ln(1 + 5 b) between the ends of `stiffening`; one: all tissue is as the lower end says. No force above
     `max_force_ratio_m2` (F/E) is asked for. `elements` and `layers` are those of the wall's meridian.
     """

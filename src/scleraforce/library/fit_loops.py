@@ -1,0 +1,393 @@
+"""Compiled loops: what a frame shows of a library's wall and how that turns with the unknowns; the law of its globe.
+
+`tests/oracles/fit_arrays.py` does the same by arrays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled
+from scleraforce.library.base import SHEARED
+from scleraforce.library.sealed import level_of
+from scleraforce.library.splines import SUPPORT
+from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_at
+from scleraforce.library.unknowns import (
+    DEPTH,
+    FORM,
+    GAP,
+    GAP_STEP_M,
+    INNER_OFFSET,
+    IOP,
+    LATERAL,
+    LOG_PRESSURE_STEP,
+    MODULUS,
+    POLE,
+    POLE_STEP,
+    PRESSURE,
+    ROTATION,
+    SAME_CURVES_AND_MOTION,
+    SHINE,
+    SHINING_SLOPE,
+    SIZE,
+    SOFT_M,
+    THICKNESS,
+    THICKNESS_STEP_M,
+    TIP,
+    TIP_STEP_M,
+)
+
+Floats = NDArray[np.float64]
+Curves = NDArray[np.float32]
+Integers = NDArray[np.intp]
+
+LEAST_NORM = 1e-9
+GAUSS_HERMITE = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0  # places, weights
+
+
+class States(NamedTuple):
+    """States of walls in the library's own size, (wall,) each; where the pole lies (wall, 2); and all walls' pose.
+
+    `curves_of` and `motion_of`: the wall whose curves each has, and whose motion under the pressure: itself, or one
+    before it.
+    """
+
+    thickness_m: Floats
+    iop_ratio: Floats
+    tip_m: Floats
+    size: Floats
+    gap_m: Floats
+    pole: Floats
+    curves_of: Integers
+    motion_of: Integers
+    lateral_m: float
+    depth_m: float
+    rotation_rad: float
+
+
+class Rings(NamedTuple):
+    """What `prediction.Stations` says of places and rings."""
+
+    places: Floats
+    left: Integers
+    share: Floats
+
+
+@compiled
+def depths_of_walls(
+    tables: SplineTables,
+    rings: Rings,
+    states: States,
+    at_m: Floats,
+    outer: int,
+    smoothing_m: float,
+    depth_m: Floats,
+    slope: Floats,
+    reached: NDArray[np.bool_],
+) -> None:
+    """Write what a frame shows of walls at places, which go from the left on either boundary.
+
+    Depths (wall, place), m; of the first wall the slope and whether it is reached (place,).
+    """
+    walls, nodes = len(states.tip_m), tables.curves.shape[1] // 4
+    rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
+    curves = np.empty((walls, tables.curves.shape[1]))
+    motions = np.empty((walls, 2, 2 * nodes, 3))
+    lateral, down = np.empty(2 * nodes), np.empty(2 * nodes)
+    slope_at, reached_at = np.empty(len(at_m)), np.empty(len(at_m), dtype=np.bool_)
+    c, s = np.cos(states.rotation_rad), np.sin(states.rotation_rad)
+    for wall in range(walls):
+        state_weights(tables, states.thickness_m[wall], states.iop_ratio[wall], states.tip_m[wall], rows, weights)
+        if states.curves_of[wall] == wall:
+            curves_at(tables.curves, rows, weights, curves[wall])
+        if states.motion_of[wall] == wall:
+            _motion(tables, rings, states, wall, motions[wall])
+        pushed = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * value_at(tables.forces, rows, weights)
+        pushed /= states.thickness_m[wall]
+        for boundary in range(2):
+            _cut(
+                curves[states.curves_of[wall]].reshape(2, nodes, 2)[boundary],
+                motions[states.motion_of[wall], boundary],
+                states.pole[wall] * pushed,
+                states.size[wall],
+                states.gap_m[wall],
+                lateral,
+                down,
+            )
+            for node in range(2 * nodes):
+                across, deep = lateral[node], down[node]
+                lateral[node] = c * across - s * deep + states.lateral_m
+                down[node] = s * across + c * deep + states.depth_m
+            length = _without_folds(lateral, down)
+            part = slice(0, outer) if boundary == 0 else slice(outer, len(at_m))
+            _depths_along(
+                lateral[:length], down[:length], at_m[part], smoothing_m if boundary == 0 else 0.0,
+                depth_m[wall, part], slope_at[part], reached_at[part],
+            )  # fmt: skip
+        if wall == 0:
+            slope[:], reached[:] = slope_at, reached_at
+
+
+@compiled
+def _motion(tables: SplineTables, rings: Rings, states: States, wall: int, motion: Floats) -> None:
+    """Write how the pressure moves the rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
+    nodes, places = len(tables.angles), rings.places.shape[1]
+    meridian, at_places = np.empty((2, nodes, 2)), np.empty((places, 3))
+    undented_at(tables, states.thickness_m[wall], states.iop_ratio[wall], meridian.reshape(4 * nodes))
+    along, across = states.pole[wall]
+    upright = np.sqrt(max(1.0 - along**2 - across**2, 0.0))
+    for boundary in range(2):
+        radius_m = tables.radius_m - boundary * states.thickness_m[wall]
+        for node in range(nodes):
+            meridian[boundary, node, 0] -= radius_m * np.sin(tables.angles[node])
+            up = tables.radius_m - meridian[boundary, node, 1]
+            meridian[boundary, node, 1] = up - radius_m * np.cos(tables.angles[node])
+        at_places[:] = 0.0
+        for place in range(places):
+            at = rings.places[boundary, place]
+            _add_motion(meridian[boundary], tables.angles, (along, across, upright), 1.0, at, at_places[place])
+            _add_motion(meridian[boundary], tables.angles, (0.0, 0.0, 1.0), -1.0, at, at_places[place])
+        for ring in range(motion.shape[1]):
+            left, share = rings.left[boundary, ring], rings.share[boundary, ring]
+            for part in range(3):
+                low, high = at_places[left, part], at_places[left + 1, part]
+                motion[boundary, ring, part] = low + share * (high - low)
+            motion[boundary, ring, 2] *= -1.0
+
+
+@compiled
+def _add_motion(
+    meridian: Floats, angles: Floats, axis: tuple[float, float, float], sign: float, at: Floats, total: Floats
+) -> None:
+    """Add the motion of a place of a wall about an axis, of whose meridian it is known (node, [away, up])."""
+    along = at[0] * axis[0] + at[1] * axis[1] + at[2] * axis[2]
+    x, y, z = at[0] - along * axis[0], at[1] - along * axis[1], at[2] - along * axis[2]
+    norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
+    angle = min(max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1])
+    # Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
+    node, after = 0, len(angles) - 1
+    while after - node > 1:
+        middle = (node + after) // 2
+        if angles[middle] < angle:
+            node = middle
+        else:
+            after = middle
+    share = (angle - angles[node]) / (angles[node + 1] - angles[node])
+    outwards = sign * (meridian[node, 0] + share * (meridian[node + 1, 0] - meridian[node, 0])) / norm
+    up = sign * (meridian[node, 1] + share * (meridian[node + 1, 1] - meridian[node, 1]))
+    total[0] += outwards * x + up * axis[0]
+    total[1] += outwards * y + up * axis[1]
+    total[2] += outwards * z + up * axis[2]
+
+
+@compiled
+def _cut(
+    curve: Floats, moved: Floats, pushed: Floats, size: float, gap_m: float, lateral: Floats, down: Floats
+) -> None:
+    """Write what the plane meets of a boundary (node, 2), left side first (2 node,) (`prediction.cut_by_plane`)."""
+    nodes = len(curve)
+    squares = np.empty(nodes)
+    for side in range(2):
+        ring = side * nodes
+        first = nodes
+        for node in range(nodes):
+            gap = gap_m - size * (moved[ring + node, 1] + pushed[1])
+            squares[node] = (size * curve[node, 0]) ** 2 - gap**2
+            if squares[node] > 0.0 and first == nodes:
+                first = node
+        beyond, first = first, first % nodes
+        before = max(first - 1, 0)
+        share = 1.0
+        if first > 0:
+            share = min(max(-squares[before] / max(squares[first] - squares[before], 1e-30), 0.0), 1.0)
+        middle = size * curve[before, 1]
+        middle += share * (size * curve[first, 1] - middle)
+        for node in range(nodes):
+            near = ring + max(node, first)
+            across = np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
+            deep = size * curve[node, 1] if node >= beyond else middle
+            place = nodes + node if side else nodes - 1 - node
+            lateral[place] = (across if side else -across) + size * (moved[near, 0] + pushed[0])
+            down[place] = deep + size * moved[near, 2]
+
+
+@compiled
+def _without_folds(lateral: Floats, down: Floats) -> int:
+    """Move what lies ahead of all before to the front; return how much that is."""
+    length = 1
+    for node in range(1, len(lateral)):
+        if lateral[node] > lateral[length - 1]:
+            lateral[length], down[length] = lateral[node], down[node]
+            length += 1
+    return length
+
+
+@compiled
+def _depths_along(
+    lateral: Floats,
+    down: Floats,
+    at_m: Floats,
+    smoothing_m: float,
+    depth_m: Floats,
+    slope: Floats,
+    reached: NDArray[np.bool_],
+) -> None:
+    """Write depth, slope and whether it is reached, of a polyline under a Gaussian (`placement.curve_depths`)."""
+    if len(lateral) == 1:
+        depth_m[:], slope[:], reached[:] = down[0], 0.0, False
+        return
+    depth_m[:], slope[:] = 0.0, 0.0
+    for place in range(len(at_m)):
+        reached[place] = lateral[0] <= at_m[place] <= lateral[-1]
+    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
+        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
+        segment = 0
+        for place in range(len(at_m)):
+            at = at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
+            while segment < len(lateral) - 2 and lateral[segment + 1] < at:
+                segment += 1
+            steep = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment])
+            depth_m[place] += weight * (down[segment] + steep * (at - lateral[segment]))
+            slope[place] += weight * steep
+
+
+ALONG, ACROSS = POLE.start, POLE.start + 1
+LEFT, RIGHT, WEDGE = FORM.start, FORM.start + 3, FORM.start + 6
+CURVES_OF, MOTION_OF = SAME_CURVES_AND_MOTION.astype(np.intp)
+
+
+class Law(NamedTuple):
+    """The law of a globe that may be sealed: the rates of its mean rigidity and of its standard deviation.
+
+    `least_sd` is relative, of the pressure that the law gives.
+    """
+
+    is_logarithmic: bool
+    mean_rate: float
+    spread_rate: float
+    least_sd: float
+
+
+@compiled
+def off_the_laws(tables: SplineTables, law: Law, unknown_su: Floats, off: Floats, sd: Floats) -> None:
+    """Write how far level(P) is off its mean, and its standard deviation (sample,) (`globe_term`)."""
+    rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
+    for sample in range(len(off)):
+        unknown = unknown_su[sample]
+        thickness, ratio, tip = _library_place(tables, unknown, PRESSURE)
+        state_weights(tables, thickness, ratio, tip, rows, weights)
+        volume = np.exp(3.0 * unknown[SIZE]) * value_at(tables.volumes, rows, weights)
+        pressure, resting = np.exp(unknown[PRESSURE]), np.exp(unknown[IOP])
+        risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
+        slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure
+        off[sample] = risen - law.mean_rate * volume
+        sd[sample] = np.hypot(law.spread_rate * volume, law.least_sd * slope)
+
+
+@compiled
+def predict(
+    tables: SplineTables,
+    rings: Rings,
+    unknown: Floats,
+    pressure: int,
+    at_m: Floats,
+    outer: int,
+    smoothing_m: float,
+    depth_m: Floats,
+    slope: Floats,
+    jacobian: Floats,
+    seen: NDArray[np.bool_],
+) -> None:
+    """Write what a frame shows at places (`placement.Placed`); `pressure`: which unknown is that under the needle."""
+    moving = np.array([TIP, GAP, THICKNESS, pressure, ALONG, ACROSS])
+    moved = np.empty(len(moving))
+    varied = np.empty((len(moving) + 1, len(unknown)))
+    varied[:] = unknown
+    for number in range(len(moving)):
+        place = moving[number]
+        varied[number + 1, place] += _step(tables, unknown, place, pressure)
+        moved[number] = varied[number + 1, place] - unknown[place]
+    depths = np.empty((len(varied), len(at_m)))
+    depths_of_walls(tables, rings, _states(tables, varied, pressure), at_m, outer, smoothing_m, depths, slope, seen)
+    jacobian[:] = 0.0
+    for place in range(len(at_m)):
+        is_inner = 0.0 if place < outer else 1.0
+        across, deep = at_m[place] - unknown[LATERAL], depths[0, place]
+        formed, form_slope = _form(unknown, across, is_inner, jacobian[place])
+        row, steep = jacobian[place], slope[place]
+        by_size = deep - unknown[DEPTH] - steep * across
+        for number in range(len(moving)):
+            row[moving[number]] = (depths[number + 1, place] - deep) / moved[number]
+        for number in (TIP, GAP, THICKNESS):
+            by_size -= unknown[number] * row[number]
+        row[MODULUS], row[SIZE], row[INNER_OFFSET] = -row[pressure], by_size, is_inner
+        row[LATERAL], row[DEPTH] = -steep - form_slope, 1.0
+        row[ROTATION] = across + steep * (deep - unknown[DEPTH])
+        slope[place] = steep + form_slope
+        shine = (1.0 - is_inner) * np.exp(-((slope[place] / SHINING_SLOPE) ** 2))
+        row[SHINE] = -shine
+        if not seen[place]:
+            row[:] = 0.0
+        depth_m[place] = deep + unknown[INNER_OFFSET] * is_inner + formed - unknown[SHINE] * shine
+
+
+@compiled
+def _library_place(tables: SplineTables, unknown: Floats, pressure: int) -> tuple[float, float, float]:
+    """Return thickness, pressure over E and tip in the library's own size (`prediction`)."""
+    size = np.exp(unknown[SIZE])
+    low, high = tables.thickness_ends_m
+    thickness = min(max(unknown[THICKNESS] / size, low), high)
+    per_tension = thickness / tables.radius_m
+    least, most = tables.tension_ends[0] * per_tension, tables.tension_ends[1] * per_tension
+    ratio = min(max(np.exp(unknown[pressure] - unknown[MODULUS]), least), most)
+    return thickness, ratio, min(max(unknown[TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
+
+
+@compiled
+def _states(tables: SplineTables, varied: Floats, pressure: int) -> States:
+    """Return walls as `depths_of_walls` takes them, all at the first one's pose."""
+    walls = len(varied)
+    thickness, ratio, tip, size = np.empty(walls), np.empty(walls), np.empty(walls), np.empty(walls)
+    for wall in range(walls):
+        thickness[wall], ratio[wall], tip[wall] = _library_place(tables, varied[wall], pressure)
+        size[wall] = np.exp(varied[wall, SIZE])
+    return States(
+        thickness, ratio, tip, size, varied[:, GAP].copy(), varied[:, ALONG : ACROSS + 1].copy(), CURVES_OF, MOTION_OF,
+        varied[0, LATERAL], varied[0, DEPTH], varied[0, ROTATION],
+    )  # fmt: skip
+
+
+@compiled
+def _step(tables: SplineTables, unknown: Floats, place: int, pressure: int) -> float:
+    """Return the step of an unknown; one that would leave the library goes the other way (`prediction`)."""
+    size = np.exp(unknown[SIZE])
+    if place == TIP:
+        return -TIP_STEP_M if unknown[TIP] / size + TIP_STEP_M > tables.tip_m[-1] else TIP_STEP_M
+    if place == GAP:
+        return GAP_STEP_M
+    thickness = unknown[THICKNESS] / size
+    if place == THICKNESS:
+        return -THICKNESS_STEP_M if thickness + THICKNESS_STEP_M > tables.thickness_ends_m[1] else THICKNESS_STEP_M
+    if place == pressure:
+        highest = tables.tension_ends[1] * (thickness / tables.radius_m)
+        beyond = np.exp(unknown[pressure] - unknown[MODULUS] + LOG_PRESSURE_STEP) > highest
+        return -LOG_PRESSURE_STEP if beyond else LOG_PRESSURE_STEP
+    return -POLE_STEP if unknown[place] > 0.0 else POLE_STEP
+
+
+@compiled
+def _form(unknown: Floats, from_contact_m: float, is_inner: float, row: Floats) -> tuple[float, float]:
+    """Return what a form adds to depth and slope, and write how the depth turns with it (`unknowns`)."""
+    depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
+    row[WEDGE] = from_contact_m * is_inner
+    for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
+        angle, curvature = unknown[first + 1], unknown[first + 2]
+        beyond = side * from_contact_m - unknown[first]
+        root = np.sqrt(beyond**2 + SOFT_M**2)
+        ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
+        by_beyond = (angle + curvature * ramp) * rise
+        depth += (angle + 0.5 * curvature * ramp) * ramp
+        slope += side * by_beyond
+        row[first], row[first + 1], row[first + 2] = -by_beyond, ramp, 0.5 * ramp**2
+    return depth, slope

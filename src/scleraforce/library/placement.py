@@ -1,0 +1,225 @@
+"""A section laid on a frame, and robust least squares on the depths that the frame then shows.
+
+The fit is a damped Gauss-Newton method on Cauchy's loss. The loss of a column that lies r standard deviations off is
+c² ln(1 + (r/c)²): it grows like r² near 0 and hardly at all far away, so a stretch that follows something else than the
+wall does not pull the wall along (Huber and Ronchetti, Robust Statistics, 2009, sec. 7.8). The damping is Marquardt's
+(1963), relative to the diagonal of the normal matrix.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where a frame is looked at, (place,): lateral m, and the boundary (0 outer, 1 inner).
+
+    The outer boundary's places come first. `smoothing_m`: over which the outer boundary was smoothed (a Gaussian's
+    standard deviation).
+    """
+
+    lateral_m: Array
+    boundary: NDArray[np.intp]
+    smoothing_m: float = 0.0
+
+    @property
+    def outer(self) -> int:
+        """How many lie on the outer boundary."""
+        return int(np.searchsorted(self.boundary, 1))
+
+    @property
+    def is_inner(self) -> Array:
+        """1 on the inner boundary, 0 on the outer, (place,)."""
+        inner: Array = (self.boundary == 1).astype(np.float64)
+        return inner
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """What a frame shows at places: depth in m and slope (place,), derivatives (place, unknown), whether reached.
+
+    The unknowns are those of whoever predicts.
+    """
+
+    depth_m: Array
+    slope: Array
+    jacobian: Array
+    seen: NDArray[np.bool_]
+
+
+def place_curves(curves: Array, lateral_m: float, depth_m: float, rotation_rad: float) -> Array:
+    """Return curves (..., sample, 2) in the frame: turned about the section's origin, then shifted."""
+    c, s = np.cos(rotation_rad), np.sin(rotation_rad)
+    placed: Array = curves @ np.array([[c, s], [-s, c]]) + np.array([lateral_m, depth_m])
+    return placed
+
+
+def pose_derivatives(places: Places, depth_m: Array, slope: Array, pose: tuple[float, float]) -> tuple[Array, ...]:
+    """Return how the depths change with lateral shift, depth and rotation of the pose, (place,) each.
+
+    Args:
+        places: where the frame is looked at.
+        depth_m: of the placed curves (place,).
+        slope: of the placed curves (place,).
+        pose: lateral place and depth of the section's origin, m.
+    """
+    across, down = places.lateral_m - pose[0], depth_m - pose[1]
+    return -slope, np.ones_like(depth_m), across + slope * down
+
+
+def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return depth, slope and whether it is reached, each (place,), of placed curves (boundary, sample, 2).
+
+    Of a wall that folds back under itself, the part that comes first along the curve counts: light sees that.
+    """
+    outer, inner = places.lateral_m[: places.outer], places.lateral_m[places.outer :]
+    parts = (_smoothed(curves_bsc[0], outer, places.smoothing_m), _depths_along(curves_bsc[1], inner))
+    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
+    return depth, slope, seen
+
+
+def _smoothed(curve_sc: Array, at: Array, sd_m: float) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the same of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
+    if not sd_m:
+        return _depths_along(curve_sc, at)
+    apart = sqrt(3.0) * sd_m
+    found = _depths_along(curve_sc, (at + np.array([[-apart], [0.0], [apart]])).ravel())
+    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
+    return depth, slope, found[2].reshape(3, -1)[1]
+
+
+def _depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Interpolate a polyline, without what folds back; of one that only does nothing is seen."""
+    lateral, down = curve_sc.T
+    if (lateral[1:] <= lateral[:-1]).any():
+        ahead = np.concatenate([[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]])
+        lateral, down = lateral[ahead], down[ahead]
+        if len(lateral) == 1:
+            return np.full(at.shape, down[0]), np.zeros(at.shape), np.zeros(at.shape, dtype=np.bool_)
+    segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
+    left, top = lateral[segment], down[segment]
+    slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
+    return top + slope * (at - left), slope, (at >= lateral[0]) & (at <= lateral[-1])
+
+
+CAUCHY = 2.5  # standard deviations at which a column's weight is halved
+UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
+FIRST_DAMPING = 1e-3
+NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its size
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a frame shows: its places, their depth and the standard deviation along the normal, (place,) in m.
+
+    `as_one` neighbouring places share one error.
+    """
+
+    places: Places
+    depth_m: Array
+    sd_m: Array
+    as_one: float = 1.0
+
+    def residual(self, placed: Placed) -> Array:
+        """Return how far the columns lie off along the normal, in standard deviations (place,)."""
+        residual: Array = (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
+        return residual
+
+    def loss(self, placed: Placed) -> float:
+        """Return Cauchy's loss of all columns."""
+        size = self.residual(placed)[placed.seen]
+        lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~placed.seen)
+        return float(CAUCHY**2 * lost / self.as_one)
+
+    def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,).
+
+        Args:
+            placed: the prediction.
+            scale: by which the standard deviations are larger than stated.
+        """
+        jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
+        residual = self.residual(placed)
+        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.as_one * scale**2)
+        weighted = jacobian * weight[:, None]
+        return jacobian.T @ weighted, weighted.T @ residual
+
+    def _depth_sd_m(self, placed: Placed) -> Array:
+        """Return the standard deviation of the depths (place,): that along the normal, seen down a column."""
+        sd: Array = self.sd_m * np.sqrt(1 + placed.slope**2)
+        return sd
+
+
+class Problem(Protocol):
+    """What is fitted to a frame: unknowns (unknown,), each held by what is known of it before."""
+
+    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+        """Return the prediction and its cost."""
+        ...
+
+    def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
+        """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with what is known before."""
+        ...
+
+    def inside(self, unknown: Array) -> Array:
+        """Return the nearest unknowns that can be predicted for."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopping:
+    """When a fit ends: after so many steps, or when a step is shorter than `converged_sd` standard deviations.
+
+    Or when a step that is hardly damped lowers the cost by less than `settled_cost`. `retry_damping` is the least
+    damping after a step that made things worse.
+    """
+
+    iterations: int
+    converged_sd: float
+    settled_cost: float = 0.0
+    retry_damping: float = 0.0
+
+
+def gauss_newton(
+    problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
+) -> tuple[Array, Placed, float]:
+    """Return the unknowns, what they predict and their cost, from where a step would change nothing.
+
+    Args:
+        problem: what is fitted.
+        start: unknowns to begin from (unknown,).
+        stopping: when to end.
+        step_of: returns the step for the damped normal matrix and the gradient; None: their solution.
+    """
+    unknown, damping = start, FIRST_DAMPING
+    placed, cost = problem.evaluate(unknown)
+    for _ in range(stopping.iterations):
+        normal, gradient = problem.normal_equations(unknown, placed)
+        damped = normal + damping * np.diag(np.diag(normal))
+        step = np.linalg.solve(damped, gradient) if step_of is None else step_of(damped, gradient)
+        trial = problem.inside(unknown + step)
+        step = trial - unknown
+        if float(step @ normal @ step) < stopping.converged_sd**2:
+            break
+        trial_placed, trial_cost = problem.evaluate(trial)
+        if trial_cost >= cost:
+            damping = max(10 * damping, stopping.retry_damping)
+            continue
+        hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
+        settled = hardly_damped and cost - trial_cost < stopping.settled_cost
+        unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
+        if settled:
+            break
+    return unknown, placed, cost
+
+
+def robust_spread(size: Array) -> float:
+    """Return the standard deviation of residuals from the median of their size, which outliers do not move."""
+    return NORMAL_MEDIAN * float(np.median(size))

@@ -1,0 +1,250 @@
+"""What the nearness of the eye's base moves a section by, at the nodes of the library's walls (`library.base`).
+
+The motion is smooth: it is found at a few places of the section and interpolated to where the plane meets the rings.
+Those places are of a gap and a thickness that are about right; how the motion turns with these is below 1 um.
+
+What a frame shows of a library's wall at given columns, and how that turns with everything that is unknown.
+The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
+gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
+is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
+its square, and volumes, by its cube.
+
+What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
+sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`library.prediction`).
+
+The eye's base lies nearer on one side of the needle. What pressure and force move because of that is known where it is
+known where the pole lies (`library.base`); else the pole's place is an unknown.
+
+What an eye that is no even sphere adds comes on top (`library.unknowns`): its form at rest, not how that bends.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.known import OPEN, KnownGlobe
+from scleraforce.library.base import base_push, section_places
+from scleraforce.library.fit_loops import Rings, predict
+from scleraforce.library.placement import Placed, Places, place_curves
+from scleraforce.library.responses import Library
+from scleraforce.library.unknowns import (
+    DEPTH,
+    FORM,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    POLE,
+    PRESSURE,
+    ROTATION,
+    SHINING_SLOPE,
+    SIZE,
+    THICKNESS,
+    TIP,
+    form_depths,
+)
+
+Array = NDArray[np.float64]
+
+STATION_RAD = 0.04  # between the places
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Places of a section and where the library's rings lie among them.
+
+    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary, left nodes and
+    right ones), from the axis outwards on either side, lies between the place `left_bw` and the next one, by `share_bw`
+    of the way.
+    """
+
+    library: Library
+    places_bpc: Array
+    left_bw: NDArray[np.intp]
+    share_bw: Array
+
+    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+        """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
+
+        Args:
+            place: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+            pole_s2: where the eye's pole lies (`base.pole_direction`).
+        """
+        thickness, ratio, _ = place
+        bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
+        pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
+        bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
+        is_inner = np.array([[0], [1]])
+        low, high = bulge[:, is_inner, self.left_bw], bulge[:, is_inner, self.left_bw + 1]
+        at_rings: Array = low + self.share_bw[..., None] * (high - low)
+        return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
+
+
+def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stations:
+    """Return the stations of sections about so far from the needle axis, of walls about so thick."""
+    reach = np.sin(library.node_angles())
+    count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
+    stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
+    across = gap_m / (library.radius_m - np.array([[0.0], [thickness_m]]))
+    rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
+    wanted = np.concatenate([-rings, rings], axis=1)
+    left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
+    share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
+    return Stations(library, section_places(stations, across), left, share)
+
+
+HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """The walls that a fit looks among: those of a library, in globes of which so much is known.
+
+    `gap_m` and `thickness_m` are about those of the walls.
+    """
+
+    library: Library
+    globe: KnownGlobe = OPEN
+    _: KW_ONLY
+    gap_m: float = 0.6e-3
+    thickness_m: float = 0.6e-3
+
+    @cached_property
+    def stations(self) -> Stations:
+        """Where what the base's nearness moves is found."""
+        return section_stations(self.library, self.gap_m, self.thickness_m)
+
+    @property
+    def pressure(self) -> int:
+        """Which unknown is the pressure under the needle: the IOP where the globe is open."""
+        return PRESSURE if self.globe.can_be_sealed else IOP
+
+
+def force_n(walls: Walls, unknown_su: Array) -> Array:
+    """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
+    size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
+    forces: Array = modulus * size**2 * walls.library.forces(*_library_place(walls, unknown_su))
+    return forces
+
+
+def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
+    """Return the volume that the dent displaces for each set of unknowns, (sample,)."""
+    volumes: Array = np.exp(3.0 * unknown_su[:, SIZE]) * walls.library.displaced_m3(*_library_place(walls, unknown_su))
+    return volumes
+
+
+def place_walls(walls: Walls, unknown_su: Array) -> Array:
+    """Return the two boundaries of walls in the frame (sample, boundary, point, 2): lateral from its middle, depth, m.
+
+    All lie at the first sample's pose, and none has a form of its own.
+    """
+    size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
+    place = _library_place(walls, unknown_su)
+    curves_sbnc = walls.library.shapes(*place).astype(np.float64) * size[:, None, None, None]
+    moved = None
+    if unknown_su[:, POLE].any():
+        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
+    return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
+
+
+def formed_wall(walls: Walls, unknown: Array) -> Array:
+    """Return the two boundaries of a wall in the frame (boundary, point, 2), with its form at rest."""
+    placed: Array = place_walls(walls, unknown[None])[0]
+    for is_inner, curve in enumerate(placed):
+        is_boundary = np.full(len(curve), float(is_inner))
+        curve[:, 1] += form_depths(unknown[FORM], curve[:, 0] - unknown[LATERAL], is_boundary)[0]
+    return placed
+
+
+def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
+    """Predict what a frame shows at places, with its derivatives.
+
+    Args:
+        walls: that may be seen.
+        unknown: (unknown,), in the order of `NAMES`.
+        places: where the frame was looked at.
+    """
+    count = len(places.lateral_m)
+    placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
+    stations = walls.stations
+    rings = Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
+    looked_at = places.lateral_m, places.outer, places.smoothing_m
+    predict(walls.library.tables, rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
+    return placed
+
+
+def shining(slope: Array) -> Array:
+    """Return how far the mirror reflection moves the edge of a surface of some slope, over where it faces the light.
+
+    >>> shining(np.array([0.0, SHINING_SLOPE])).round(3)
+    array([1.   , 0.368])
+    """
+    share: Array = np.exp(-((slope / SHINING_SLOPE) ** 2))
+    return share
+
+
+def _log_ratio(walls: Walls, unknown_su: Array) -> Array:
+    """Return the logarithm of the pressure under the needle over E (sample,)."""
+    ratio: Array = unknown_su[:, walls.pressure] - unknown_su[:, MODULUS]
+    return ratio
+
+
+def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
+    """Return thickness, pressure over E and tip of samples in the library's own size, kept within what it holds."""
+    library, size = walls.library, np.exp(unknown_su[:, SIZE])
+    thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    return (
+        thickness,
+        np.clip(np.exp(_log_ratio(walls, unknown_su)), *library.iop_ratio_ends(thickness)),
+        np.clip(unknown_su[:, TIP] / size, library.tip_m[0], library.tip_m[-1]),
+    )
+
+
+def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
+    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis.
+
+    Args:
+        curves_sbnc: distance from the axis and depth (sample, boundary, node, 2), nodes from the axis outwards.
+        gap_s: distance of the plane from the axis, m.
+        moved_sbwnc: how far what the plane meets has moved, (sample, boundary, [left, right], node, 3): along the
+            section, across it and down, m.
+
+    Returns:
+        Lateral place and depth (sample, boundary, 2 node, 2); nodes nearer to the axis than the plane lie in the
+        middle, at the depth that the plane's nearest point has.
+    """
+    gap = gap_s[:, None, None]
+    if moved_sbwnc is None:
+        right, down, _ = _cut_side(curves_sbnc, gap)
+        left, left_down = -right, down
+    else:
+        left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
+        right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
+    lateral = np.concatenate([left[..., ::-1], right], axis=2)
+    return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
+
+
+def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) -> tuple[Array, Array]:
+    """Return one side's lateral places and depths (sample, boundary, node)."""
+    lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
+    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
+    along, deeper = (np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2))
+    return sign * lateral + along, down + deeper
+
+
+def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
+    distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
+    square = distance**2 - gap**2
+    beyond = np.maximum.accumulate(square > 0.0, axis=2)
+    first = np.argmax(beyond, axis=2, keepdims=True)
+    before = np.maximum(first - 1, 0)
+    near, far = (np.take_along_axis(square, at, axis=2) for at in (before, first))
+    share = np.where(first > 0, -near / np.maximum(far - near, 1e-30), 1.0)
+    top, below = (np.take_along_axis(depth, at, axis=2) for at in (before, first))
+    middle = top + np.clip(share, 0.0, 1.0) * (below - top)
+    lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
+    return lateral, np.where(beyond, depth, middle), first

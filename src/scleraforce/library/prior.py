@@ -1,0 +1,138 @@
+"""What is known before a frame is fitted: of the eye, of the pose, and of forms that eyes have."""
+
+from dataclasses import dataclass
+from math import log, radians, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
+from scleraforce.library.base import pole_direction
+from scleraforce.library.plan import LARGEST_POLAR_DEG
+from scleraforce.library.unknowns import (
+    DEPTH,
+    FORM,
+    GAP,
+    INNER_OFFSET,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    POLE,
+    PRESSURE,
+    ROTATION,
+    SHINE,
+    SIZE,
+    THICKNESS,
+    TIP,
+)
+from scleraforce.study import ReaderStudy
+
+Array = NDArray[np.float64]
+
+FREE_SD = {TIP: 10e-3, LATERAL: 1e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
+# Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
+# of 60 drawn eyes, with the noise of what is fitted to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
+SHINE_MEAN_M, SHINE_SD_M = 3e-6, 2.3e-6
+KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
+PRESSURE_SD = 3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
+# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
+FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
+# Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
+FORM_MEAN = np.array([3.5e-3, 0.0, 0.0, 3.5e-3, 0.0, 0.0, 0.0])
+FORM_SD = np.array([1.2e-3, 5e-3, 2.0, 1.2e-3, 5e-3, 2.0, 3e-3])
+TYPICAL_POLAR_RAD = radians(35.0)  # of a contact whose place is not stated
+FARTHEST_RAD = radians(LARGEST_POLAR_DEG)
+POLE_SD = 0.03  # of where the pole lies, where polar angle and direction are stated
+UNSURE_POLE_SD = 0.15  # where the direction alone is
+# Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres, some are far from it; and now
+# and then another layer is taken for the inner boundary.
+HEAVY = np.array([INNER_OFFSET, *(FORM.start + np.array([1, 2, 4, 5, 6]))])
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known before a frame, in the order of NAMES.
+
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
+    what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
+    a standard normal number. `globe` is what is known of it; `calibrated` (2, 2) the inverse covariance of that number
+    and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of the
+    eye's forces.
+    """
+
+    mean: Array
+    sd: Array
+    precision: Array
+    same_force: Array
+    globe: KnownGlobe
+    calibrated: Array
+    discrepancy: ForceDiscrepancy
+
+
+def prior_of(known: Known, trained: ReaderStudy) -> Prior:
+    """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
+
+    Args:
+        known: of the eye.
+        trained: the study's ranges.
+    """
+    mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+    for place, value in FREE_SD.items():
+        sd[place] = value
+    mean[SHINE], sd[SHINE] = SHINE_MEAN_M, SHINE_SD_M
+    mean[FORM], sd[FORM] = FORM_MEAN, FORM_SD
+    mean[POLE], sd[POLE] = _pole(known)
+    mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
+    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
+    iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
+    mean[IOP], sd[IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[IOP])
+    modulus = None if known.modulus is None else log(known.modulus.mean_pa)
+    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
+    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
+    mean[PRESSURE], sd[PRESSURE] = mean[IOP], PRESSURE_SD
+    own = known.has_own_modulus
+    same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
+    precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
+    globe = UNKNOWN if known.globe is None else known.globe
+    correlation = globe.correlation if own else 0.0
+    calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
+    return Prior(mean, sd, precision, same_force, globe, calibrated, known.discrepancy or NO_DISCREPANCY)
+
+
+def _pole(known: Known) -> tuple[tuple[float, float], float]:
+    """Return where the pole lies, and its standard deviation: anywhere around where the direction is not stated."""
+    polar_rad = TYPICAL_POLAR_RAD if known.polar_rad is None else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
+    if known.direction_rad is None:
+        return (0.0, 0.0), max(sin(polar_rad) / sqrt(2.0), POLE_SD)
+    return pole_direction(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+
+
+def _same_force(mean: Array, sd: Array) -> Array:
+    """Return the combination of unknowns that an eye's own modulus is sure of.
+
+    It was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so is the modulus, and
+    the force that belongs to a dent is right all the same: it is that force which is known.
+    """
+    along = np.zeros(len(NAMES))
+    along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
+    return np.asarray(along / sd[MODULUS])
+
+
+def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
+    """Return mean and standard deviation of what is stated, else of the range that it lies in."""
+    low, high = bounds
+    return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
+
+
+def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
+    return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
+
+
+def form_size(unknown: Array) -> float:
+    """Return how far a wall (unknown,) is from an even sphere: the largest of its form, over the spread that is known.
+
+    >>> form_size(np.zeros(len(NAMES)))
+    0.0
+    """
+    return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - FORM.start]).max())

@@ -1,0 +1,342 @@
+"""Finite strain of a wall of revolution about the needle axis: load paths at a hundredth of the cost of a 3-D wall.
+
+The eye is the sphere seen from the needle: the contact is its pole, and the support, a plane through the centre of the
+3-D eye, becomes a circle at an angle from the needle axis. Everything is at E = 1 Pa: forces are F/E in m^2, the eye
+pressure is p/E. Gravity is neglected. Nodal forces are for the full circle; unknown 2 n + c is node n, component c
+(from the axis, along it).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
+
+from scleraforce.errors import SolverError
+from scleraforce.mechanics.continuation import PathStates, pressurise, trace
+from scleraforce.mechanics.elements import gauss_points
+from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, line_shapes, meridian_mesh
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
+SPREAD_POINTS = 6
+
+
+def needle_load(mesh: MeridianMesh) -> Floats:
+    """Return nodal forces of 1 N, uniform over the needle's disc seen along the axis, inward: (all unknowns,).
+
+    The disc is that of the first element.
+    """
+    nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n)
+    nodes_en = nodes_en[:1]
+    distance_en = mesh.points_nc[nodes_en, 0]
+    rim_m = distance_en[-1, -1]
+    weight_ep = 2.0 * (distance_en @ values_pn.T) * (distance_en @ slopes_pn.T) * weights_p / rim_m**2
+    return _inward(mesh, nodes_en, weight_ep @ values_pn)
+
+
+def spread_load(mesh: MeridianMesh, spread: Callable[[Floats], Floats]) -> Floats:
+    """Return nodal forces of 1 N, spread over the outer surface by the distance from the contact: (all unknowns,)."""
+    nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n, SPREAD_POINTS)
+    points_enc = mesh.points_nc[nodes_en]
+    positions_epc = np.einsum("pn,enc->epc", values_pn, points_enc)
+    length_ep = np.linalg.norm(np.einsum("pn,enc->epc", slopes_pn, points_enc), axis=-1)
+    weight_ep = positions_epc[..., 0] * length_ep * weights_p
+    weight_ep *= spread(np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1))
+    return _inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)
+
+
+def _inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
+    flat = 2 * nodes_en + 1
+    along = np.bincount(flat.ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
+    return np.asarray(-along, dtype=np.float64)
+
+
+class Interior:
+    """The space inside the inner boundary: V = pi times the integral of r^2 dz from the support to the axis.
+
+    Pressure does work on V, so that dV is its load and the second derivative its part of the tangent, symmetric. The
+    support holds z; what lies beyond it does not move.
+    """
+
+    def __init__(self, mesh: MeridianMesh) -> None:
+        """Prepare everything that does not depend on the displacement."""
+        self._points_nc = mesh.points_nc
+        self._nodes_en, self._values_pn, slopes_pn, self._weights_p = _boundary(mesh.inner_n)
+        self._slopes_pn = -slopes_pn  # from the support to the axis
+        self._unknowns = np.concatenate([2 * self._nodes_en.ravel(), 2 * self._nodes_en.ravel() + 1])
+        # The inner nodes of an element of the innermost layer are its last three.
+        layers = len(mesh.cells_en) // len(self._nodes_en)
+        self._elements = np.arange(layers - 1, len(mesh.cells_en), layers)
+        rows = self._weights_p[:, None] * self._values_pn
+        self._mass_pab = (rows[:, :, None] * self._values_pn[:, None, :]).reshape(-1, 9)
+        self._mixed_pab = (rows[:, :, None] * self._slopes_pn[:, None, :]).reshape(-1, 9)
+
+    def volume(self, everywhere: Floats) -> tuple[float, Floats]:
+        """Return V in m^3 and its derivative, (all unknowns,)."""
+        r_ep, slope_ep = self._curve(everywhere)
+        along = (2.0 * np.pi * r_ep * slope_ep * self._weights_p) @ self._values_pn
+        up = (np.pi * r_ep**2 * self._weights_p) @ self._slopes_pn
+        forces = np.concatenate([along.ravel(), up.ravel()])
+        gradient: Floats = np.bincount(self._unknowns, forces, minlength=len(everywhere)).astype(np.float64, copy=False)
+        return float(np.pi * np.sum(r_ep**2 * slope_ep * self._weights_p)), gradient
+
+    def subtract_curvature(self, tangents: Floats, everywhere: Floats, pressure: float) -> None:
+        """Subtract p times the second derivative of V from the element tangents (element, 18, 18)."""
+        r_ep, slope_ep = self._curve(everywhere)
+        block = tangents.reshape(len(tangents), 9, 2, 9, 2)
+        part = np.zeros((len(self._elements), 3, 2, 3, 2))
+        mixed = 2.0 * np.pi * (r_ep @ self._mixed_pab).reshape(-1, 3, 3)
+        part[:, :, 0, :, 0] = 2.0 * np.pi * (slope_ep @ self._mass_pab).reshape(-1, 3, 3)
+        part[:, :, 0, :, 1] = mixed
+        part[:, :, 1, :, 0] = mixed.transpose(0, 2, 1)
+        block[self._elements, 6:, :, 6:, :] -= pressure * part
+
+    def _curve(self, everywhere: Floats) -> tuple[Floats, Floats]:
+        """Distance from the axis and slope of the height along the deformed inner boundary, (element, point)."""
+        points_enc = (self._points_nc + everywhere.reshape(-1, 2))[self._nodes_en]
+        return points_enc[..., 0] @ self._values_pn.T, points_enc[..., 1] @ self._slopes_pn.T
+
+
+def _boundary(nodes_n: Integers, points: int = BOUNDARY_POINTS) -> tuple[Integers, Floats, Floats, Floats]:
+    """Nodes (element, 3) of a boundary's elements; shape functions, slopes (point, 3) and weights (point,) on each."""
+    places_pk, weights_p = gauss_points(1, points)
+    nodes_en = np.stack([nodes_n[:-2:2], nodes_n[1::2], nodes_n[2::2]], axis=1)
+    return nodes_en, *line_shapes(places_pk[:, 0]), weights_p
+
+
+LARGEST_STEP_M = 5e-4
+FIRST_STEP_M = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class AxisymmetricPath:
+    """States along a load path of a wall of revolution; the first is under pressure without the needle.
+
+    Attributes:
+        tip_m: inward displacement of the outer surface at the contact from the undented wall at the state's pressure,
+            (state,) in m.
+        force_ratio_m2: F/E, (state,); it may fall where the wall snaps.
+        iop_ratio: p/E, (state,); constant unless the globe is sealed.
+        displaced_m3: volume inside the undented wall at the state's pressure less that inside the state, (state,).
+        curves_sbnc: deformed boundaries, (state, [outer, inner], node, [distance from the needle axis, depth below the
+            undeformed contact]) in m, from the axis to the support; the same nodes for every wall of one size of mesh.
+    """
+
+    tip_m: Floats
+    force_ratio_m2: Floats
+    iop_ratio: Floats
+    displaced_m3: Floats
+    curves_sbnc: Floats
+
+
+def axisymmetric_path(
+    radius_m: float,
+    thickness_m: float,
+    poisson_ratio: float,
+    needle_radius_m: float,
+    iop_ratio: float,
+    *,
+    tips_m: Floats | None = None,
+    max_tip_m: float | None = None,
+    max_force_ratio_m2: float = np.inf,
+    support_rad: float = 0.5 * np.pi,
+    globe: Globe = OPEN_GLOBE,
+    stiffening: float = 0.0,
+    size: MeridianSize | None = None,
+) -> AxisymmetricPath:
+    """Return the load path of a sphere with an even wall under a needle along its normal.
+
+    Args:
+        radius_m: outer radius.
+        thickness_m: of the wall.
+        poisson_ratio: nu.
+        needle_radius_m: outer radius of the needle, whose force is uniform over its disc seen along the axis.
+        iop_ratio: eye pressure over Young's modulus.
+        tips_m: tips at which states are wanted, ascending, (state,) in m; by default every step of the path.
+        max_tip_m: how far to go, by default the last of `tips_m`.
+        max_force_ratio_m2: F/E at which the path may end.
+        support_rad: angle from the needle axis at which the wall is clamped.
+        globe: how the pressure follows the displaced volume, over Young's modulus (`Globe.over`).
+        stiffening: b of `mechanics.material`.
+        size: of the mesh.
+
+    Raises:
+        InputError: sizes that make no eye, or no end of the path.
+        SolverError: no equilibrium was found; the message says what was reached.
+    """
+    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
+    wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
+    path = trace(
+        wall,
+        pressurise(wall, iop_ratio),
+        iop_ratio,
+        tips_m=tips_m,
+        max_tip_m=max_tip_m,
+        max_force=max_force_ratio_m2,
+        first_step_m=FIRST_STEP_M,
+        largest_step_m=LARGEST_STEP_M,
+        globe=globe,
+    )
+    return wall.boundaries(path)
+
+
+class AxisymmetricWall:
+    """A wall of revolution as a problem of `continuation`.
+
+    Attributes:
+        mesh: of the meridian.
+        needle: nodal forces of 1 N along the needle axis, (unknown,).
+        tip: functional of the tip's inward displacement, (unknown,).
+        free: which of all unknowns (2 n + c: node n, component c) are free, ascending.
+    """
+
+    def __init__(
+        self,
+        mesh: MeridianMesh,
+        poisson_ratio: float,
+        *,
+        symmetric: bool = False,
+        follower: bool = True,
+        spread: Callable[[Floats], Floats] | None = None,
+        stiffening: float = 0.0,
+    ) -> None:
+        """Prepare the wall.
+
+        Args:
+            mesh: of the meridian.
+            poisson_ratio: nu.
+            symmetric: the support is a plane of symmetry (at a right angle to the axis) instead of a clamp.
+            follower: pressure stays normal to the deformed wall; otherwise to the undeformed one (a dead load).
+            spread: load per undeformed area at a distance (...) in m from the contact, of any scale, in place of the
+                needle's disc.
+            stiffening: b of `mechanics.material`.
+        """
+        self.mesh = mesh
+        self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
+        self._solid = SolidOfRevolution(mesh, poisson_ratio, stiffening)
+        self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
+        self._inside = Interior(mesh)
+        self._follower = follower
+        self._dead_pressure = self._inside.volume(np.zeros(mesh.points_nc.size))[1]
+        load = needle_load(mesh) if spread is None else spread_load(mesh, spread)
+        self.needle = load[self.free]
+        tip = np.zeros(mesh.points_nc.size)
+        tip[2 * mesh.outer_n[0] + 1] = -1.0
+        self.tip = tip[self.free]
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        """Return internal forces minus those of the pressure, (unknown,)."""
+        everywhere = self._all(u)
+        gradient = self._inside.volume(everywhere)[1] if self._follower else self._dead_pressure
+        balance: Floats = self._solid.forces(everywhere) - pressure * gradient
+        return balance[self.free]
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:
+        """Factor the tangent; see `continuation.Equilibrium`."""
+        return self._band.factor(self._tangents(self._all(u), pressure))
+
+    def tangent(self, u: Floats, pressure: float) -> Floats:
+        """Return the derivative of the residual as a full matrix, (unknown, unknown)."""
+        return self._band.dense(self._tangents(self._all(u), pressure))
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        """Return the volume inside in m^3 and its derivative, (unknown,)."""
+        volume_m3, gradient = self._inside.volume(self._all(u))
+        return volume_m3, (gradient if self._follower else self._dead_pressure)[self.free]
+
+    def boundary_displacement(self, u: Floats) -> Floats:
+        """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
+        nodes_bn = np.stack([self.mesh.outer_n, self.mesh.inner_n])
+        displacement: Floats = self._all(u).reshape(-1, 2)[nodes_bn]
+        return displacement
+
+    def boundaries(self, path: PathStates) -> AxisymmetricPath:
+        """Return the path as the two boundary curves of each state."""
+        points_snc = self.mesh.points_nc + np.stack([self._all(u).reshape(-1, 2) for u in path.displacement_su])
+        curves_sbnc: Floats = points_snc[:, np.stack([self.mesh.outer_n, self.mesh.inner_n])]
+        curves_sbnc[..., 1] = self.mesh.radius_m - curves_sbnc[..., 1]
+        inside, undented = (
+            np.array([self.volume(u)[0] for u in states]) for states in (path.displacement_su, path.undented_su)
+        )
+        return AxisymmetricPath(path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc)
+
+    def _all(self, u: Floats) -> Floats:
+        everywhere = np.zeros(self.mesh.points_nc.size)
+        everywhere[self.free] = u
+        return everywhere
+
+    def _tangents(self, everywhere: Floats, pressure: float) -> Floats:
+        tangents = self._solid.tangents(everywhere)
+        if self._follower:
+            self._inside.subtract_curvature(tangents, everywhere, pressure)
+        return tangents
+
+
+def _held(mesh: MeridianMesh, symmetric: bool) -> NDArray[np.bool_]:
+    """Return which of all unknowns are held: radial motion on the axis, and the support."""
+    across = len(mesh.points_nc) // len(mesh.outer_n)
+    held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
+    held_nc[:across, 0] = True
+    held_nc[-across:, 1] = True
+    held_nc[-across:, 0] = not symmetric
+    return held_nc.ravel()
+
+
+class _Band:
+    """Element matrices summed into a banded matrix of the free unknowns, in LAPACK's storage."""
+
+    def __init__(self, unknowns_eN: Integers, free: Integers, count: int) -> None:
+        number = np.full(count, -1)
+        number[free] = np.arange(len(free))
+        local = number[unknowns_eN]
+        rows, columns = np.broadcast_arrays(local[:, :, None], local[:, None, :])
+        kept = (rows >= 0) & (columns >= 0)
+        self._entries = np.flatnonzero(kept)
+        self._rows, self._columns = rows[kept], columns[kept]
+        self._offsets = self._rows - self._columns
+        self._below = self._offsets >= 0
+        self._entries_below = self._entries[self._below]
+        self.width = int(np.abs(self._offsets).max())
+        self._half = self._columns[self._below] * (self.width + 1) + self._offsets[self._below]
+        self._unknowns = len(free)
+
+    def factor(self, tangents: Floats) -> Callable[[Floats], Floats]:
+        """Factor without row exchanges, or with them past a limit of the force, where the tangent is not definite."""
+        below = tangents.ravel()[self._entries_below]
+        band = np.bincount(self._half, below, minlength=self._unknowns * (self.width + 1))
+        if not np.all(np.isfinite(band)):
+            raise SolverError("wall: turned inside out; use a shorter step")
+        factor, fault = dpbtrf(band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1)
+        if fault != 0:
+            return self._exchanged(tangents)
+
+        def solve(rhs: Floats) -> Floats:
+            answer: Floats = dpbtrs(factor, rhs, lower=1)[0]
+            return answer.reshape(rhs.shape)
+
+        return solve
+
+    def _exchanged(self, tangents: Floats) -> Callable[[Floats], Floats]:
+        shape = (self._unknowns, 3 * self.width + 1)
+        flat = self._columns * shape[1] + 2 * self.width + self._offsets
+        entries = np.bincount(flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1])
+        factors, pivots, fault = dgbtrf(entries.reshape(shape).T, self.width, self.width, overwrite_ab=1)
+        if fault != 0:
+            raise SolverError("wall: its tangent is singular; add supports against rigid motion")
+
+        def solve(rhs: Floats) -> Floats:
+            answer: Floats = dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
+            return answer.reshape(rhs.shape)
+
+        return solve
+
+    def dense(self, tangents: Floats) -> Floats:
+        """Return the matrix in full storage."""
+        matrix: Floats = np.zeros((self._unknowns, self._unknowns))
+        np.add.at(matrix, (self._rows, self._columns), tangents.ravel()[self._entries])
+        return matrix

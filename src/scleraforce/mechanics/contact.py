@@ -1,0 +1,123 @@
+"""The contact, where the needle pushes; the B-scan plane there, the section that it cuts, and the slice's window.
+
+The eye's frame: z is the axis of the half-sphere (pole at +z), the base plane is z = 0, gravity points to -z.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """A point of the outer surface, by polar angle (from the pole) and azimuth, in rad.
+
+    >>> Contact(polar_rad=0.0).normal
+    array([0., 0., 1.])
+    """
+
+    polar_rad: float
+    azimuth_rad: float = 0.0
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """Outward unit normal, shape (3,); the needle axis is its opposite."""
+        s, c = sin(self.polar_rad), cos(self.polar_rad)
+        return np.array([s * cos(self.azimuth_rad), s * sin(self.azimuth_rad), c])
+
+    @property
+    def meridian(self) -> NDArray[np.float64]:
+        """Unit tangent along the meridian, away from the pole, shape (3,)."""
+        s, c = sin(self.polar_rad), cos(self.polar_rad)
+        return np.array([c * cos(self.azimuth_rad), c * sin(self.azimuth_rad), -s])
+
+    @property
+    def parallel(self) -> NDArray[np.float64]:
+        """Unit tangent along the circle of latitude, to growing azimuth, shape (3,)."""
+        return np.array([-sin(self.azimuth_rad), cos(self.azimuth_rad), 0.0])
+
+    def leaning_axis(self, tilt_rad: float, direction_rad: float) -> NDArray[np.float64]:
+        """Unit vector into the eye, `tilt_rad` from the inward normal, shape (3,).
+
+        Its part along the wall lies `direction_rad` from the meridian, turned towards growing azimuth.
+        """
+        along = cos(direction_rad) * self.meridian + sin(direction_rad) * self.parallel
+        axis: NDArray[np.float64] = -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
+        return axis
+
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScanPlane:
+    """The plane of a B-scan at a contact.
+
+    Its lateral axis lies `direction_rad` from the meridian, turned about the outward normal towards growing azimuth.
+    The plane is offset by `gap_m` along its normal from the needle axis; `tilt_rad` turns it about its lateral axis.
+    """
+
+    contact: Contact
+    _: KW_ONLY
+    gap_m: float
+    direction_rad: float = 0.0
+    tilt_rad: float = 0.0
+
+    @property
+    def lateral(self) -> Vector:
+        """Unit vector along the columns of the image, shape (3,)."""
+        return cos(self.direction_rad) * self.contact.meridian + sin(self.direction_rad) * self.contact.parallel
+
+    @property
+    def offset(self) -> Vector:
+        """Unit vector from the needle axis towards the (untilted) plane, shape (3,)."""
+        return np.cross(self.contact.normal, self.lateral)
+
+    @property
+    def depth(self) -> Vector:
+        """Unit vector along the rows of the image, into the eye, shape (3,)."""
+        return -cos(self.tilt_rad) * self.contact.normal + sin(self.tilt_rad) * self.offset
+
+    @property
+    def normal(self) -> Vector:
+        """Unit normal of the plane, shape (3,): `offset` where it is not tilted."""
+        return cos(self.tilt_rad) * self.offset + sin(self.tilt_rad) * self.contact.normal
+
+    def origin(self, radius_m: float) -> Vector:
+        """Return the frame's origin: the undeformed contact, moved by the gap, shape (3,)."""
+        return radius_m * self.contact.normal + self.gap_m * self.offset
+
+
+@dataclass(frozen=True)
+class Section:
+    """What the B-scan plane cuts out of the wall: two curves in the plane's frame.
+
+    `outer` and `inner` have shape (points, 2): lateral and depth in m (depth grows into the eye), both in the order of
+    the material, from negative to positive lateral side. `outer` followed by reversed `inner` is the closed contour.
+    """
+
+    outer: NDArray[np.float64]
+    inner: NDArray[np.float64]
+
+    @property
+    def contour(self) -> NDArray[np.float64]:
+        """Closed contour of the wall, shape (outer + inner points, 2)."""
+        return np.concatenate([self.outer, self.inner[::-1]])
+
+    def shifted(self, lateral_m: float, depth_m: float) -> "Section":
+        """Return the section moved in its plane."""
+        move = np.array([lateral_m, depth_m])
+        return Section(self.outer + move, self.inner + move)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliceWindow:
+    """The window of the slice in the plane's frame: position of its upper left corner, pixels, pixel size."""
+
+    left_m: float
+    top_m: float
+    columns: int
+    rows: int
+    pixel_m: float

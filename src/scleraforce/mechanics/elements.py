@@ -1,0 +1,132 @@
+"""Gauss points of quads and hexahedra, and the element matrices of Hooke's law there (paper eq. 1 and 2)."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from scleraforce.errors import SolverError
+from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.shapes import shape_gradients, shape_values
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class VolumePoints:
+    """The Gauss points of all elements.
+
+    `values_pn` (point, node); `gradients_epnc` (element, point, node, 3): derivatives of the shape functions by x in
+    1/m; `volumes_ep` (element, point): volume that belongs to the point in m^3.
+    """
+
+    values_pn: Floats
+    gradients_epnc: Floats
+    volumes_ep: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Gauss points on surface quads.
+
+    `values_pn` (point, node of a quad); `positions_qpc` (quad, point, 3) in m; `areas_qpc` (quad, point, 3): area that
+    belongs to the point times the normal (seen from where the quads are counter-clockwise) in m^2.
+    """
+
+    values_pn: Floats
+    positions_qpc: Floats
+    areas_qpc: Floats
+
+
+@cache
+def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
+    """Return Gauss-Legendre points on [-1, 1]^d (point, d) and weights (point,), `count` along each direction."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    places = np.stack(np.meshgrid(*[points] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    products = np.prod(np.stack(np.meshgrid(*[weights] * dimension, indexing="ij"), axis=-1), axis=-1)
+    return places, products.ravel()
+
+
+def volume_points(mesh: HexMesh, count: int | None = None) -> VolumePoints:
+    """Return the Gauss points of the elements, `count` along each direction (by default order + 1: full integration).
+
+    Raises:
+        SolverError: an element is turned inside out.
+    """
+    places, weights = gauss_points(3, count or mesh.order + 1)
+    nodes = mesh.cells_en.shape[1]
+    slopes_pnk = shape_gradients(places, nodes)
+    corners_enc = mesh.points_nc[mesh.cells_en]
+    jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk, optimize=True)
+    determinant_ep = np.linalg.det(jacobian_epck)
+    if not np.all(determinant_ep > 0.0):
+        raise SolverError("mesh: an element has a negative volume; use fewer layers or a finer mesh")
+    gradients = slopes_pnk @ np.linalg.inv(jacobian_epck)
+    return VolumePoints(shape_values(places, nodes), gradients, determinant_ep * weights)
+
+
+def surface_points(mesh: HexMesh, quads_qn: Integers, count: int) -> SurfacePoints:
+    """Return Gauss points of the quads `quads_qn` (quad, 4, 8 or 9), `count` along each direction."""
+    places, weights = gauss_points(2, count)
+    nodes = quads_qn.shape[1]
+    values_pn, slopes_pnk = shape_values(places, nodes), shape_gradients(places, nodes)
+    corners_qnc = mesh.points_nc[quads_qn]
+    tangents_qpck = np.einsum("qnc,pnk->qpck", corners_qnc, slopes_pnk, optimize=True)
+    normals = np.cross(tangents_qpck[..., 0], tangents_qpck[..., 1])
+    return SurfacePoints(values_pn, values_pn @ corners_qnc, normals * weights[:, None])
+
+
+ELEMENTS_AT_ONCE = 64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache
+
+
+def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) -> Floats:
+    """Return the stiffness of every element, shape (element, 3, node, 3, node), in N/m for Lame constants in Pa.
+
+    K_iajb = integral of lambda N_a,i N_b,j + mu (N_a,j N_b,i + delta_ij N_a,k N_b,k). All of it follows from the one
+    tensor G_iajb = integral of N_a,i N_b,j, a matrix product over the Gauss points.
+    """
+    elements, count, nodes, _ = points.gradients_epnc.shape
+    K: Floats = np.empty((elements, 3, nodes, 3, nodes))
+    for start in range(0, elements, ELEMENTS_AT_ONCE):
+        part = slice(start, start + ELEMENTS_AT_ONCE)
+        gradients = points.gradients_epnc[part].transpose(0, 1, 3, 2).reshape(-1, count, 3 * nodes)
+        weighted = gradients * points.volumes_ep[part, :, None]
+        G = (weighted.transpose(0, 2, 1) @ gradients).reshape(-1, 3, nodes, 3, nodes)
+        np.multiply(G, lame_lambda, out=K[part])
+        K[part] += lame_mu * G.transpose(0, 3, 2, 1, 4)
+        trace = lame_mu * (G[:, 0, :, 0] + G[:, 1, :, 1] + G[:, 2, :, 2])
+        for i in range(3):
+            K[part, i, :, i] += trace
+    return K
+
+
+class FacePlaces:
+    """Where the unknowns of faces stand in the matrices of the elements that the faces belong to."""
+
+    def __init__(self, cells_en: Integers, faces_qn: Integers) -> None:
+        """`faces_qn`: nodes of faces of the elements `cells_en`, (face, node); a face may occur more than once."""
+        nodes = int(cells_en.max()) + 1
+        common = (_incidence(faces_qn, nodes) @ _incidence(cells_en, nodes).T).tocoo()
+        whole = common.data == faces_qn.shape[1]
+        element_q = np.empty(len(faces_qn), dtype=np.int64)
+        element_q[common.coords[0][whole]] = common.coords[1][whole]
+        local_qn = np.argmax(cells_en[element_q][:, None, :] == faces_qn[:, :, None], axis=2)
+        unknown_qin = np.arange(3)[:, None] * cells_en.shape[1] + local_qn[:, None, :]
+        size = 3 * cells_en.shape[1]
+        row = (element_q[:, None, None] * size + unknown_qin) * size
+        self._entries = (row[..., None, None] + unknown_qin[:, None, None]).ravel()
+
+    def add(self, element_eiajb: NDArray[np.floating[Any]], face_qiajb: Floats) -> None:
+        """Add matrices of the faces (face, 3, node, 3, node) to those of the elements, in place."""
+        entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
+        np.add.at(entries, self._entries, face_qiajb.ravel().astype(entries.dtype))
+
+
+def _incidence(cells_en: Integers, nodes: int) -> "sparse.csr_array":
+    """One where an element (row) has a node (column)."""
+    starts = np.arange(len(cells_en) + 1) * cells_en.shape[1]
+    return sparse.csr_array((np.ones(cells_en.size), cells_en.ravel(), starts), shape=(len(cells_en), nodes))

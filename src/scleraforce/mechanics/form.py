@@ -1,0 +1,197 @@
+"""Eyes that are not spheres, walls that are not even, regions of another modulus, and the cornea.
+
+The wall is shaped from that of a sphere: a node in direction d goes to the outer surface's point in that direction,
+stretched by the semi-axes, and from there inward along the surface's normal by its share of the local thickness. Then
+the whole eye moves rigidly, so that the contact and the outward normal there are where the sphere has them: needle,
+B-scan plane and tip displacement need not know of the form. The nodes' places on the sphere remain the coordinates by
+which material points are found.
+
+The cornea is a sphere of its own. In a direction d at the angle a from the corneal axis n the surface lies rho(a) d
+from the globe's centre. Two spheres,
+
+    globe:   rho = R
+    cornea:  rho = h cos a + w,  w = sqrt(r^2 - h^2 sin^2 a),  h = sqrt(R^2 - l^2) - sqrt(r^2 - l^2),
+
+of radius R and r, the second one's centre h in front of the first one's, meet at the limbus, a ring of radius l about
+the axis. They meet at an angle; a cubic in a that has the value and slope of both at its ends takes their place across
+the limbus, in real eyes a shallow furrow 1.5 to 2 mm wide (Hogan, Alvarado, Weddell, Histology of the Human Eye, 1971).
+"""
+
+from dataclasses import dataclass, replace
+from math import asin, pi, sqrt
+
+import numpy as np
+from numpy.polynomial.legendre import legval
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.shapes import shape_values
+from scleraforce.study.eye import CorneaStudy, FormStudy, RegionStudy
+from scleraforce.units import from_si
+
+Floats = NDArray[np.float64]
+
+
+def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
+    """Return the outer surface of a globe with a cornea of another radius.
+
+    Args:
+        directions_nc: unit directions from the globe's centre (direction, 3).
+        cornea: radius, ring of the limbus and its width, axis.
+        radius_m: of the globe.
+
+    Returns:
+        Points (direction, 3), m, and outward unit normals there (direction, 3).
+
+    Raises:
+        InputError: the limbus is no ring of this globe, is as wide as the cornea, or passes the base plane.
+
+    >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
+    >>> print(f"{1e3 * apex_nc[0, 2]:.2f} mm")
+    13.06 mm
+    """
+    limbus_rad, half_edge_rad = _limbus(cornea, radius_m)
+    axis_c = Contact(polar_rad=cornea.polar_rad, azimuth_rad=cornea.azimuth_rad).normal
+    cosine_n = directions_nc @ axis_c
+    across_nc = cosine_n[:, None] * directions_nc - axis_c  # sin a times the unit vector of growing a
+    angle_n = np.arctan2(np.linalg.norm(across_nc, axis=1), cosine_n)
+    ends_rad = limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
+    rho_n, lean_n = np.full_like(angle_n, radius_m), np.zeros_like(angle_n)
+    inside = angle_n <= ends_rad[0]
+    rho_n[inside], lean_n[inside] = _sphere(angle_n[inside], cornea, radius_m)
+    between = (angle_n > ends_rad[0]) & (angle_n < ends_rad[1])
+    rho_n[between], lean_n[between] = _furrow(angle_n[between], ends_rad, cornea, radius_m)
+    normals_nc = directions_nc - lean_n[:, None] * across_nc
+    return rho_n[:, None] * directions_nc, normals_nc / np.linalg.norm(normals_nc, axis=1, keepdims=True)
+
+
+def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
+    """Angle of the limbus from the corneal axis and half its width, rad."""
+    if not cornea.limbus_radius_m < radius_m:
+        found, globe = (f"{from_si(value, 'mm'):g} mm" for value in (cornea.limbus_radius_m, radius_m))
+        raise InputError(f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}")
+    limbus_rad, half_edge_rad = asin(cornea.limbus_radius_m / radius_m), 0.5 * cornea.edge_m / radius_m
+    width = f"form.cornea: edge_mm: {from_si(cornea.edge_m, 'mm'):g} mm"
+    if not half_edge_rad < limbus_rad:
+        raise InputError(f"{width}; must be narrower than the cornea is wide")
+    if not cornea.polar_rad + limbus_rad + half_edge_rad < 0.5 * pi:
+        raise InputError(f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
+                         f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane")  # fmt: skip
+    return limbus_rad, half_edge_rad
+
+
+def _sphere(angle_n: Floats | float, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
+    """The cornea's sphere at angles from its axis: rho, m, and what the normal leans by, rho'/(rho sin a)."""
+    r, ring = cornea.radius_m, cornea.limbus_radius_m
+    h = sqrt(radius_m**2 - ring**2) - sqrt(r**2 - ring**2)
+    w = np.sqrt(r**2 - (h * np.sin(angle_n)) ** 2)
+    return np.asarray(h * np.cos(angle_n) + w), np.asarray(-h / w)
+
+
+def _furrow(
+    angle_n: Floats, ends_rad: tuple[float, float], cornea: CorneaStudy, radius_m: float
+) -> tuple[Floats, Floats]:
+    """The cubic across the limbus; the same as of the sphere."""
+    start, width = ends_rad[0], ends_rad[1] - ends_rad[0]
+    rho, lean = (float(value) for value in _sphere(start, cornea, radius_m))
+    rise, slope = rho - radius_m, lean * rho * np.sin(start) * width  # over the globe; along x, from 0 to 1
+    x = (angle_n - start) / width
+    rho_n = radius_m + rise * (1.0 - x) ** 2 * (1.0 + 2.0 * x) + slope * x * (1.0 - x) ** 2
+    slope_n = (1.0 - x) * (slope * (1.0 - 3.0 * x) - 6.0 * rise * x) / width
+    return rho_n, slope_n / (rho_n * np.sin(angle_n))
+
+
+@dataclass(frozen=True, eq=False)
+class FormedEye:
+    """A wall shaped by a form: `mesh`, in place under the needle, and the modulus of its points."""
+
+    mesh: HexMesh
+    form: FormStudy
+
+    def modulus_factor(self, local_pk: Floats) -> Floats:
+        """Return the modulus over the eye's at local points (point, 3) of all elements, (element, point)."""
+        sphere_enc = self.mesh.sphere_nc[self.mesh.cells_en]
+        positions_epc = shape_values(local_pk, sphere_enc.shape[1]) @ sphere_enc
+        return modulus_factor(self.form, _unit(positions_epc))
+
+
+def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
+    """Shape a spherical wall and put it under the needle.
+
+    Args:
+        mesh: the wall of a sphere about the origin.
+        form: semi-axes, waves of the thickness, regions, cornea.
+        contact: the needle's; the material in this direction on the sphere is what it touches.
+
+    Returns:
+        The eye. Its `mesh` locates directions as the sphere does, and keeps the nominal radius and thickness.
+
+    Raises:
+        InputError: a cornea that is none of this globe.
+
+    >>> from scleraforce.mechanics.mesh import build_mesh
+    >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
+    >>> heights_m = eye.mesh.points_nc[:, 2]
+    >>> print(f"{heights_m.min():.4f} {heights_m.max():.4f}")  # the pole stays, the base is 0.9 R below it
+    0.0012 0.0120
+    """
+    sphere_nc = mesh.sphere_nc
+    radii_n = np.linalg.norm(sphere_nc, axis=1)
+    directions_nc = sphere_nc / radii_n[:, None]
+    depths_n = (mesh.radius_m - radii_n) * thickness_factor(form, directions_nc)
+    surface_nc, normals_nc = _outer_surface(directions_nc, form, mesh.radius_m)
+    shaped_nc = surface_nc - depths_n[:, None] * normals_nc
+    touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
+    turn_cc = _rotation(normal_1c[0], contact.normal)
+    placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
+    return FormedEye(replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc), form)
+
+
+def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
+    """Return the wall's thickness as a multiple of the nominal one in unit directions (..., 3), shape (...)."""
+    factor: Floats = np.ones(directions_nc.shape[:-1])
+    for wave in form.wave:
+        cosine = directions_nc @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
+        factor += wave.amplitude_fraction * legval(cosine, np.eye(wave.degree + 1)[-1])
+    return factor
+
+
+def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
+    """Return the modulus as a multiple of the eye's in unit directions (..., 3), shape (...); regions multiply."""
+    factor: Floats = np.ones(directions_nc.shape[:-1])
+    for region in form.region:
+        factor *= 1.0 + (region.modulus_ratio - 1.0) * _inside(region, directions_nc)
+    return factor
+
+
+def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
+    """1 inside a cap, 0 outside; a cubic with no kinks in between."""
+    angle = np.arccos(
+        np.clip(directions_nc @ Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal, -1.0, 1.0)
+    )
+    x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
+    smooth: Floats = x * x * (3.0 - 2.0 * x)
+    return smooth
+
+
+def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:
+    """Points of the outer surface and its outward unit normals there, (direction, 3)."""
+    axes = np.array(form.semi_axes)
+    if form.cornea is None:
+        return radius_m * axes * directions_nc, _unit(directions_nc / axes)
+    points_nc, normals_nc = corneal_surface(directions_nc, form.cornea, radius_m)
+    return axes * points_nc, _unit(normals_nc / axes)
+
+
+def _rotation(start: Floats, end: Floats) -> Floats:
+    """The smallest rotation that turns one unit vector into another (Rodrigues), (3, 3); they are not opposite."""
+    cross_cc = np.cross(np.eye(3), np.cross(start, end))  # cross_cc @ x = axis x x
+    turn: Floats = np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + start @ end)
+    return turn
+
+
+def _unit(vectors: Floats) -> Floats:
+    unit: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit

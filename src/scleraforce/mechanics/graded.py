@@ -1,0 +1,192 @@
+"""Meshes graded towards the contact: small elements under the needle, large ones far away; and the mesh of a study.
+
+The unit disc is an O-grid: a rounded square of quads in the middle, rings of quads around it that turn into circles and
+grow outward. Seen as the stereographic image of the half-sphere (projected from the lower pole, so that the unit circle
+is the base), a Moebius transform of the disc moves its middle to the contact. Both maps are conformal: quads keep their
+angles, and the base stays the base.
+"""
+
+from math import cos, radians, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.mesh import HexMesh, QuadSurface, build_mesh, extrude_surface
+from scleraforce.study import Study
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+CORE_M = 1.0e-3  # half the side of the square in the middle
+GRADING = 0.35  # of the disc's radius: up to about there the rings are alike, beyond they grow in proportion
+ROUNDING = 0.3  # how far the square's corners are drawn in; 0.5 makes a circle of it
+LARGEST_POLAR_RAD = radians(60.0)  # the farthest elements grow with it: 9 mm wide at 50 deg, 11 mm at 60 deg
+FAR_RINGS = 0.5  # rings of a globe's lower half, as a share of the upper half's
+
+
+def graded_mesh(
+    radius_m: float,
+    thickness_m: float,
+    contact: Contact,
+    core: int = 6,
+    rings: int = 14,
+    layers: int = 1,
+    order: int = 2,
+) -> HexMesh:
+    """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact.
+
+    Args:
+        radius_m: outer radius R.
+        thickness_m: wall thickness t.
+        contact: where the needle pushes.
+        core: quads along a side of the square under the needle; there are 4 `core` around every ring.
+        rings: of quads, from the square to the base.
+        layers: hexahedra through the wall.
+        order: 1 (8 nodes) or 2 (curved, 27 nodes).
+
+    Raises:
+        InputError: a wall thicker than half the radius, a mesh that does not exist, or a contact close to the base.
+
+    >>> mesh = graded_mesh(12e-3, 0.5e-3, Contact(polar_rad=0.6))
+    >>> len(mesh.cells_en)
+    372
+    """
+    surface = graded_surface(contact, core, rings, CORE_M / radius_m)
+    return extrude_surface(surface, radius_m, thickness_m, layers, order)
+
+
+def graded_globe(
+    radius_m: float,
+    thickness_m: float,
+    contact: Contact,
+    core: int = 6,
+    rings: int = 14,
+    layers: int = 1,
+    order: int = 2,
+) -> HexMesh:
+    """Return a whole sphere of a wall: above z = 0 that of `graded_mesh`, below its mirror image with fewer rings.
+
+    It has no base to clamp; other supports must hold it. Arguments and errors are those of `graded_mesh`.
+    """
+    upper = graded_surface(contact, core, rings, CORE_M / radius_m)
+    below = graded_surface(contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m)
+    surface = _joined(upper, _mirrored(below))
+    return extrude_surface(surface, radius_m, thickness_m, layers, order)
+
+
+def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -> QuadSurface:
+    """Return the upper half of the unit sphere as quads graded towards the contact; its edge has z = 0 exactly.
+
+    `core_ratio`: half the side of the square under the needle over the sphere's radius.
+
+    Raises:
+        InputError: a contact too close to the base, or no rings or quads.
+    """
+    if not 0.0 <= contact.polar_rad <= LARGEST_POLAR_RAD:
+        raise InputError(
+            f"polar angle: {np.degrees(contact.polar_rad):g} deg; a graded mesh reaches to "
+            f"{np.degrees(LARGEST_POLAR_RAD):g} deg"
+        )
+    if core < 2 or core % 2 or rings < 1:
+        raise InputError(f"mesh: core {core}, rings {rings}; must be an even core of at least 2 and at least 1 ring")
+    # A length at the contact is 2 cos(polar angle) times its image in the disc (derivatives of both maps there).
+    half = core_ratio / (2.0 * cos(contact.polar_rad))
+    disc, quads = _o_grid(core, rings, half)
+    turn = np.exp(1j * contact.azimuth_rad)
+    middle = tan(0.5 * contact.polar_rad)
+    image = turn * (disc + middle) / (1.0 + middle * disc)
+    return QuadSurface(_lifted(image, on_base=np.arange(len(image)) >= len(image) - 4 * core), quads)
+
+
+def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128], Integers]:
+    """Points of the unit disc as complex numbers, ring after ring, and its quads; the last ring is the circle."""
+    number, square = _core_square(core)
+    around = _perimeter(number)
+    corner = half * square[around]
+    angle = np.arctan2(corner.imag, corner.real)
+    places = _ring_places(rings, half)
+    # From the rounded square to circles: its shape, scaled, counts as the square of the radius falls.
+    roundness = (1.0 - (half / places) ** 2) / (1.0 - half**2)
+    circles = places[:, None] * np.exp(1j * angle)
+    scaled = corner * (places / half)[:, None]
+    shells = (1.0 - roundness[:, None]) * scaled + roundness[:, None] * circles
+    shells[-1] /= np.abs(shells[-1])
+    disc = np.concatenate([half * square, shells.ravel()])
+    first = np.concatenate([around[None], len(square) + np.arange(rings * 4 * core).reshape(rings, -1)])
+    inner, outer = first[:-1], first[1:]
+    ring_quads = np.stack([inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)], axis=-1)
+    core_quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    return disc, np.concatenate([core_quads.reshape(-1, 4), ring_quads.reshape(-1, 4)])
+
+
+def _core_square(core: int) -> tuple[Integers, NDArray[np.complex128]]:
+    """Numbers of the square's grid points (column, row) and their places in [-1, 1]^2, with the corners drawn in."""
+    places = np.linspace(-1.0, 1.0, core + 1)
+    x, y = np.meshgrid(places, places, indexing="ij")
+    square = x * np.sqrt(1.0 - ROUNDING * y**2) + 1j * y * np.sqrt(1.0 - ROUNDING * x**2)
+    return np.arange((core + 1) ** 2).reshape(core + 1, core + 1), square.ravel()
+
+
+def _perimeter(number: Integers) -> Integers:
+    """Grid points on the square's edge, counter-clockwise, each once."""
+    return np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
+
+
+def _ring_places(rings: int, half: float) -> Floats:
+    """Radii of the rings, from behind the square to 1: even steps near it, growing in proportion far from it."""
+    first, last = np.arcsinh(half / GRADING), np.arcsinh(1.0 / GRADING)
+    places: Floats = GRADING * np.sinh(np.linspace(first, last, rings + 1)[1:])
+    places[-1] = 1.0
+    return places
+
+
+def _lifted(image: NDArray[np.complex128], on_base: NDArray[np.bool_]) -> Floats:
+    """Points of the unit sphere with these stereographic images; z = 0 exactly `on_base`."""
+    square = np.abs(image) ** 2
+    points = np.stack([2.0 * image.real, 2.0 * image.imag, np.where(on_base, 0.0, 1.0 - square)], axis=1)
+    lifted: Floats = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return lifted
+
+
+def _mirrored(surface: QuadSurface) -> QuadSurface:
+    """The mirror image below z = 0, seen counter-clockwise from outside again."""
+    return QuadSurface(surface.points_vc * (1.0, 1.0, -1.0), surface.quads_qv[:, ::-1])
+
+
+def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:
+    """One surface of two halves whose vertices on z = 0, the last ones of both, are the same."""
+    shared = int(np.sum(lower.points_vc[:, 2] == 0.0))
+    own = len(lower.points_vc) - shared
+    number = np.concatenate([len(upper.points_vc) + np.arange(own), len(upper.points_vc) - shared + np.arange(shared)])
+    points = np.concatenate([upper.points_vc, lower.points_vc[:own]])
+    return QuadSurface(points, np.concatenate([upper.quads_qv, number[lower.quads_qv]]))
+
+
+def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
+    """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact.
+
+    Raises:
+        InputError: a graded mesh for work that shares one mesh among several contacts.
+    """
+    mesh, radius_m = study.mesh, study.eye.radius_m
+    if mesh.kind == "hexahedra":
+        return build_mesh(radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
+    if contact is None:
+        raise InputError('mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"')
+    return graded_mesh(radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
+
+
+def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
+    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
+
+    Raises:
+        InputError: a bed for a mesh that is not graded: there are no other whole globes.
+    """
+    mesh = study.mesh
+    if not study.supports.has_bed:
+        return study_mesh(study, thickness_m, contact)
+    if mesh.kind != "graded":
+        raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; use mesh kind "graded"')
+    return graded_globe(study.eye.radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)

@@ -1,0 +1,309 @@
+"""The wall of the eye as hexahedra: a subdivided half-sphere of quads, extruded inward (paper sec. 2.1)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.mechanics.locate import SurfaceLocator
+from scleraforce.mechanics.shapes import shape_values
+from scleraforce.units import from_si
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class QuadSurface:
+    """A surface of quadrilaterals, counter-clockwise as seen from outside.
+
+    `points_vc` (vertex, 3); `quads_qv` (quad, 4) vertex numbers. Edge k of a quad joins its corners k and k + 1.
+    """
+
+    points_vc: Floats
+    quads_qv: Integers
+
+    @cached_property
+    def _edges(self) -> tuple[Integers, Integers]:
+        pairs = np.stack([self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1).reshape(-1, 2)
+        edges_ev, edge_of_side = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        return edges_ev, edge_of_side.reshape(-1, 4)
+
+    @property
+    def edges_ev(self) -> Integers:
+        """Vertices of every edge, each edge once, shape (edge, 2)."""
+        return self._edges[0]
+
+    @property
+    def quad_edges_qe(self) -> Integers:
+        """Edge numbers of every quad's four sides, shape (quad, 4)."""
+        return self._edges[1]
+
+    @property
+    def edge_quads_count(self) -> Integers:
+        """How many quads meet at every edge (1 on the boundary), shape (edge,)."""
+        return np.bincount(self.quad_edges_qe.ravel(), minlength=len(self.edges_ev))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the surface has a boundary."""
+        return bool(np.any(self.edge_quads_count == 1))
+
+
+def half_cube(divisions: int) -> QuadSurface:
+    """Return the upper half (z >= 0) of the cube [-1, 1]^3, open at the base.
+
+    `divisions` quads along an edge of the top, half as many down the sides. The grid lines are equiangular (tangents
+    of equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make those at
+    a corner five times smaller than those in the middle of a face.
+
+    Raises:
+        ValueError: `divisions` is odd or below 2.
+
+    >>> half_cube(2).quads_qv.shape
+    (12, 4)
+    """
+    if divisions < 2 or divisions % 2:
+        raise ValueError(f"divisions: {divisions} is not an even number of at least 2")
+    half = divisions // 2
+    corners_qkc = np.concatenate([_top_quads(half), *(_side_quads(half, turns) for turns in range(4))])
+    grid_vc, quads = np.unique(corners_qkc.reshape(-1, 3), axis=0, return_inverse=True)
+    return QuadSurface(np.tan(grid_vc / half * (np.pi / 4.0)), quads.reshape(-1, 4))
+
+
+def _grid_quads(columns: Integers, rows: Integers) -> Integers:
+    """Corners of the unit squares at (column, row), shape (quad, 4, 2)."""
+    start = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    corners: Integers = start + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    return corners
+
+
+def _top_quads(half: int) -> Integers:
+    flat = _grid_quads(np.arange(-half, half), np.arange(-half, half))
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), half)], axis=-1)
+
+
+def _side_quads(half: int, turns: int) -> Integers:
+    """The side x = half, turned by `turns` right angles about z."""
+    flat = _grid_quads(np.arange(-half, half), np.arange(half))
+    corners = np.concatenate([np.full((*flat.shape[:2], 1), half), flat], axis=-1)
+    for _ in range(turns):
+        corners = np.stack([-corners[..., 1], corners[..., 0], corners[..., 2]], axis=-1)
+    return corners
+
+
+def catmull_clark(surface: QuadSurface) -> QuadSurface:
+    """Return the surface after one Catmull-Clark subdivision: four quads for each.
+
+    Inside: Catmull and Clark, Computer-Aided Design 10 (1978) 350. On the boundary: the cubic B-spline curve of the
+    boundary vertices (DeRose, Kass and Truong, SIGGRAPH 1998), so a plane boundary stays in its plane. Vertices of the
+    old surface keep their numbers; edge points follow, then face points.
+    """
+    points, quads, edges = surface.points_vc, surface.quads_qv, surface.edges_ev
+    vertices = len(points)
+    boundary = surface.edge_quads_count == 1
+    face_points = points[quads].mean(axis=1)
+    middles = points[edges].mean(axis=1)
+    edge_points = np.where(boundary[:, None], middles, _edge_points(surface, middles, face_points))
+    moved = _vertex_points(surface, middles, face_points)
+    _move_boundary(moved, surface, edges[boundary])
+
+    edge_of = vertices + surface.quad_edges_qe
+    middle_of = vertices + len(edges) + np.arange(len(quads))
+    children = [np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1) for k in range(4)]
+    return QuadSurface(np.concatenate([moved, edge_points, face_points]), np.stack(children, axis=1).reshape(-1, 4))
+
+
+def _edge_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
+    """Mean of an edge's ends and its two face points."""
+    beside = _sum_at(surface.quad_edges_qe, np.repeat(face_points, 4, axis=0), len(middles))
+    return 0.5 * middles + 0.25 * beside
+
+
+def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
+    """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles around a vertex of valence n."""
+    points, count = surface.points_vc, len(surface.points_vc)
+    faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
+    valence = np.bincount(surface.edges_ev.ravel(), minlength=count)[:, None]
+    face_mean = _sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
+    edge_mean = _sum_at(surface.edges_ev, np.repeat(middles, 2, axis=0), count) / valence
+    return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
+
+
+def _move_boundary(moved: Floats, surface: QuadSurface, boundary_edges: Integers) -> None:
+    """Put boundary vertices at 3/4 of themselves and 1/8 of each neighbour on the boundary (in place)."""
+    points = surface.points_vc
+    neighbours = _sum_at(boundary_edges, points[boundary_edges[:, ::-1]].reshape(-1, 3), len(points))
+    on_boundary = np.unique(boundary_edges)
+    moved[on_boundary] = 0.75 * points[on_boundary] + 0.125 * neighbours[on_boundary]
+
+
+def _sum_at(index: Integers, values: Floats, count: int) -> Floats:
+    """Sum rows of `values` that share an index, shape (count, 3)."""
+    flat = index.ravel()
+    return np.stack([np.bincount(flat, values[:, c], minlength=count) for c in range(3)], axis=1)
+
+
+def project_on_sphere(surface: QuadSurface) -> QuadSurface:
+    """Return the surface with its vertices moved radially on the unit sphere."""
+    points = surface.points_vc
+    return QuadSurface(points / np.linalg.norm(points, axis=1, keepdims=True), surface.quads_qv)
+
+
+# Where VTK's nodes of a hexahedron lie in its radial column: (layer: 0 inner, 1 middle, 2 outer; node of the quad).
+COLUMN_NODES = (
+    *((0, k) for k in range(4)),
+    *((2, k) for k in range(4)),
+    *((0, k) for k in range(4, 8)),
+    *((2, k) for k in range(4, 8)),
+    *((1, k) for k in range(4)),
+    *((1, 7), (1, 5), (1, 4), (1, 6), (0, 8), (2, 8), (1, 8)),
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HexMesh:
+    """A wall of hexahedra between two spheres, SI units: the half above the base plane z = 0, or all of it.
+
+    `points_nc` (node, 3). `cells_en` (element, 8 or 27): nodes in VTK's order, first local directions along the sphere,
+    third outward. `outer_qn`, `inner_qn` (quad, 4 or 9): the two surfaces; quad k of both belongs to one radial column
+    and is seen from outside counter-clockwise. Every node lies exactly on its sphere and, through the wall, on one ray;
+    so a direction has the same local coordinates on both surfaces. `base_nodes`: the nodes on z = 0 of a half-sphere;
+    empty for a whole sphere. A wall of another form (`mechanics.form`) keeps its nodes' places on the sphere in
+    `shaped_from_nc`; directions refer to the sphere.
+    """
+
+    points_nc: Floats
+    cells_en: Integers
+    outer_qn: Integers
+    inner_qn: Integers
+    base_nodes: Integers
+    radius_m: float
+    thickness_m: float
+    order: int
+    shaped_from_nc: Floats | None = None
+
+    @property
+    def sphere_nc(self) -> Floats:
+        """Places of the nodes on the sphere from which the wall is made, (node, 3)."""
+        return self.points_nc if self.shaped_from_nc is None else self.shaped_from_nc
+
+    @cached_property
+    def locator(self) -> SurfaceLocator:
+        """Finds directions on the outer surface of the sphere; made on first use."""
+        return SurfaceLocator(self.sphere_nc, self.outer_qn)
+
+
+def build_mesh(
+    radius_m: float,
+    thickness_m: float,
+    divisions: int = 10,
+    level: int = 1,
+    layers: int = 1,
+    order: int = 2,
+) -> HexMesh:
+    """Return the wall between the spheres of radius R and R - t, z >= 0.
+
+    Args:
+        radius_m: outer radius R.
+        thickness_m: wall thickness t.
+        divisions: quads along an edge of the half cube, even.
+        level: Catmull-Clark subdivisions; each doubles the quads along an edge.
+        layers: hexahedra through the wall.
+        order: 1 (8 nodes) or 2 (curved, 27 nodes).
+
+    Raises:
+        InputError: a wall thicker than half the radius, or a mesh that does not exist.
+
+    >>> mesh = build_mesh(12e-3, 0.5e-3, divisions=10, level=2, layers=2, order=1)  # the paper's counts
+    >>> len(mesh.cells_en), len(mesh.points_nc)
+    (9600, 14643)
+    """
+    if level < 0 or divisions < 2 or divisions % 2:
+        raise InputError(
+            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and at least 2"
+        )
+    surface = half_cube(divisions)
+    for _ in range(level):
+        surface = catmull_clark(surface)
+    return extrude_surface(project_on_sphere(surface), radius_m, thickness_m, layers, order)
+
+
+def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int) -> HexMesh:
+    """Return the wall whose outer surface is a surface of the unit sphere, scaled: a half-sphere or all of it.
+
+    Args:
+        surface: vertices on the unit sphere; where it is open, its edge lies on z = 0 exactly.
+        radius_m: outer radius R.
+        thickness_m: wall thickness t.
+        layers: hexahedra through the wall.
+        order: 1 (8 nodes) or 2 (curved, 27 nodes).
+
+    Raises:
+        InputError: a wall thicker than half the radius, no layers, or another order.
+    """
+    if not 0.0 < thickness_m < 0.5 * radius_m:
+        raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
+    if order not in (1, 2) or layers < 1:
+        raise InputError(f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer")
+    directions, quads = _quad_nodes(surface, order)
+    sheets = order * layers + 1
+    radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
+    points = (radii[:, None, None] * directions).reshape(-1, 3)
+    cells = _extrude(quads, len(directions), layers, order)
+    inner = quads + (sheets - 1) * len(directions)
+    base = np.flatnonzero(points[:, 2] == 0.0) if surface.is_open else np.empty(0, dtype=np.int64)
+    return HexMesh(
+        points_nc=points,
+        cells_en=cells,
+        outer_qn=quads,
+        inner_qn=inner,
+        base_nodes=base,
+        radius_m=radius_m,
+        thickness_m=thickness_m,
+        order=order,
+    )
+
+
+def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
+    """Directions of the surface nodes and the nodes of every quad (quad, 4 or 9)."""
+    points, quads = surface.points_vc, surface.quads_qv
+    if order == 2:
+        edge_middles = points[surface.edges_ev].mean(axis=1)
+        face_middles = points[quads].mean(axis=1)
+        edge_nodes = len(points) + surface.quad_edges_qe
+        face_nodes = len(points) + len(edge_middles) + np.arange(len(quads))
+        points = np.concatenate([points, edge_middles, face_middles])
+        quads = np.concatenate([quads, edge_nodes, face_nodes[:, None]], axis=1)
+    return points / np.linalg.norm(points, axis=1, keepdims=True), quads
+
+
+def _extrude(quads_qn: Integers, per_sheet: int, layers: int, order: int) -> Integers:
+    """Nodes of every hexahedron; layer 0 is the outermost."""
+    column = np.array(COLUMN_NODES[: 8 if order == 1 else 27])
+    depth = order * (2 - column[:, 0]) // 2  # sheets below the element's outer face
+    cells = [quads_qn[:, column[:, 1]] + (depth + order * layer) * per_sheet for layer in range(layers)]
+    return np.concatenate(cells)
+
+
+def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
+    """Find where rays from the centre pierce the curved outer (and inner) surface.
+
+    Args:
+        mesh: the wall.
+        directions_dc: directions (direction, 3), of any positive length; z >= 0 where the wall is a half-sphere.
+
+    Returns:
+        The quad's row in `outer_qn` (direction,) and the local coordinates in [-1, 1]^2 (direction, 2).
+
+    Raises:
+        InputError: a direction below the base plane.
+    """
+    return mesh.locator.locate(directions_dc)
+
+
+def surface_weights(mesh: HexMesh, local_pd: Floats) -> Floats:
+    """Return the shape functions of the surface quads at local points, shape (point, nodes of a quad)."""
+    return shape_values(local_pd, mesh.outer_qn.shape[1])

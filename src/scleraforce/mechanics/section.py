@@ -1,0 +1,243 @@
+"""The section: where the B-scan plane cuts the deformed wall (paper sec. 2.3, "a 2D cross-section of the 3D mesh").
+
+The two surfaces of the wall are followed along material lines. Give the undeformed sphere latitude and longitude about
+the normal of the plane: the plane is then a circle of latitude, and the needle moves material only a little across it.
+So every meridian (a *station*) is sampled on a few parallels around that circle, and the place where its deformed image
+passes through the plane is found between two of them. Positions are those of the finite elements, from the surface
+quads' own shape functions. The points come in the order of the material, so a wall that folds over in the plane is
+right, and all stations, deformations and planes of a contact are computed at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.mechanics.contact import ScanPlane, Section
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.units import from_si
+
+Floats = NDArray[np.float64]
+
+STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
+GRADING_M = 3.2e-3  # from about there on they spread out: chords are 9 um off at the far side of the eye
+BEYOND_BASE_M = 0.1e-3  # the first and last station lie below the base: there the section ends on the base's rim
+
+
+@dataclass(frozen=True)
+class PlaneFrames:
+    """The axes of several planes, lateral, depth, normal (plane, axis, 3), and their origins (plane, 3).
+
+    On the undeformed sphere latitude and longitude are counted about the normal of each plane; longitude 0 is where the
+    depth is smallest, and it grows towards the lateral axis.
+    """
+
+    axes_pac: Floats
+    origins_pc: Floats
+
+    @classmethod
+    def of(cls, planes: Sequence[ScanPlane], radius_m: float) -> "PlaneFrames":
+        """Stack the frames of planes through an eye of this radius."""
+        axes = np.array([[plane.lateral, plane.depth, plane.normal] for plane in planes])
+        return cls(axes, np.array([plane.origin(radius_m) for plane in planes]))
+
+    def latitudes(self, radius_m: float) -> Floats:
+        """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,).
+
+        Raises:
+            InputError: a plane passes by the sphere.
+        """
+        sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
+        if np.any(np.abs(sine) > 0.98):
+            raise InputError(
+                f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the eye's centre "
+                f"and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes it; "
+                "use a smaller gap or tilt"
+            )
+        latitude: Floats = np.arcsin(sine)
+        return latitude
+
+    def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
+        """Directions from the centre, (plane, ...) to (plane, ..., 3); below the base plane: to the base's rim."""
+        lateral, depth, normal = (self._spread(self.axes_pac[:, axis], longitudes.ndim) for axis in range(3))
+        along = np.sin(longitudes)[..., None] * lateral - np.cos(longitudes)[..., None] * depth
+        directions: Floats = np.cos(latitudes)[..., None] * along + np.sin(latitudes)[..., None] * normal
+        directions[..., 2] = np.maximum(directions[..., 2], 0.0)
+        return directions
+
+    def project(self, fields: Floats) -> Floats:
+        """Turn fields (plane, ..., 1 + mode, 3), a position and displacements, to the planes' axes."""
+        moved = fields.copy()
+        moved[..., 0, :] -= self._spread(self.origins_pc, fields.ndim - 2)
+        axes = self.axes_pac.reshape(len(fields), *(1,) * (fields.ndim - 3), 3, 3)
+        projected: Floats = moved @ np.swapaxes(axes, -1, -2)
+        return projected
+
+    @staticmethod
+    def _spread(vectors_pc: Floats, dimensions: int) -> Floats:
+        return vectors_pc.reshape(len(vectors_pc), *(1,) * (dimensions - 1), 3)
+
+
+def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> Floats:
+    """Return the longitudes of the material lines, dense at the contact, from base to base, shape (plane, station).
+
+    Args:
+        frames: the planes.
+        circles_xp: latitudes of the undeformed circles (surface, plane).
+        radius_m: outer radius.
+
+    Raises:
+        InputError: a plane does not meet the wall above its base.
+    """
+    ends = np.array([_ends_at_base(frames, circle, BEYOND_BASE_M / radius_m) for circle in circles_xp])
+    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
+    first, last = np.arcsinh(low * radius_m / GRADING_M), np.arcsinh(high * radius_m / GRADING_M)
+    count = 2 + int((last - first).max() * GRADING_M / STATION_M)
+    stations_ps: Floats = np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
+    return stations_ps
+
+
+def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Floats:
+    """Longitudes a little `beyond` those where a circle of latitude meets z = 0; -pi and pi where it does not.
+
+    Shape (2, plane).
+    """
+    lateral_z, depth_z, normal_z = frames.axes_pac[:, :, 2].T
+    amplitude = np.cos(latitude_p) * np.hypot(lateral_z, depth_z)  # z = amplitude cos(longitude - middle) + offset
+    offset = np.sin(latitude_p) * normal_z
+    if np.any(offset < -0.999 * amplitude):
+        raise InputError("B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt")
+    closed = offset >= amplitude
+    middle = np.where(closed, 0.0, np.arctan2(lateral_z, -depth_z))
+    half = np.arccos(np.clip(-offset / np.maximum(amplitude, 1e-12), -1.0, 1.0)) + beyond
+    half = np.where(closed, np.pi, np.minimum(half, np.pi))
+    return np.stack([middle - half, middle + half])
+
+
+Integers = NDArray[np.int64]
+
+PARALLEL_M = 0.4e-3  # between the parallels: curves are 1 um off at 0.5 mm
+BRACKET_M = 0.7e-3  # how far across the plane the material may have moved; doubled where that is not enough
+WIDEST_BRACKET_M = 8e-3
+
+
+def cut_sections(
+    mesh: HexMesh, planes: Sequence[ScanPlane], modes_knc: Floats, weights_pfk: Floats
+) -> list[list[Section]]:
+    """Cut many deformations of a wall, sums of a few displacement modes, by each of several planes.
+
+    Args:
+        mesh: the undeformed wall.
+        planes: the planes.
+        modes_knc: displacement modes (mode, node, 3).
+        weights_pfk: for each plane the deformations as weights of the modes (plane, deformation, mode).
+
+    Returns:
+        For each plane its sections, one for each deformation.
+
+    Raises:
+        InputError: a plane does not cut through both surfaces of the wall.
+        SolverError: the material has moved too far across a plane to be followed.
+    """
+    frames = PlaneFrames.of(planes, mesh.radius_m)
+    circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])
+    stations_ps = place_stations(frames, circles_xp, mesh.radius_m)
+    fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
+    surfaces = [_Surface(fields, mesh.outer_qn), _Surface(fields, mesh.inner_qn)]
+    bracket_m = BRACKET_M
+    while bracket_m <= WIDEST_BRACKET_M:
+        grid = _Grid.around(mesh, frames, stations_ps, circles_xp, bracket_m)
+        outer, inner = (_follow(mesh, surface, frames, grid, weights_pfk) for surface in surfaces)
+        if outer is not None and inner is not None:
+            return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
+        bracket_m *= 2.0
+    raise SolverError(
+        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the B-scan plane"
+    )
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Position and displacement modes of the nodes (node, 1 + mode, 3), and the quads of one surface."""
+
+    fields: Floats
+    quads_qn: Integers
+
+    def at(self, quads: Integers, weights_dn: Floats) -> Floats:
+        """Interpolate the fields at located directions, shape (direction, 1 + mode, 3)."""
+        nodal = self.fields.reshape(len(self.fields), -1)[self.quads_qn[quads]]
+        return (weights_dn[:, None] @ nodal).reshape(-1, *self.fields.shape[1:])
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The parallels (plane, parallel) and stations (plane, station), and their crossings located in the mesh."""
+
+    latitudes_pt: Floats
+    stations_ps: Floats
+    quads: Integers
+    weights_dn: Floats
+
+    @classmethod
+    def around(
+        cls, mesh: HexMesh, frames: PlaneFrames, stations_ps: Floats, circles_xp: Floats, bracket_m: float
+    ) -> "_Grid":
+        """Parallels from `bracket_m` on one side of both undeformed circles to as much on the other."""
+        margin = bracket_m / mesh.radius_m
+        low, high = circles_xp.min(axis=0) - margin, circles_xp.max(axis=0) + margin
+        count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
+        latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
+        directions = frames.directions(*np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None]))
+        quads, local = locate(mesh, directions.reshape(-1, 3))
+        return cls(latitudes_pt, stations_ps, quads, surface_weights(mesh, local))
+
+
+def _follow(mesh: HexMesh, surface: _Surface, frames: PlaneFrames, grid: _Grid, weights_pfk: Floats) -> Floats | None:
+    """Return the curve where a surface meets the planes (plane, deformation, station, 2); None if it leaves the grid.
+
+    Between two parallels the crossing is found by linear interpolation, the elements are evaluated there, and the
+    micrometres that are missing are taken along the meridian's chord.
+    """
+    (planes, parallels), stations = grid.latitudes_pt.shape, grid.stations_ps.shape[1]
+    lines = frames.project(surface.at(grid.quads, grid.weights_dn).reshape(planes, parallels, stations, -1, 3))
+    below = _parallel_below(lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m))
+    if below is None:
+        return None
+    plane, station = np.arange(planes)[:, None, None], np.arange(stations)
+    start, end = (_deform(lines[plane, below + k, station], weights_pfk[:, :, None]) for k in (0, 1))
+    chord = end - start
+    step = (grid.latitudes_pt[:, 1] - grid.latitudes_pt[:, 0])[:, None, None]
+    latitude = grid.latitudes_pt[:, :1, None] + (below - start[..., 2] / chord[..., 2]) * step
+    directions = frames.directions(np.broadcast_to(grid.stations_ps[:, None], latitude.shape), latitude)
+    quads, local = locate(mesh, directions.reshape(-1, 3))
+    found = surface.at(quads, surface_weights(mesh, local)).reshape(*latitude.shape, -1, 3)
+    points = _deform(frames.project(found), weights_pfk[:, :, None])
+    curve: Floats = points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
+    return curve
+
+
+def _deform(fields: Floats, weights: Floats) -> Floats:
+    """Add the weighted modes to the position: (..., 1 + mode, 3) and (..., mode) to (..., 3)."""
+    moved: Floats = fields[..., 0, :] + (weights[..., None, :] @ fields[..., 1:, :])[..., 0, :]
+    return moved
+
+
+def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circle_p: Floats) -> Integers | None:
+    """Return the parallel after which the surface rises through the plane (plane, deformation, station).
+
+    `fields_ptsm` are the height over the plane and its modes. Where the surface rises through the plane more than once
+    (linear mechanics beyond all its bounds turns it inside out), the crossing nearest to the undeformed circle counts.
+    None where it does not rise through the plane at all.
+    """
+    height_pfts = fields_ptsm[:, None, ..., 0] + np.einsum("pfk,ptsk->pfts", weights_pfk, fields_ptsm[..., 1:])
+    under = height_pfts < 0.0
+    rises = under[:, :, :-1] & ~under[:, :, 1:]
+    if not rises.any(axis=2).all():
+        return None
+    middles_pt = 0.5 * (grid.latitudes_pt[:, 1:] + grid.latitudes_pt[:, :-1])
+    distance = np.abs(middles_pt - circle_p[:, None])[:, None, :, None]
+    nearest: Integers = np.argmin(np.where(rises, distance, np.inf), axis=2)
+    return nearest

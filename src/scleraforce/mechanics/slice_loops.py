@@ -1,0 +1,43 @@
+"""The loops of `mechanics.slices` that draw many slices: compiled, with the same roundings."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled
+
+
+@compiled
+def draw_contours(
+    contours: NDArray[np.float64], margin: float, wall: int, images: NDArray[np.uint8], winding: NDArray[np.int64]
+) -> None:
+    """Draw contours into `images`: `wall` at each pixel centre around which its contour winds.
+
+    Args:
+        contours: closed, in pixels (slice, 2, point): column and row, the centre of column c, row r is at (c, r).
+        margin: how far above a pixel centre an edge may lie by rounding and still count as above it.
+        wall: the value of a pixel of the wall.
+        images: of zeros, (slice, row, column).
+        winding: to work in, (row, column).
+    """
+    rows, columns = winding.shape
+    for n in range(len(images)):
+        winding[:] = 0
+        x, y = contours[n, 0], contours[n, 1]
+        for edge in range(len(x) - 1):
+            start = int(min(max(np.ceil(x[edge]), 0.0), columns))
+            end = int(min(max(np.ceil(x[edge + 1]), 0.0), columns))
+            if start == end:
+                continue
+            step = 1 if end > start else -1
+            slope = (y[edge + 1] - y[edge]) / (x[edge + 1] - x[edge])
+            for column in range(min(start, end), max(start, end)):
+                row = y[edge] + (column - x[edge]) * slope
+                below = int(min(max(np.ceil(row - margin), 0.0), rows))
+                if below < rows:
+                    winding[below, column] += step
+        for column in range(columns):
+            count = 0
+            for row in range(rows):
+                count += winding[row, column]
+                if count != 0:
+                    images[n, row, column] = wall

@@ -1,0 +1,178 @@
+"""A cornea of another radius: the outer surface against closed forms, and the wall that is made of it."""
+
+from dataclasses import replace
+from math import asin, pi, radians, sqrt
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import InputError, StudyError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import volume_points
+from scleraforce.mechanics.finite_strain import bend_eye
+from scleraforce.mechanics.form import corneal_surface, form_mesh
+from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.study import (
+    CorneaStudy,
+    FormStudy,
+    GlobeStudy,
+    MechanicsStudy,
+    RegionStudy,
+    Study,
+    WaveStudy,
+    format_study,
+    parse_study,
+)
+
+R, T = 12e-3, 0.6e-3
+CORNEA = CorneaStudy()
+FLAT = CorneaStudy(radius_m=16e-3, limbus_radius_m=6e-3)
+LIMBUS_RAD, HALF_EDGE_RAD = asin(5.75 / 12), 1.0 / 12
+CENTRE_M = sqrt(12**2 - 5.75**2) * 1e-3 - sqrt(7.8**2 - 5.75**2) * 1e-3
+
+
+def meridian(angles_rad: np.ndarray) -> np.ndarray:
+    """Directions in the plane of x and z."""
+    return np.stack([np.sin(angles_rad), 0 * angles_rad, np.cos(angles_rad)], axis=-1)
+
+
+def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe() -> None:
+    inside = np.linspace(0.0, LIMBUS_RAD - HALF_EDGE_RAD, 9)
+    points, normals = corneal_surface(meridian(inside), CORNEA, R)
+    centre = np.array([0.0, 0.0, CENTRE_M])
+    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 7.8e-3, rtol=1e-12)
+    np.testing.assert_allclose(normals, (points - centre) / 7.8e-3, atol=1e-12)
+    np.testing.assert_allclose(points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15)  # the apex, 1.06 mm in front
+    ring = R * meridian(np.array([LIMBUS_RAD]))
+    np.testing.assert_allclose(np.linalg.norm(ring - centre, axis=1), 7.8e-3, rtol=1e-12)  # the two spheres meet here
+    outside = meridian(np.linspace(LIMBUS_RAD + HALF_EDGE_RAD, 0.5 * pi, 9))
+    points, normals = corneal_surface(outside, CORNEA, R)
+    np.testing.assert_allclose(points, R * outside, rtol=1e-12)
+    np.testing.assert_allclose(normals, outside, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cornea", [CORNEA, FLAT], ids=["steep", "flat"])
+def test_the_surface_has_no_kink_and_its_normals_are_its_own(cornea: CorneaStudy) -> None:
+    angles = np.linspace(0.0, 0.9, 40_001)
+    points, normals = corneal_surface(meridian(angles), cornea, R)
+    along = np.gradient(points, angles, axis=0)[1:-1]
+    assert np.abs(np.sum(along * normals[1:-1], axis=1)).max() < 1e-4 * R
+    turned = np.linalg.norm(np.diff(normals, axis=0), axis=1)
+    assert turned.max() < 6.0 * np.diff(angles)[0]  # the curvature is finite: a kink would turn by 0.33 rad at once
+    at_the_ends = np.array([LIMBUS_RAD - HALF_EDGE_RAD, LIMBUS_RAD + HALF_EDGE_RAD])
+    for angle in at_the_ends:
+        two = corneal_surface(meridian(angle + np.array([-1e-9, 1e-9])), CORNEA, R)
+        np.testing.assert_allclose(two[0][0], two[0][1], atol=1e-10)
+        np.testing.assert_allclose(two[1][0], two[1][1], atol=1e-7)
+
+
+def test_a_cornea_of_the_globes_own_radius_changes_nothing() -> None:
+    directions = meridian(np.linspace(0.0, 1.5, 31))
+    points, normals = corneal_surface(directions, CorneaStudy(radius_m=R), R)
+    np.testing.assert_allclose(points, R * directions, atol=1e-15)
+    np.testing.assert_allclose(normals, directions, atol=1e-12)
+
+
+def test_a_cornea_lies_about_its_own_axis() -> None:
+    axis = Contact(polar_rad=0.5, azimuth_rad=2.0)
+    aside = replace(CORNEA, polar_rad=0.5, azimuth_rad=2.0)
+    points, normals = corneal_surface(axis.normal[None], aside, R)
+    np.testing.assert_allclose(points[0], (CENTRE_M + 7.8e-3) * axis.normal, atol=1e-15)
+    np.testing.assert_allclose(normals[0], axis.normal, atol=1e-12)
+
+
+@pytest.mark.parametrize("polar_deg", [38.0, 46.0, 55.0])
+@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_contact_in_place(make, polar_deg) -> None:
+    contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.7)
+    sphere = make(R, T, contact, core=8, rings=20)
+    form = FormStudy(cornea=CORNEA)
+    mesh = form_mesh(sphere, form, contact).mesh
+    outer, inner = mesh.points_nc[np.unique(mesh.outer_qn)], mesh.points_nc[np.unique(mesh.inner_qn)]
+    np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T, rtol=1e-12)
+    sizes = volume_points(mesh).volumes_ep / volume_points(sphere).volumes_ep
+    assert sizes.min() > 0.5  # every Jacobian is positive, and far from 0
+    assert sizes.max() < 2.0
+    up = sphere.points_nc[:, 2] / np.linalg.norm(sphere.points_nc, axis=1)
+    behind = np.arccos(up) > LIMBUS_RAD + HALF_EDGE_RAD  # the contact is there, too
+    np.testing.assert_allclose(mesh.points_nc[behind], sphere.points_nc[behind], atol=1e-15)
+
+
+def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
+    """Of a surface of revolution: by a fine sum of area, thickness and curvatures along the meridian."""
+    contact = Contact(polar_rad=radians(45))
+    mesh = form_mesh(graded_mesh(R, T, contact, core=8, rings=28), FormStudy(cornea=CORNEA), contact).mesh
+    angles = np.linspace(0.0, 0.5 * pi, 100_001)
+    points, normals = corneal_surface(meridian(angles), CORNEA, R)
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    middle, across = 0.5 * (points[1:] + points[:-1]), 0.5 * (normals[1:] + normals[:-1])
+    along = np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2  # principal curvatures
+    around = across[:, 0] / middle[:, 0]
+    thick = T - 0.5 * (along + around) * T**2 + along * around * T**3 / 3
+    exact = 2 * pi * np.sum(middle[:, 0] * length * thick)
+    assert volume_points(mesh).volumes_ep.sum() == pytest.approx(exact, rel=1e-3)
+
+
+def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
+    contact = Contact(polar_rad=radians(45), azimuth_rad=0.3)
+    wave = WaveStudy(amplitude_fraction=0.1, degree=1)
+    plain = graded_mesh(R, T, contact)
+    both = form_mesh(plain, FormStudy((1.05, 1.0, 0.97), (wave,), cornea=CORNEA), contact).mesh
+    outer, inner = both.points_nc[np.unique(both.outer_qn)], both.points_nc[np.unique(both.inner_qn)]
+    up = plain.points_nc[np.unique(plain.outer_qn), 2] / R
+    np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T * (1.0 + 0.1 * up), rtol=1e-12)
+    stretched = form_mesh(plain, FormStudy(cornea=CORNEA), contact).mesh.points_nc[np.unique(plain.outer_qn)]
+    stretched = stretched * (1.05, 1.0, 0.97)
+    between = np.linalg.norm(stretched[::50, None] - stretched[None, ::50], axis=-1)  # the rest is a rigid motion
+    np.testing.assert_allclose(np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1), between, atol=1e-12)
+
+
+def test_a_cornea_that_is_none_of_the_globe_is_refused() -> None:
+    directions = meridian(np.array([0.1]))
+    wide = CorneaStudy(radius_m=14e-3, limbus_radius_m=13e-3)
+    with pytest.raises(InputError, match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$"):
+        corneal_surface(directions, wide, R)
+    with pytest.raises(InputError, match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$"):
+        corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
+    with pytest.raises(InputError, match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$"):
+        corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
+
+
+def test_a_cornea_is_written_read_and_absent_unless_it_is_asked_for() -> None:
+    study = Study(form=FormStudy(region=(RegionStudy(modulus_ratio=0.7),), cornea=replace(CORNEA, edge_m=1.5e-3)))
+    assert parse_study(format_study(study)) == study
+    assert parse_study("[form.cornea]\n").form.cornea == CORNEA
+    assert parse_study("[form]\ncornea = { radius_mm = 8.0 }\n").form.cornea == CorneaStudy(radius_m=8e-3)
+    assert "cornea" not in format_study(Study()).split("[scenes")[0]  # of drawn eyes it has one
+    for text, message in (
+        ("radius_mm = 1.0", r"^study:2: form\.cornea\.radius_mm: 1 is below"),
+        ("radius_mm = 5.0", r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; must be below .* radius_mm, 5$"),
+        ("radius_mm = 8.0\nedge = 2", r"^study:3: form\.cornea\.edge: unknown key"),
+    ):
+        with pytest.raises(StudyError, match=message):
+            parse_study(f"[form.cornea]\n{text}\n")
+    with pytest.raises(StudyError, match=r"expected a table \[cornea\]"):
+        parse_study("[form]\ncornea = 7.8\n")
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_a_sealed_eye_with_a_cornea_is_bent_at_finite_strain_and_the_mesh_resolves_it() -> None:
+    """The figures' mesh against one of half as many elements more; and the cornea matters."""
+    form = FormStudy(region=(RegionStudy(modulus_ratio=0.6, half_angle_rad=LIMBUS_RAD),), cornea=CORNEA)
+    study = Study(form=form, mechanics=MechanicsStudy(kind="finite-strain"), globe=GlobeStudy("sealed"))
+    contact = Contact(polar_rad=LIMBUS_RAD + 2e-3 / R, azimuth_rad=0.4)
+    tips = [
+        bend_eye(
+            replace(study, form=own, mesh=replace(study.mesh, kind="graded", core=core, rings=rings)),
+            contact,
+            thickness_m=0.8e-3,
+            youngs_modulus_pa=0.4e6,
+            iop_pa=300.0,
+            max_force_n=20e-3,
+        ).path.tip_m(20e-3)
+        for own, core, rings in ((form, 8, 20), (form, 10, 26), (FormStudy(region=form.region), 8, 20))
+    ]
+    assert tips[0] == pytest.approx(tips[1], rel=1e-2)
+    assert abs(tips[2] / tips[0] - 1.0) > 0.01

@@ -1,0 +1,331 @@
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from reference_walls import cut_section
+from scleraforce.errors import InputError, SolverError
+from scleraforce.mechanics.contact import Contact, ScanPlane
+from scleraforce.mechanics.form import form_mesh, thickness_factor
+from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.shapes import shape_values
+from scleraforce.study import FormStudy, WaveStudy
+
+RADIUS, THICKNESS = 12e-3, 6e-4
+MICRON = 1e-6
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return build_mesh(RADIUS, THICKNESS, divisions=4, level=1)
+
+
+@pytest.fixture(scope="module")
+def fine_mesh():
+    return build_mesh(RADIUS, THICKNESS, divisions=10, level=1)
+
+
+def planes(count, seed=0):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        contact = Contact(polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi))
+        yield ScanPlane(
+            contact,
+            gap_m=rng.uniform(0.0, 1.5e-3),
+            direction_rad=rng.uniform(-np.pi, np.pi),
+            tilt_rad=rng.uniform(-0.5, 0.5),
+        )
+
+
+def distance_to_circle(curve, plane, radius):
+    """How far points of the plane are from the circle that it cuts out of the sphere about the eye's centre."""
+    centre = -plane.origin(RADIUS)
+    from_centre = curve - (centre @ plane.lateral, centre @ plane.depth)
+    return np.abs(np.hypot(*from_centre.T) - np.sqrt(radius**2 - (centre @ plane.normal) ** 2))
+
+
+def in_space(curve, plane):
+    return plane.origin(RADIUS) + curve @ np.stack([plane.lateral, plane.depth])
+
+
+def distance_to_contour(points, contour):
+    """Distance of each point to a closed polyline, by the definition."""
+    start, edge = contour, np.roll(contour, -1, axis=0) - contour
+    square = np.maximum(np.sum(edge**2, axis=1), 1e-30)
+    nearest = np.full(len(points), np.inf)
+    for corner, along, length in zip(start, edge, square, strict=True):
+        t = np.clip((points - corner) @ along / length, 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(*(points - corner - t[:, None] * along).T))
+    return nearest
+
+
+def area(contour):
+    x, y = contour.T
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def inside(points, contour):
+    """Winding number not zero, by the sum of angles."""
+    seen = (contour[:, 0] + 1j * contour[:, 1]) - (points[:, 0] + 1j * points[:, 1])[:, None]
+    return np.abs(np.angle(np.roll(seen, -1, axis=1) * seen.conj()).sum(axis=1)) > np.pi
+
+
+@pytest.mark.parametrize("plane", list(planes(12)), ids=str)
+def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(fine_mesh, plane):
+    section = cut_section(fine_mesh, plane, np.zeros_like(fine_mesh.points_nc))
+    assert distance_to_circle(section.outer, plane, RADIUS).max() < 0.5 * MICRON
+    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < 0.5 * MICRON
+    for curve in (section.outer, section.inner):
+        height = in_space(curve, plane)[:, 2]
+        assert height.min() > -MICRON
+        if np.hypot(*(curve[0] - curve[-1])) > MICRON:  # else the plane misses the base: a full circle
+            assert np.abs(height[[0, -1]]).max() < 5 * MICRON
+
+
+def test_a_turned_sphere_still_gives_circles(fine_mesh):
+    # A rotation about the centre moves material 1.2 mm across the plane, and the sphere nowhere.
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=1.0), gap_m=0.5e-3, direction_rad=0.3)
+    axis, angle = plane.depth, 0.1
+    turned = np.cos(angle) * fine_mesh.points_nc + np.sin(angle) * np.cross(axis, fine_mesh.points_nc)
+    turned += (1 - np.cos(angle)) * np.outer(fine_mesh.points_nc @ axis, axis)
+    section = cut_section(fine_mesh, plane, turned - fine_mesh.points_nc)
+    assert distance_to_circle(section.outer, plane, RADIUS).max() < 0.5 * MICRON
+    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < 0.5 * MICRON
+
+
+@pytest.mark.parametrize("move_mm", [-1.6, -0.4, 0.9, 3.0])
+def test_a_wall_moved_across_the_plane_is_cut_as_by_a_plane_moved_the_other_way(fine_mesh, move_mm):
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3, direction_rad=0.4)
+    move = move_mm * 1e-3
+    section = cut_section(fine_mesh, plane, np.broadcast_to(move * plane.normal, fine_mesh.points_nc.shape))
+    moved = ScanPlane(plane.contact, gap_m=plane.gap_m - move, direction_rad=plane.direction_rad)
+    assert distance_to_circle(section.outer, moved, RADIUS).max() < 2 * MICRON
+    assert distance_to_circle(section.inner, moved, RADIUS - THICKNESS).max() < 2 * MICRON
+
+
+def test_a_wall_that_has_left_the_plane_is_an_error_and_not_a_gap(mesh):
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3)
+    with pytest.raises(SolverError, match="across the B-scan plane"):
+        cut_section(mesh, plane, np.broadcast_to(30e-3 * plane.normal, mesh.points_nc.shape))
+
+
+@pytest.mark.parametrize(("gap", "tilt"), [(20e-3, 0.0), (5e-3, 0.78)])
+def test_a_plane_that_misses_the_eye_is_an_input_error(mesh, gap, tilt):
+    with pytest.raises(InputError, match="B-scan plane"):
+        cut_section(
+            mesh,
+            ScanPlane(Contact(polar_rad=0.6), gap_m=gap, direction_rad=0.0, tilt_rad=tilt),
+            np.zeros_like(mesh.points_nc),
+        )
+
+
+def test_a_plane_below_the_base_is_an_input_error(mesh):
+    with pytest.raises(InputError, match="B-scan plane"):
+        cut_section(
+            mesh,
+            ScanPlane(Contact(polar_rad=1.4, azimuth_rad=0.0), gap_m=-5e-3, direction_rad=np.pi / 2),
+            np.zeros_like(mesh.points_nc),
+        )
+
+
+def dent(mesh, plane):
+    """A soft wall with a needle in it, from the mechanics: deeper than it is thick."""
+    wall = LinearWall(mesh, 0.45)
+    return 0.06 / 0.2e6 * wall.needle_cnc([plane.contact], 0.35e-3)[0] + 266 / 0.2e6 * wall.pressure_nc
+
+
+def bumps(mesh, plane, *parts):
+    """Smooth displacements about the contact: (direction, size, lateral centre, width), all in m."""
+    from_origin = mesh.points_nc - plane.origin(RADIUS)
+    lateral, offset = from_origin @ plane.lateral, from_origin @ plane.offset
+    total = np.zeros_like(mesh.points_nc)
+    for direction, size, centre, width in parts:
+        total += size * np.exp(-((lateral - centre) ** 2 + offset**2) / width**2)[:, None] * direction
+    return total * (mesh.points_nc[:, 2:] > 4e-3)
+
+
+def twisted_dent(mesh, plane):
+    return bumps(
+        mesh,
+        plane,
+        (plane.depth, 3e-3, 0.0, 3e-3),
+        (plane.normal, 0.9e-3, -1e-3, 2.5e-3),
+        (plane.normal, -0.7e-3, 2e-3, 3e-3),
+    )
+
+
+def fold(mesh, plane):
+    """The wall bent to an S that hangs over; its thickness and its distance from the plane stay."""
+    lateral, depth, height = (mesh.points_nc @ axis for axis in (plane.lateral, plane.depth, plane.normal))
+    u = np.arctan2(lateral, -depth) / 1.5
+    tangent = np.stack([12 - 6.75 * np.pi * np.cos(np.pi * u), np.full_like(u, 8.0)])
+    outward = np.stack([tangent[1], -tangent[0]]) / np.hypot(*tangent)
+    middle = 1e-3 * np.stack([12 * u - 6.75 * np.sin(np.pi * u), 8 * u])
+    place = middle + (np.hypot(lateral, depth) - RADIUS) * outward
+    moved = place.T @ np.stack([plane.lateral, plane.depth]) + height[:, None] * plane.normal
+    return moved - mesh.points_nc
+
+
+def w_dent(mesh, plane):
+    return bumps(mesh, plane, (plane.depth, 2e-3, -2.5e-3, 1.6e-3), (plane.depth, 1.5e-3, 2e-3, 1.8e-3))
+
+
+def cut_tetrahedra(mesh, plane, displacement, pieces):
+    """Second implementation: hexahedra split into small tetrahedra, each of them cut; list of polygons in the plane."""
+    moved = mesh.points_nc + displacement - plane.origin(RADIUS)
+    height = (moved @ plane.normal)[mesh.cells_en]
+    near = (height.min(axis=1) < 1e-4) & (height.max(axis=1) > -1e-4)
+    grid = np.stack(np.meshgrid(*(np.linspace(-1, 1, n + 1) for n in pieces), indexing="ij"), axis=-1).reshape(-1, 3)
+    weights = shape_values(grid, mesh.cells_en.shape[1])
+    number = np.arange(len(grid)).reshape([n + 1 for n in pieces])
+    corner = {
+        c: number[tuple(slice(k, k + n) for k, n in zip(c, pieces, strict=True))].ravel() for c in np.ndindex(2, 2, 2)
+    }
+    tetrahedra = []
+    for order in permutations(range(3)):  # Kuhn: each order of the axes is a path from corner 000 to 111
+        path = [np.zeros(3, int)]
+        for axis in order:
+            path.append(path[-1] + np.eye(3, dtype=int)[axis])
+        tetrahedra.append(np.stack([corner[tuple(c)] for c in path], axis=1))
+    axes = np.stack([plane.lateral, plane.depth, plane.normal], axis=1)
+    polygons = []
+    for cell in mesh.cells_en[near]:
+        points = (weights @ moved[cell]) @ axes
+        for tetrahedron in points[np.concatenate(tetrahedra)]:
+            h = tetrahedron[:, 2]
+            above, below = tetrahedron[h >= 0], tetrahedron[h < 0]
+            if len(above) and len(below):
+                polygon = [a + (b - a) * a[2] / (a[2] - b[2]) for a in above for b in below]
+                if len(polygon) == 4:
+                    polygon = [polygon[k] for k in (0, 1, 3, 2)]
+                polygons.append(np.array(polygon)[:, :2])
+    return polygons
+
+
+@pytest.mark.parametrize(
+    ("deform", "tilt", "which", "pieces"),
+    [
+        pytest.param(dent, 0.0, "mesh", 16, marks=pytest.mark.slow),
+        pytest.param(dent, 0.3, "mesh", 16, marks=pytest.mark.slow),
+        pytest.param(twisted_dent, 0.3, "fine_mesh", 8, marks=pytest.mark.slow),
+        (fold, 0.0, "fine_mesh", 8),
+        pytest.param(w_dent, 0.0, "fine_mesh", 8, marks=pytest.mark.slow),
+    ],
+)
+def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt, which, pieces):
+    mesh = request.getfixturevalue(which)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.6, tilt_rad=tilt)
+    displacement = deform(mesh, plane)
+    section = cut_section(mesh, plane, displacement)
+    polygons = cut_tetrahedra(mesh, plane, displacement, (pieces, pieces, 1))
+    points = np.concatenate(polygons)
+    outside = points[~inside(points, section.contour)]
+    assert distance_to_contour(outside, section.contour).max(initial=0.0) < 10 * MICRON
+    total = sum(area(polygon) for polygon in polygons)
+    perimeter = np.hypot(*np.diff(section.contour, axis=0).T).sum()
+    assert abs(total - area(section.contour)) < 0.5 * MICRON * perimeter
+
+
+def test_a_fold_is_followed_in_the_order_of_the_material(fine_mesh):
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3)
+    lateral, depth = cut_section(fine_mesh, plane, fold(fine_mesh, plane)).outer.T
+    assert np.all(np.diff(depth) > 0)
+    turns = np.diff(np.sign(np.diff(lateral)))
+    assert np.count_nonzero(turns) >= 2  # there and back
+
+
+def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
+    contact = Contact(polar_rad=0.5, azimuth_rad=0.7)
+    cuts = [
+        ScanPlane(contact, gap_m=gap, direction_rad=direction, tilt_rad=tilt)
+        for gap, direction, tilt in [(0.3e-3, 0, 0), (1e-3, 2, 0.2)]
+    ]
+    modes = np.stack([twisted_dent(mesh, cuts[0]), w_dent(mesh, cuts[1])])
+    weights = np.array([[[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]], [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]])
+    together = cut_sections(mesh, cuts, modes, weights)
+    for plane, of_plane, rows in zip(cuts, together, weights, strict=True):
+        for section, row in zip(of_plane, rows, strict=True):
+            alone = cut_section(mesh, plane, np.tensordot(row, modes, 1))
+            assert distance_to_contour(section.contour, alone.contour).max() < 10 * MICRON
+
+
+@pytest.mark.parametrize("options", [{"order": 1}, {"order": 1, "layers": 3}])
+def test_other_elements_are_cut_on_their_own_surface(options):
+    mesh = build_mesh(RADIUS, THICKNESS, divisions=10, level=1, **options)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.4, tilt_rad=0.1)
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON  # a facet sags along both of its sides
+    assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
+    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < facet
+
+
+def own_frame(mesh, axes):
+    """The map from space to an ellipsoid's own frame: affine, fitted to the outer nodes."""
+    nodes = np.unique(mesh.outer_qn)
+    moved = np.c_[mesh.points_nc[nodes], np.ones(len(nodes))]
+    matrix, *_ = np.linalg.lstsq(moved, mesh.sphere_nc[nodes] * axes, rcond=None)
+    return lambda points: np.c_[points, np.ones(len(points))] @ matrix
+
+
+@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+@pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
+def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(make, plane):
+    axes = np.array([1.06, 0.95, 1.03])
+    contact = Contact(polar_rad=min(plane.contact.polar_rad, 0.9), azimuth_rad=plane.contact.azimuth_rad)
+    plane = ScanPlane(contact, gap_m=plane.gap_m, direction_rad=plane.direction_rad, tilt_rad=plane.tilt_rad)
+    sphere = make(RADIUS, THICKNESS, contact, core=8, rings=24)
+    mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact).mesh
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]  # what a B-scan sees
+    to_own = own_frame(mesh, axes)
+    outer, inner = (to_own(in_space(c[n], plane)) for c, n in zip((section.outer, section.inner), near, strict=True))
+    level = np.linalg.norm(outer / axes, axis=1)
+    assert np.abs(level - RADIUS).max() < 2 * MICRON
+    # An inner point is x - t n(x) of an outer point x: found by Newton's method on x = point + t n(x).
+    foot = inner / np.linalg.norm(inner / axes, axis=1, keepdims=True) * RADIUS
+    for _ in range(50):
+        normal = foot / axes**2
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        foot = inner + THICKNESS * normal
+    assert np.abs(np.linalg.norm(foot / axes, axis=1) - RADIUS).max() < 2 * MICRON
+
+
+def test_an_uneven_wall_has_its_thickness_along_the_section():
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=1.0), gap_m=0.5e-3, direction_rad=0.4, tilt_rad=0.1)
+    form = FormStudy(
+        wave=(
+            WaveStudy(amplitude_fraction=0.12, degree=3, polar_rad=0.6, azimuth_rad=1.0),
+            WaveStudy(amplitude_fraction=0.06, degree=1, polar_rad=1.2, azimuth_rad=-0.5),
+        )
+    )
+    mesh = form_mesh(graded_mesh(RADIUS, THICKNESS, plane.contact, core=8, rings=24), form, plane.contact).mesh
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    near = np.abs(section.inner[:, 0]) < 8e-3
+    inner = in_space(section.inner[near], plane)
+    radii = np.linalg.norm(inner, axis=1)  # the sphere stays: its wall is measured along rays
+    expected = RADIUS - THICKNESS * thickness_factor(form, inner / radii[:, None])
+    assert np.abs(radii - expected).max() < 1 * MICRON
+    assert np.ptp(radii) > 40 * MICRON
+    assert distance_to_circle(section.outer[near], plane, RADIUS).max() < 2 * MICRON
+
+
+def test_a_dent_of_seven_millimetres_is_what_all_the_small_tetrahedra_cut():
+    """A cap mirrored at a plane, its rim rounded: how a thin wall gives way; squeezed and pushed across the plane."""
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.4), gap_m=0.5e-3, direction_rad=0.3, tilt_rad=0.1)
+    mesh = graded_mesh(RADIUS, THICKNESS, plane.contact)
+    height = mesh.points_nc @ plane.contact.normal
+    across = mesh.points_nc - np.outer(height, plane.contact.normal)
+    mirror = RADIUS - 3.5e-3
+    move = np.outer(mirror - np.hypot(height - mirror, 0.7e-3) - height, plane.contact.normal) * (height > 0)[:, None]
+    near = np.exp(-np.sum(across**2, axis=1) / (4e-3) ** 2)[:, None]
+    displacement = move - 0.08 * across * near + 0.6e-3 * near * plane.normal
+    section = cut_section(mesh, plane, displacement)
+    polygons = cut_tetrahedra(mesh, plane, displacement, (12, 12, 1))
+    inside_window = [p for p in polygons if np.abs(p[:, 0]).max() < 7e-3]
+    points = np.concatenate(inside_window)
+    assert points[:, 1].max() > 6e-3  # the dent's bottom
+    outside = points[~inside(points, section.contour)]
+    assert distance_to_contour(outside, section.contour).max(initial=0.0) < 10 * MICRON

@@ -1,0 +1,167 @@
+from math import asin, degrees, pi, radians
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import StudyError
+from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import gauss_points, volume_points
+from scleraforce.mechanics.form import form_mesh, modulus_factor, thickness_factor
+from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
+from scleraforce.study import FormStudy, RegionStudy, Study, WaveStudy, format_study, parse_study
+
+R, T = 12e-3, 0.6e-3
+CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)
+AXES = (1.06, 0.97, 0.94)
+WAVY = FormStudy(
+    wave=(
+        WaveStudy(amplitude_fraction=0.12, degree=2, polar_rad=radians(60), azimuth_rad=0.3),
+        WaveStudy(amplitude_fraction=-0.05, degree=3, polar_rad=radians(20), azimuth_rad=2.0),
+    )
+)
+
+
+def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
+    """The nodes in the ellipsoid's own frame, by the rigid motion that fits the base's rim best."""
+    base = mesh.points_nc[mesh.base_nodes]
+    sphere = mesh.sphere_nc[mesh.base_nodes]
+    outer = np.linalg.norm(sphere, axis=1) > 0.9999 * R
+    target = sphere[outer] * axes
+    moved = base[outer]
+    shift, aim = moved.mean(axis=0), target.mean(axis=0)
+    u, _, vt = np.linalg.svd((moved - shift).T @ (target - aim))  # Kabsch: the best rotation
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return (mesh.points_nc - shift) @ turn + aim
+
+
+def test_a_plain_form_leaves_the_wall_as_it_is() -> None:
+    mesh = graded_mesh(R, T, CONTACT)
+    eye = form_mesh(mesh, FormStudy(), CONTACT)
+    np.testing.assert_allclose(eye.mesh.points_nc, mesh.points_nc, atol=1e-16)
+    np.testing.assert_array_equal(eye.modulus_factor(gauss_points(3, 3)[0]), 1.0)
+
+
+def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for() -> None:
+    mesh = form_mesh(graded_mesh(R, T, CONTACT), FormStudy(semi_axes=AXES), CONTACT).mesh
+    own = back_on_the_axes(mesh, AXES)
+    outer, inner = own[np.unique(mesh.outer_qn)], own[np.unique(mesh.inner_qn)]
+    np.testing.assert_allclose(np.sum((outer / np.multiply(AXES, R)) ** 2, axis=1), 1.0, rtol=1e-12)
+    # The nodes of both surfaces are numbered alike: inner minus outer is the wall, along the normal of the ellipsoid.
+    normal = outer / np.square(AXES)
+    wall = outer - inner
+    np.testing.assert_allclose(np.linalg.norm(wall, axis=1), T, rtol=1e-12)
+    off = np.cross(wall, normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    assert np.abs(off).max() < 1e-15
+    np.testing.assert_allclose(own[mesh.base_nodes, 2], 0.0, atol=1e-16)
+
+
+@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+def test_the_contact_and_its_normal_are_where_the_sphere_has_them(make) -> None:
+    form = FormStudy(semi_axes=AXES, wave=WAVY.wave)
+    mesh = form_mesh(make(R, T, CONTACT, core=8, rings=24), form, CONTACT).mesh
+    nearby = [
+        Contact(polar_rad=CONTACT.polar_rad + a, azimuth_rad=CONTACT.azimuth_rad + b)
+        for a, b in ((0, 0), (1e-4, 0), (0, 1e-4))
+    ]
+    quads, local = locate(mesh, np.array([contact.normal for contact in nearby]))
+    points = np.einsum("pn,pnc->pc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
+    np.testing.assert_allclose(points[0], R * CONTACT.normal, atol=1e-9)
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    np.testing.assert_allclose(normal / np.linalg.norm(normal), CONTACT.normal, atol=2e-4)
+
+
+@pytest.mark.parametrize("form", [FormStudy(semi_axes=AXES), WAVY, FormStudy(semi_axes=AXES, wave=WAVY.wave)], ids=str)
+def test_the_volume_is_that_of_the_form(form: FormStudy) -> None:
+    """Half an ellipsoid's wall: by a fine sum over latitude and longitude of area, thickness and curvature."""
+    mesh = form_mesh(build_mesh(R, T), form, CONTACT).mesh
+    axes = np.array(form.semi_axes)
+    count = 400
+    u = (np.arange(count) + 0.5) / count  # z of the direction: equal steps are equal areas of the sphere
+    v = (np.arange(2 * count) + 0.5) * pi / count
+    z, azimuth = np.meshgrid(u, v, indexing="ij")
+    flat = np.sqrt(1 - z**2)
+    d = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z], axis=-1)
+    normal = d / axes
+    stretch = np.prod(axes) * np.linalg.norm(normal, axis=-1)  # Nanson: area of the ellipsoid over that of the sphere
+    h2 = 1.0 / np.sum(d**2 / axes**2, axis=-1)
+    total, product = axes**2 @ np.ones(3), np.prod(axes**2)
+    mean = (total - np.sum((axes * d) ** 2, axis=-1)) * h2**1.5 / (2 * product)
+    gauss = h2**2 / product
+    t = T * thickness_factor(form, d)
+    # V = integral over the area of t - H t^2 + K t^3 / 3 (parallel surfaces), curvatures of the unit ellipsoid over R
+    thick = t - mean / R * t**2 + gauss / R**2 * t**3 / 3
+    exact = 2 * pi * R**2 * np.mean(stretch * thick)
+    assert volume_points(mesh).volumes_ep.sum() == pytest.approx(exact, rel=2e-4)
+
+
+def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -> None:
+    x = np.linspace(-1, 1, 7)
+    d = np.stack([np.sqrt(1 - x**2), 0 * x, x], axis=-1)
+    by_degree = {1: x, 2: (3 * x**2 - 1) / 2, 3: (5 * x**3 - 3 * x) / 2}
+    for degree, legendre in by_degree.items():
+        form = FormStudy(wave=(WaveStudy(amplitude_fraction=0.2, degree=degree),))
+        np.testing.assert_allclose(thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15)
+    sideways = FormStudy(
+        wave=(WaveStudy(amplitude_fraction=0.2, degree=1, polar_rad=radians(90), azimuth_rad=radians(90)),)
+    )
+    np.testing.assert_allclose(thickness_factor(sideways, np.eye(3)), [1.0, 1.2, 1.0], atol=1e-15)
+
+
+def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge() -> None:
+    cornea = RegionStudy(modulus_ratio=0.6, half_angle_rad=asin(5.75 / 12), edge_rad=radians(4))
+    form = FormStudy(region=(cornea,))
+    edge = degrees(asin(5.75 / 12))
+    polar = np.radians([0.0, edge - 2.1, edge, edge + 2.1, 80.0])
+    d = np.stack([np.sin(polar), 0 * polar, np.cos(polar)], axis=-1)
+    np.testing.assert_allclose(modulus_factor(form, d), [0.6, 0.6, 0.8, 1.0, 1.0], atol=1e-12)
+    fine = np.radians(np.linspace(edge - 3, edge + 3, 601))
+    values = modulus_factor(form, np.stack([np.sin(fine), 0 * fine, np.cos(fine)], axis=-1))
+    assert np.all(np.diff(values) >= 0)
+    assert np.abs(np.diff(values, 2)).max() < 3e-5  # no kink
+    eye = form_mesh(graded_mesh(R, T, CONTACT), form, CONTACT)
+    per_point = eye.modulus_factor(gauss_points(3, 3)[0])
+    assert per_point.shape == (len(eye.mesh.cells_en), 27)
+    assert per_point.min() == pytest.approx(0.6)
+    assert per_point.max() == 1.0
+    volumes = volume_points(eye.mesh).volumes_ep
+    soft = np.sum(volumes * (1 - per_point)) / 0.4 / volumes.sum()
+    assert soft == pytest.approx(1 - np.cos(asin(5.75 / 12)), rel=2e-2)  # share of a cap of the half-sphere's area
+
+
+@pytest.mark.slow
+def test_an_ellipsoid_of_revolution_bends_as_its_turned_twin() -> None:
+    """Long axis along x, needle at (35 deg, 0), is the long axis along y with the needle a quarter turn further."""
+    tips = []
+    for axes, azimuth in (((1.06, 1.0, 1.0), 0.0), ((1.0, 1.06, 1.0), pi / 2)):
+        contact = Contact(polar_rad=radians(35), azimuth_rad=azimuth)
+        mesh = form_mesh(graded_mesh(R, T, contact), FormStudy(semi_axes=axes), contact).mesh
+        wall = LinearWall(mesh, 0.45)
+        tips.append(tip_displacement(mesh, contact, wall.needle_cnc([contact], 0.35e-3)[0]))
+    assert tips[0] == pytest.approx(tips[1], rel=1e-6)
+    even = graded_mesh(R, T, Contact(polar_rad=radians(35)))
+    plain = tip_displacement(
+        even,
+        Contact(polar_rad=radians(35)),
+        LinearWall(even, 0.45).needle_cnc([Contact(polar_rad=radians(35))], 0.35e-3)[0],
+    )
+    assert abs(tips[0] / plain - 1) > 5e-3  # and the form matters
+
+
+def test_a_form_is_written_and_read() -> None:
+    study = Study(
+        form=FormStudy(
+            (1.05, 1.0, 0.97),
+            (WaveStudy(amplitude_fraction=0.1, degree=2), WaveStudy(amplitude_fraction=0.05, degree=3)),
+            (RegionStudy(modulus_ratio=0.7),),
+        )
+    )
+    assert parse_study(format_study(study)) == study
+    text = "[form]\n[[form.wave]]\namplitude_percent = 12.0\ndegree = 4\n"
+    with pytest.raises(StudyError, match=r"degree: 4 is above"):
+        parse_study(text)
+    with pytest.raises(StudyError, match="three ratios"):
+        FormStudy(semi_axes=(1.0, 1.0))
+    with pytest.raises(StudyError, match="add up"):
+        FormStudy(wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3)))
