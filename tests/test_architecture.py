@@ -21,7 +21,10 @@ ORDER = [
     "known", "segmentation", "library", "laboratory", "calibration",
     "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
-PURE = ["segmentation", "mechanics", "laboratory.scanner", "calibration", "monitor"]
+PURE = [
+    "segmentation", "mechanics", "library.fit", "library.placement", "library.prediction", "library.prior",
+    "library.unknowns", "laboratory.scanner", "calibration", "monitor",
+]  # fmt: skip
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
 # Of paths, NumPy and OpenCV, whatever stands before the dot.
