@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
+from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.known import Known
@@ -22,7 +23,6 @@ from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_at
-from scleraforce.mechanics.section import cut_section
 from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)

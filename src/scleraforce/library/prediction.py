@@ -1,32 +1,32 @@
-"""What the nearness of the eye's base moves a section by, at the nodes of the library's walls (`library.base`).
+"""What a frame shows of a library's wall at given columns, its derivatives by the unknowns, and the globe's law.
 
-The motion is smooth: it is found at a few places of the section and interpolated to where the plane meets the rings.
-Those places are of a gap and a thickness that are about right; how the motion turns with these is below 1 um.
-
-What a frame shows of a library's wall at given columns, and how that turns with everything that is unknown.
 The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
 gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
 is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
 its square, and volumes, by its cube.
 
 What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
-sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`library.prediction`).
+sealed it is an unknown of its own. There level(P) - level(P0) = k dV (`mechanics.globe`), with P the pressure under the
+needle. Of a normal k this says that level(P) is normal about level(P0) + mean(k) dV with the standard deviation
+sd(k) dV. So the pressure is fitted, which a frame shows, and not the rigidity, which it shows only where the dent is
+deep.
 
-The eye's base lies nearer on one side of the needle. What pressure and force move because of that is known where it is
-known where the pole lies (`library.base`); else the pole's place is an unknown.
+The eye's base lies nearer on one side of the needle (`library.base`). Its effect is known where the pole's place is
+known; else that place is an unknown. The motion is smooth: it is found at a few places of the section, for an
+approximate gap and thickness (their effect is below 1 um), and interpolated to where the plane meets the rings.
 
-What an eye that is no even sphere adds comes on top (`library.unknowns`): its form at rest, not how that bends.
+The form of an eye that is not an even sphere is added at rest (`library.unknowns`); how it bends is left out.
 """
 
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known import OPEN, KnownGlobe
 from scleraforce.library.base import base_push, section_places
-from scleraforce.library.fit_loops import Rings, predict
+from scleraforce.library.fit_loops import Law, Rings, off_the_laws, predict
 from scleraforce.library.placement import Placed, Places, place_curves
 from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import (
@@ -46,6 +46,8 @@ from scleraforce.library.unknowns import (
     TIP,
     form_depths,
 )
+from scleraforce.mechanics.globe import Globe
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]
 
@@ -248,3 +250,56 @@ def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.
     middle = top + np.clip(share, 0.0, 1.0) * (below - top)
     lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
     return lateral, np.where(beyond, depth, middle), first
+
+
+MOVING = (TIP, THICKNESS, MODULUS, IOP, SIZE, PRESSURE)
+STEPS = np.where(np.isin(MOVING, [TIP, THICKNESS]), 1e-7, 1e-4)  # m, or of a logarithm
+LEAST_SD = 3e-3  # relative, of the pressure that the law gives: volumes of the library
+
+
+def off_the_law(walls: Walls, unknown_su: Array) -> Array:
+    """Return how far unknowns (sample, unknown) are off the law, in standard deviations; 0 where the globe is open."""
+    if not walls.globe.can_be_sealed:
+        return np.zeros(len(unknown_su))
+    off, sd = _off(walls, unknown_su)
+    return np.asarray(off / sd)
+
+
+def law_slope(walls: Walls, unknown: Array) -> Array:
+    """Return how `off_the_law` turns with each unknown (unknown,)."""
+    slope = np.zeros(len(NAMES))
+    if walls.globe.can_be_sealed:
+        moving = list(MOVING)
+        varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
+        varied[1:, moving] += np.diag(STEPS)
+        off, sd = _off(walls, varied)
+        slope[moving] = (off[1:] - off[0]) / (STEPS * sd[0])
+    return slope
+
+
+def keep_within(walls: Walls, unknown_su: Array) -> Array:
+    """Return unknowns (sample, unknown) whose pressure is that of a rigidity within the globe's bounds."""
+    known = walls.globe
+    if not known.can_be_sealed:
+        return unknown_su
+    volume = displaced_m3(walls, unknown_su)
+    resting_pa = np.exp(unknown_su[:, IOP])
+    ends = [np.log(known.globe(k).pressure(resting_pa, volume)) for k in (known.lowest, known.highest)]
+    kept = unknown_su.copy()
+    kept[:, PRESSURE] = np.clip(kept[:, PRESSURE], *ends)
+    return kept
+
+
+@lru_cache(maxsize=8)
+def _laws(known: KnownGlobe) -> tuple[Globe, Globe]:
+    """Return the globes of the mean rigidity and of its standard deviation."""
+    return known.globe(known.mean), known.globe(known.sd)
+
+
+def _off(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
+    """Return how far level(P) is off its mean and its standard deviation, (sample,) each."""
+    mean, spread = _laws(walls.globe)
+    off, sd = np.empty(len(unknown_su)), np.empty(len(unknown_su))
+    law = Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
+    off_the_laws(walls.library.tables, law, unknown_su, off, sd)
+    return off, sd
