@@ -26,18 +26,19 @@ from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
 from monitor_service.session import add_options, run as run_session
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Verdict
-from scleraforce.service.companions.channel import Child
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import (
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.channel import Child
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
     CompanionMessage,
+    ConsoleSettings,
     Decided,
+    Entry,
     ListensAt,
     Outline,
     Rates,
-    console_settings,
 )
-from scleraforce.service.entry import Entry
-from scleraforce.service.startup import listen
+from scleraforce.service.monitor_service import listen
 
 SIZE, FRAME_S = 512, 0.01
 VERDICT = Verdict(
@@ -61,11 +62,12 @@ class Session:
         rng = np.random.default_rng(0)
         self.ring = FrameRing.create(100, SIZE, SIZE)
         listener = listen("127.0.0.1", 0)
-        settings = console_settings(
-            host="127.0.0.1", listener=listener, token="", ring=self.ring, lateral_m=29e-6, depth_m=8e-6,
-            limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3), model="bench",
+        settings = ConsoleSettings(
+            host="127.0.0.1", listener=listener.fileno(), token_digest="", ring=self.ring.place,
+            scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3),
+            model="bench", eye="",
         )  # fmt: skip
-        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
+        self.child = Child("scleraforce.service.console.server", settings, [self.ring.descriptor, listener.fileno()])
         listener.close()
         select.select([self.child.channel], [], [], 30)
         (listens,) = self.child.channel.receive()

@@ -55,7 +55,7 @@ BIG = [
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
     "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answer", "service.monitor_service",
-    "service.companions.second_opinion", "service.black_box.process", "service.operator", "replay.player",
+    "service.second_opinion", "service.black_box", "service.reset", "replay.player",
 ]  # fmt: skip
 # Factors between units that are no powers of ten; of each also what undoes it.
 FACTORS = {

@@ -13,7 +13,7 @@ from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_force_reader, load_model
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame, read_frame_image
-from scleraforce.service.black_box.decision_log import DecisionLog, read_log
+from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.study import read_study
 
 READERS = (

@@ -20,7 +20,7 @@ import numpy as np
 
 from scleraforce.openigtlink import Image, Message, Query, Sensor, Status, Text, encode
 from scleraforce.openigtlink.wire import Header, pack_header
-from scleraforce.service.stamp import RESET_DEVICE
+from scleraforce.service.reset import RESET_DEVICE
 
 MATRIX = (0.03, 0.0, 0.0, 0.0, 0.008, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 BLOCK = 65536

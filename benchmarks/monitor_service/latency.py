@@ -17,7 +17,7 @@ from typing import Any
 from scleraforce.openigtlink import Status, encode
 from scleraforce.processes import no_interrupts
 from scleraforce.replay.scanner_client import ScannerClient
-from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
+from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor

@@ -23,10 +23,10 @@ START_S = 300.0  # where other work takes the processors, or loops are compiled 
 PRUNE_S = 5.0
 CORES = sorted(os.sched_getaffinity(0))
 ROLES = {
-    "scleraforce.service.black_box.process": "black box",
-    "scleraforce.service.companions.second_opinion": "second opinion",
-    "scleraforce.service.companions.watchdog": "watchdog",
-    "scleraforce.service.console": "console",
+    "scleraforce.service.black_box": "black box",
+    "scleraforce.service.second_opinion": "second opinion",
+    "scleraforce.service.watchdog": "watchdog",
+    "scleraforce.service.console.server": "console",
 }
 
 

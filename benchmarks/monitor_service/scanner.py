@@ -21,8 +21,8 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
-from scleraforce.service.operator import ask_reset
-from scleraforce.service.priority import run_in_real_time
+from scleraforce.service.reset import ask_reset
+from scleraforce.service.watchdog import run_in_real_time
 
 from .monitors import cores
 

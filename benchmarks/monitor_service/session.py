@@ -17,7 +17,7 @@ from typing import Any
 
 from scleraforce.errors import InputError
 from scleraforce.processes import no_interrupts
-from scleraforce.service.priority import run_in_real_time
+from scleraforce.service.watchdog import run_in_real_time
 
 from .browser import browser_pids, cpu_s, open_pages
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.openigtlink import Image
 from scleraforce.processes import no_interrupts
 from scleraforce.replay.scanner_client import SCANNER_DEVICE, Unstamped
-from scleraforce.service.priority import MONITOR_PRIORITY
+from scleraforce.service.watchdog import MONITOR_PRIORITY
 
 from .monitors import cores, pin
 

@@ -97,7 +97,7 @@ def _lacking(requirement: Requirement) -> str:
 GIB = 2**30
 LEAST_CORES, LEAST_MEMORY_GIB, LEAST_DISK_GIB = 2, 4, 1
 REAL_TIME = (
-    "import sys; from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time; "
+    "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; "
     "sys.exit(not run_in_real_time(MONITOR_PRIORITY))"
 )
 LIMITS = "/etc/security/limits.conf"

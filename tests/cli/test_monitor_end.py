@@ -15,7 +15,7 @@ import pytest
 from commands import monitor_folder, program, started
 from small_monitor import FUSE_S, Peer, wait_until
 
-from scleraforce.service.black_box.decision_log import read_log
+from scleraforce.service.decision_log import read_log
 
 pytest.importorskip("torch")
 

@@ -16,8 +16,8 @@ from small_recordings import calibration_of_a_sealed_eye, write_notebook_folder,
 from scleraforce.calibration.result import calibration_as_json
 from scleraforce.cli.main import run
 from scleraforce.known.calibration_file import write_calibration
-from scleraforce.service.black_box.decision_log import DecisionLog
-from scleraforce.service.entry import Entry
+from scleraforce.service.decision_log import DecisionLog
+from scleraforce.service.messages import Entry
 
 Captured = pytest.CaptureFixture[str]
 

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import InputError
-from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import (
     BadImage,
@@ -27,11 +26,10 @@ from scleraforce.monitor.events import (
     Tick,
     Verdict,
 )
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits, of_scale
 from scleraforce.monitor.rate import risen_force
-from scleraforce.monitor.soundness import of_scale
 from scleraforce.monitor.state import MonitorState
-from scleraforce.monitor.transitions import TRANSITIONS, Signal, State, transition_diagram
+from scleraforce.monitor.transitions import TRANSITIONS, Cause, Signal, State, transition_diagram
 
 LIMITS = MonitorLimits()
 NAN = float("nan")

@@ -31,7 +31,7 @@ from scleraforce.openigtlink import (
     encode,
 )
 from scleraforce.openigtlink.decoder import PASSED_BYTES
-from scleraforce.openigtlink.image import pack_image
+from scleraforce.openigtlink.messages import pack_image
 from scleraforce.openigtlink.wire import HEADER_BYTES, Header, pack_header, unpack_header
 
 DRAW = np.random.default_rng(5)

@@ -21,8 +21,8 @@ from scleraforce.replay import player as module
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import STATED_S, Player
 from scleraforce.replay.scanner_client import ScannerClient
+from scleraforce.service.messages import STATUS_DEVICE
 from scleraforce.service.scanner_image import FrameAssembler
-from scleraforce.service.stamp import STATUS_DEVICE
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ from small_recordings import ROWS, write_small_recording
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording

@@ -11,9 +11,7 @@ import pytest
 from small_monitor import FUSE_S, NoGuard, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
-from scleraforce.service.clients import Clients
-from scleraforce.service.connection import WAITING_BYTES, Connection
-from scleraforce.service.server import ServerSettings
+from scleraforce.service.clients import WAITING_BYTES, Clients, Connection, ServerSettings
 
 STALLED_S = ServerSettings("token").stalled_s
 
@@ -95,7 +93,7 @@ def unread(listener: socket.socket, clients: Clients) -> tuple[socket.socket, Co
 @pytest.fixture
 def clients(listener: socket.socket) -> Iterator[tuple[Clients, list[str]]]:
     notes: list[str] = []
-    clients = Clients(listener, 10, 2.0, STALLED_S, NoGuard(), notes.append)  # type: ignore[arg-type]  # a stand-in
+    clients = Clients(listener, ServerSettings("token", clients=10), NoGuard(), notes.append)  # type: ignore[arg-type]  # a stand-in
     yield clients, notes
     clients.close()
 

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 import pytest
 from small_monitor import READ_ENTRY, TICK_ENTRY, verdict
 
-from scleraforce.service.connection import reading_messages
-from scleraforce.service.entry import LATER, Entry
+from scleraforce.service.clients import reading_messages
+from scleraforce.service.messages import LATER, Entry
 
 
 def test_an_entry_reads_as_json_with_its_own_names_but_class():

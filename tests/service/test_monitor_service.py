@@ -1,12 +1,17 @@
-"""How a monitor starts, and what its recordings state of the eye that it watches."""
+"""The start of a monitor: its checks, its recordings' statements on the eye, the operator's lines."""
 
+import re
+import resource
+import socket
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import pytest
-from small_monitor import FakeCompanion
+from small_monitor import FUSE_S, FakeCompanion
 
+from scleraforce.errors import InputError
 from scleraforce.known import (
     OPEN,
     REFERENCE_RIGIDITY,
@@ -19,10 +24,21 @@ from scleraforce.known import (
     told_globe,
 )
 from scleraforce.monitor import MonitorLimits
+from scleraforce.recording.folder import ForceInfo
 from scleraforce.service import monitor_service
-from scleraforce.service.companions.companions import OPINION, Companions
-from scleraforce.service.companions.messages import Alive, SelfReport
-from scleraforce.service.monitor_service import Address, MonitorSettings, _recording_info
+from scleraforce.service.companions import OPINION, Companions
+from scleraforce.service.decision_log import DecisionLog
+from scleraforce.service.messages import Alive, SelfReport
+from scleraforce.service.monitor_service import (
+    WAITING_LINES,
+    Address,
+    MonitorSettings,
+    Notes,
+    _recording_info,
+    allow_files,
+    listen,
+    try_folders,
+)
 from scleraforce.study import Study
 
 CALIBRATED = KnownGlobe(
@@ -55,6 +71,7 @@ def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are
     assert (info.oct.plane_direction_rad, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (1.1, 0.6, 0.4e-3)
     assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
     assert info.oct.refractive_index == 1.38
+    assert info.force == ForceInfo("fz", 1, 0.2)
     untold = _recording_info(replace(settings, known=Known()), Study())
     assert (untold.oct.plane_direction_rad, untold.needle.polar_angle_rad) == (None, None)
     assert untold.needle.slice_gap_m == Study().needle.gap_m
@@ -100,3 +117,115 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     monitor_service._wait_for_opinion(companions, opinion.channel, notes.append)
     assert companions.starts(OPINION)
     assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]
+
+
+@pytest.mark.parametrize("host", ["", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"])
+def test_a_host_that_is_no_address_of_this_machine_is_refused_in_one_line(host: str) -> None:
+    with pytest.raises(InputError) as refused:
+        listen(host, 0)
+    assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_port_that_is_taken_is_named_with_its_option() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        words = f"127.0.0.1:{port}: Address already in use; give another --web-port, or end what listens there"
+        with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
+            listen("127.0.0.1", port, "web-")
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
+def test_an_address_of_ipv6_is_listened_on() -> None:
+    with listen("::1", 0) as listener, socket.create_connection(listener.getsockname()[:2]):
+        pass
+
+
+def refusal(black_box: Path, record: Path | None = None) -> str:
+    with pytest.raises(InputError) as refused:
+        try_folders(black_box, record)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_folders_that_can_be_written_are_left_as_the_black_box_finds_them(tmp_path: Path) -> None:
+    for _ in range(2):
+        try_folders(tmp_path / "a" / "box", tmp_path / "b" / "session")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "box", "decisions-000001.jsonl", "log"]
+
+
+def test_a_black_box_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert "Not a directory" in refusal(tmp_path / "file" / "box")
+    assert "File name too long" in refusal(tmp_path / ("x" * 300))
+    assert "/proc/box" in refusal(Path("/proc/box"))
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_black_box_of_another_monitor_is_refused(tmp_path: Path) -> None:
+    other = DecisionLog(tmp_path / "log")
+    assert "in use by another monitor" in refusal(tmp_path)
+    other.close()
+
+
+def test_a_recording_that_could_not_be_made_is_refused_before_anything_is(tmp_path: Path) -> None:
+    box = tmp_path / "box"
+    (tmp_path / "there").mkdir()
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    assert "exists already" in refusal(box, tmp_path / "there")
+    assert "exists already" in refusal(box, tmp_path / "link")
+    assert "Not a directory" in refusal(box, tmp_path / "file" / "session")
+    assert "File name too long" in refusal(box, tmp_path / ("x" * 300))
+    assert "--record /proc/session" in refusal(box, Path("/proc/session"))
+    assert "the folder of the black box is there" in refusal(box, box)
+    assert "the folder of the black box is there" in refusal(box / "inside", box)
+    assert not box.exists()
+
+
+@pytest.fixture
+def limits(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
+    """The limits of a process; the last ones count."""
+    found = [(256, 1024)]
+    monkeypatch.setattr(resource, "getrlimit", lambda _: found[-1])
+    monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
+    return found
+
+
+def test_a_low_limit_is_raised_and_a_high_one_is_left_alone(limits: list[tuple[int, int]]) -> None:
+    allow_files(200)
+    assert limits == [(256, 1024)]
+    allow_files(384)
+    assert limits[-1] == (384, 1024)
+
+
+def test_a_hard_limit_below_the_need_is_refused_with_both_numbers(limits: list[tuple[int, int]]) -> None:
+    with pytest.raises(InputError, match=r"at most 1024 .* needs 1025"):
+        allow_files(1025)
+    assert limits == [(256, 1024)]
+
+
+def test_lines_come_in_their_order() -> None:
+    lines: list[str] = []
+    notes = Notes(lines.append)
+    for number in range(50):
+        notes(str(number))
+    notes.close(FUSE_S)
+    assert lines == [str(number) for number in range(50)]
+
+
+def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -> None:
+    go_on, lines = Event(), list[str]()
+
+    def write(text: str) -> None:
+        go_on.wait()
+        lines.append(text)
+
+    notes = Notes(write)
+    for number in range(3 * WAITING_LINES):
+        notes(str(number))
+    notes.close(within_s=0.01)
+    assert not lines
+    go_on.set()
+    notes.close(FUSE_S)
+    assert WAITING_LINES <= len(lines) <= WAITING_LINES + 1

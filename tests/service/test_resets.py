@@ -6,8 +6,7 @@ import pytest
 from small_monitor import FUSE_S, TOKEN, Peer, serving
 
 from scleraforce.openigtlink import Text, encode
-from scleraforce.service.operator import ask_reset
-from scleraforce.service.reset_token import ANSWERED, WITHIN_S, ResetToken, new_token, token_digest
+from scleraforce.service.reset import ANSWERED, WITHIN_S, ResetToken, ask_reset, new_token, token_digest
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:

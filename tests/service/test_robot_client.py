@@ -15,7 +15,7 @@ import pytest
 from fake_monitor import OK, FakeMonitor, fake_monitor
 from fastcrc.crc64 import ecma_182
 
-from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"

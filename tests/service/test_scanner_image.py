@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Image
-from scleraforce.openigtlink.image import pack_image, unpack_image
+from scleraforce.openigtlink.messages import pack_image, unpack_image
 from scleraforce.service.scanner_image import FrameAssembler, ScannerFrame
 
 DRAW = np.random.default_rng(11)

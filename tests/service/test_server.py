@@ -33,22 +33,22 @@ from small_monitor import (
     wait_until,
 )
 
-from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Tick
+from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
-from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.companions.messages import (
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.messages import (
     Alive,
     CompanionMessage,
     Decided,
+    Entry,
     ForceHeard,
     Note,
     OpinionAsked,
     OpinionGiven,
     SelfReport,
 )
-from scleraforce.service.entry import Entry
-from scleraforce.service.operator import ask_reset
+from scleraforce.service.reset import ask_reset
 from scleraforce.service.server import HEARTBEAT_S
 from scleraforce.service.session import Frame, Session
 
@@ -270,7 +270,7 @@ def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch
             scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
 
     def overtaken(session: Session) -> Tick:
-        order.append(("overtaken", session._put_off.take().number))
+        order.append(("overtaken", session._deferred.take().number))
         return Tick(session.clock())
 
     scanner.watch()

@@ -108,21 +108,21 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
     assert (withdrawal["frame"], withdrawal["cause"]) == (2, "DANGEROUS_CLASS")
 
 
-def put_off(session: Session, clock: Clock, forces_un: list[int], first: int) -> None:
+def defer(session: Session, clock: Clock, forces_un: list[int], first: int) -> None:
     """Let frames wait that came together, numbered from `first`."""
     frames = []
     for n, force_un in enumerate(forces_un):
         image = ScannerFrame(frame_of(force_un, first + n), **SCALE)
         frames.append(session.frame(image, first + n, 1, clock.now_s))
     for frame in frames:
-        session.put_off(frame, frames[-1])
+        session.defer(frame, frames[-1])
 
 
 def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
-    put_off(session, clock, [10_010, 10_020, 10_030], 2)
+    defer(session, clock, [10_010, 10_020, 10_030], 2)
     read_again = [session.catch_up() for _ in range(3)]
     assert [event.read.frame_id for event in read_again if isinstance(event, OvertakenRead)] == [2, 3, 4]
     assert not session.behind
@@ -136,7 +136,7 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
     for number in range(1, 31):
         clock.now_s += 0.01
         take(session, clock, 10_000 + number, number)  # every 20 ms
-    put_off(session, clock, [10_010, 10_020], 31)
+    defer(session, clock, [10_010, 10_020], 31)
     clock.now_s += LIMITS.catch_up_s
     assert session.losses(clock.now_s) == []
     clock.now_s += 0.001
@@ -151,7 +151,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     session = Session(read, LIMITS, clock, clock)
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
-    put_off(session, clock, [10_000] * 15, 301)
+    defer(session, clock, [10_000] * 15, 301)
     (loss,) = session.losses(clock.now_s)
     assert loss.lost == 5  # the frames of a bunch shorten the mean, but little
     event = session.catch_up()
@@ -226,7 +226,7 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
             for n, at in enumerate(sent_s, start=1)
         ]
         for frame in frames[:-1]:
-            session.put_off(frame, frames[-1])
+            session.defer(frame, frames[-1])
         clock.now_s += LIMITS.catch_up_s + 0.001
         lost_s += [loss.unread_s for loss in session.losses(clock.now_s)]
     assert lost_s == pytest.approx([0.01 + 8 * 1e-3, 0.09])

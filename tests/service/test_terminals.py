@@ -9,7 +9,7 @@ from contextlib import suppress
 import pytest
 from small_monitor import Peer, small_monitor
 
-from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.transitions import Cause
 
 
 def spoil(how: str, ours: int, theirs: int) -> None:

@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 from small_monitor import FUSE_S, decision
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.companions.channel import Child
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import (
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.channel import Child
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
     ClientRole,
     CompanionMessage,
+    ConsoleSettings,
     Decided,
     ListensAt,
     Rates,
-    console_settings,
 )
-from scleraforce.service.startup import listen
+from scleraforce.service.monitor_service import listen
+from scleraforce.service.reset import token_digest
 
 __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
 
@@ -59,12 +61,12 @@ class ConsoleMonitor:
         self.ring = FrameRing.create(64, rows, columns)
         listener = listen("127.0.0.1", port)
         self.port = int(listener.getsockname()[1])
-        settings = console_settings(
-            host="127.0.0.1", listener=listener, token=TOKEN, ring=self.ring,
-            lateral_m=15e-3 / columns, depth_m=4e-3 / rows, limits=MonitorLimits(**limits),
+        settings = ConsoleSettings(
+            host="127.0.0.1", listener=listener.fileno(), token_digest=token_digest(TOKEN), ring=self.ring.place,
+            scale=PixelScale(lateral_m=15e-3 / columns, depth_m=4e-3 / rows), limits=MonitorLimits(**limits),
             class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
         )  # fmt: skip
-        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
+        self.child = Child("scleraforce.service.console.server", settings, [self.ring.descriptor, listener.fileno()])
         listener.close()
         self.entries = self.frames = 0
         try:

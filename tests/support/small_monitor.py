@@ -22,13 +22,12 @@ from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, T
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import without_wall
-from scleraforce.service.companions.channel import Channel
-from scleraforce.service.companions.companions import Companions
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.messages import CompanionMessage
-from scleraforce.service.entry import Entry
-from scleraforce.service.server import Server, ServerSettings
+from scleraforce.service.channel import Channel
+from scleraforce.service.clients import ServerSettings
+from scleraforce.service.companions import Companions, Guard
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import CompanionMessage, Entry
+from scleraforce.service.server import Server
 from scleraforce.service.session import Session
 from scleraforce.units import to_si
 
@@ -192,9 +191,9 @@ class Running:
 class NoGuard:
     """In place of the watchdog, which would kill this process."""
 
-    def watch(self, client: object) -> None: ...
-    def version(self, client: object) -> None: ...
-    def forget(self, client: object) -> None: ...
+    def watch(self, client: int, descriptor: int) -> None: ...
+    def version(self, client: int, version: int) -> None: ...
+    def forget(self, client: int) -> None: ...
     def beat(self, now_s: float) -> None: ...
 
 

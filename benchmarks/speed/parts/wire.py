@@ -13,7 +13,7 @@ import numpy as np
 
 from scleraforce.models import SHIPPED_READER
 from scleraforce.openigtlink import encode
-from scleraforce.openigtlink.image import Image
+from scleraforce.openigtlink.messages import Image
 from scleraforce.recording.folder import read_recording
 from speed.parts.recording import made_recording
 from speed.record import Row, Table

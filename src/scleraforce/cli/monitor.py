@@ -91,9 +91,8 @@ def monitor(
     _fill_standard_files()
     with one_thread():  # the second core is for the other processes
         from scleraforce.reader import load_model
-        from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
-        from scleraforce.service.notes import Notes
-        from scleraforce.service.reset_token import new_token
+        from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
+        from scleraforce.service.reset import new_token
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
     _refuse_unchecked(reader)

@@ -18,7 +18,7 @@ def monitor_reset(token: str, host: str, port: int) -> Report:
 
     Example: scleraforce monitor-reset --token 3f0c52e6b91d4a78a1c6e0972bd85f14
     """
-    from scleraforce.service.operator import ask_reset
+    from scleraforce.service.reset import ask_reset
 
     granted, message = ask_reset(host, port, token)
     faults = [] if granted else [InputError(f"{host}:{port}: {message}")]

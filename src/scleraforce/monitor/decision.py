@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import assert_never
 
-from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import (
     BadImage,
     ChecksumError,
@@ -18,11 +17,10 @@ from scleraforce.monitor.events import (
     Tick,
     Verdict,
 )
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.rate import risen_force
-from scleraforce.monitor.soundness import harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.state import MonitorState, remember
-from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
+from scleraforce.monitor.transitions import TRANSITIONS, Cause, Signal, State
 from scleraforce.units import from_si
 
 

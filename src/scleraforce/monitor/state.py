@@ -3,12 +3,10 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, SecondOpinion
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
 from scleraforce.monitor.rate import NOISE_WINDOWS
-from scleraforce.monitor.soundness import lag_of, of_scale, sound_pixels, touches, unsound
-from scleraforce.monitor.transitions import State
+from scleraforce.monitor.transitions import Cause, State
 
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned

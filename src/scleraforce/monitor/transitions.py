@@ -1,4 +1,4 @@
-"""The table of states and signals that the monitor follows; the documentation draws its diagram from it."""
+"""States, signals and causes, and the table that the monitor follows; the documentation draws its diagram from it."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -58,3 +58,29 @@ def transition_diagram() -> str:
     moves = [(before, signal, after) for (before, signal), after in TRANSITIONS.items() if before is not after]
     lines += [f"    {before.name} --> {after.name}: {signal.value}" for before, signal, after in moves]
     return "\n".join(lines)
+
+
+class Cause(Enum):
+    """Why the robot must withdraw; the value is the sub-code.
+
+    7 and 9 are OpenIGTLink's own codes of a timeout and of a checksum error; those from 101 on are this monitor's.
+    """
+
+    SILENCE = 7
+    CHECKSUM = 9
+    DANGEROUS_CLASS = 101
+    BOUND = 102
+    RISING = 103
+    UNUSABLE = 104
+    FROZEN = 105
+    OUT_OF_ORDER = 106
+    SIZE = 107
+    SCALE = 108
+    NO_NUMBER = 109
+    QUEUE_BEHIND = 110
+    BAD_IMAGE = 111
+    EXCEPTION = 112
+    NO_OPINION = 113
+    STALE = 114
+    PIXEL_TYPE = 115
+    WATCHDOG = 120  # sent by the watchdog alone, never by the decision

@@ -10,8 +10,8 @@ from scleraforce.openigtlink.decoder import (
     Received as Received,
     Unknown as Unknown,
 )
-from scleraforce.openigtlink.image import Image as Image
 from scleraforce.openigtlink.messages import (
+    Image as Image,
     Message as Message,
     Query as Query,
     Sensor as Sensor,

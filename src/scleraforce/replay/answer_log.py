@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from scleraforce.monitor.causes import Cause
-from scleraforce.monitor.transitions import State
+from scleraforce.monitor.transitions import Cause, State
 from scleraforce.openigtlink import Message, Status, Text
-from scleraforce.service.stamp import READING_DEVICE, STATUS_DEVICE
+from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
 
 WAITING = 1000  # frames without an answer that are remembered
 SUB_CODES = {cause.value: cause.name for cause in Cause}

@@ -8,9 +8,10 @@ from time import monotonic
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, encode
+from scleraforce.openigtlink.wire import HEADER_BYTES, unpack_header
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels
-from scleraforce.service.stamp import stamp_time, stamped_s
+from scleraforce.service.watchdog import stamp_time
 from scleraforce.units import from_si
 
 SCANNER_DEVICE = "Scanner"
@@ -37,7 +38,7 @@ class Unstamped:
     @property
     def frame_id(self) -> int:
         """The monitor's id of the frame: the message id, or without one the time in microseconds."""
-        return self._message_id or int(from_si(stamped_s(self._bytes), "us"))
+        return self._message_id or int(from_si(unpack_header(self._bytes[:HEADER_BYTES]).time_s, "us"))
 
 
 def frame_message(

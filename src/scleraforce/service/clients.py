@@ -1,17 +1,224 @@
 """The clients of the monitor: their connections, known to the watchdog, and what is sent to all of them."""
 
+import fcntl
 import os
 import selectors
 import socket
+import sys
+import termios
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass
 from errno import EMFILE, ENFILE
 from itertools import count
+from math import nan
 from select import select
+from struct import pack
 from time import sleep
 
-from scleraforce.service.companions.guard import Guard
-from scleraforce.service.connection import Connection, Outgoing
+from scleraforce.errors import ProtocolError
+from scleraforce.monitor import Decision
+from scleraforce.monitor.events import Verdict
+from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status, Text, encode
+from scleraforce.service.companions import Guard
+from scleraforce.service.messages import Entry
+from scleraforce.service.scanner_image import FrameAssembler
+
+NOT_READ = Verdict(predicted=0, probabilities=None, usable=False, reason=None, force_n=None, interval_n=None)
+MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
+WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
+SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobody can take back
+NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
+FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
+TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
+
+
+@dataclass(frozen=True)
+class ServerSettings:
+    """Limits on clients, and the token of the operator's reset.
+
+    At most `clients` are connected. A client is disconnected if its message is not complete within `message_s`, or if a
+    message to it waits for `stalled_s`: after that time its content is old.
+    """
+
+    token: str
+    _: KW_ONLY
+    clients: int = 256
+    message_s: float = 2.0
+    stalled_s: float = 0.2
+
+
+class RateLimiter:
+    """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a pause.
+
+    >>> allowance = RateLimiter(per_s=2.0, at_once=3)
+    >>> [allowance.take(now_s) for now_s in (10.0, 10.0, 10.0, 10.0, 10.5, 10.6)]
+    [True, True, True, False, True, False]
+    """
+
+    def __init__(self, per_s: float, at_once: int) -> None:
+        self._per_s, self._at_once = per_s, at_once
+        self._left, self._then_s = float(at_once), -float("inf")
+
+    def take(self, now_s: float) -> bool:
+        """Return whether the action is allowed now; if it is, it counts as done."""
+        self._left = min(self._at_once, self._left + self._per_s * max(0.0, now_s - self._then_s))
+        self._then_s = max(now_s, self._then_s)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+def status_message(decision: Decision) -> Status:
+    """Return the STATUS of a decision; the error name is that of the cause, or of the state where there is no cause."""
+    name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
+    return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
+
+
+def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
+    """Return the STRING and the SENSOR of a decision on a frame.
+
+    The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
+    (N), usable (1 or 0), code of the STATUS. Missing values are NaN.
+    """
+    verdict = entry.verdict or NOT_READ
+    shares = (verdict.probabilities or (nan, nan, nan))[:3]
+    numbers = (
+        nan if entry.frame is None else float(entry.frame),
+        float(verdict.predicted) if entry.verdict else nan,
+        *shares, *(nan,) * (3 - len(shares)),
+        nan if verdict.force_n is None else verdict.force_n,
+        *(verdict.interval_n or (nan, nan)),
+        float(verdict.usable),
+        float(entry.code),
+    )  # fmt: skip
+    return Text(entry.text), Sensor(numbers)
+
+
+class Outgoing:
+    """Messages for several clients, encoded once for each header version that is needed."""
+
+    def __init__(self, device: str, messages: tuple[Message, ...], wall_clock: Callable[[], float]) -> None:
+        self._device, self._messages, self._time_s = device, messages, wall_clock()
+        self._encoded: dict[int, bytes] = {}
+
+    def to(self, version: int) -> bytes:
+        """Return the bytes for a client of a header version."""
+        if version not in self._encoded:
+            parts = [encode(item, self._device, version=version, time_s=self._time_s) for item in self._messages]
+            self._encoded[version] = b"".join(parts)
+        return self._encoded[version]
+
+
+class Connection:
+    """A client.
+
+    Attributes:
+        number: of the connection since the start; never used twice.
+        version: header version that the peer used last; 1 before its first message.
+        frames: assembles its images.
+        heard_s: when it was last read from; 0 before.
+        wrong_tokens: number of resets that it requested with a wrong token.
+        message_since_s: since when a message from it has been incomplete; None between messages.
+        notes: rate limiter of the notes on its errors.
+        forces: rate limiter of its forces.
+    """
+
+    def __init__(self, link: socket.socket, address: str, number: int) -> None:
+        link.setblocking(False)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        self.number, self.address, self.version = number, address, 1
+        self.frames = FrameAssembler()
+        self.heard_s, self.wrong_tokens = 0.0, 0
+        self.message_since_s: float | None = None
+        self.notes, self.forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
+        self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
+        self._given_bytes = 0
+        self._untaken: deque[tuple[int, float]] = deque()  # (bytes given in all, when) of each message
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor."""
+        return self._link.fileno()
+
+    def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[PeerEvent], bool]:
+        """Read what has arrived, up to the share of one turn; return complete events, and whether the peer is there.
+
+        `max_body_bytes` limits a message that begins now.
+        """
+        events: list[PeerEvent] = []
+        self.heard_s = now_s
+        self._decoder.max_body_bytes = max_body_bytes
+        left, alive = TURN_BYTES, True
+        try:
+            while left > 0 and len(events) < TURN_EVENTS and alive and not self._decoder.broken:
+                space = self._decoder.space()
+                count = self._link.recv_into(space)
+                events += self._decoder.received(count) if count else ()
+                alive, left = count > 0, left - count
+                if count < len(space) and not self._decoder.between:
+                    break
+        except BlockingIOError:
+            pass
+        except (OSError, ProtocolError):
+            alive = False
+        if self._decoder.between:
+            self.message_since_s = None
+        elif self.message_since_s is None or events:
+            self.message_since_s = now_s
+        return events, alive and not self._decoder.broken
+
+    def send(self, data: bytes, now_s: float) -> None:
+        """Send a message, or drop it if too many bytes wait, so that what the peer reads is never old.
+
+        Raises:
+            OSError: the peer has gone.
+        """
+        if self._rest:
+            self._flush()
+        waiting_bytes = self._waiting_bytes()
+        self._forget_taken(waiting_bytes)
+        if self._rest or waiting_bytes > WAITING_BYTES:
+            return
+        self._rest = memoryview(data)
+        self._given_bytes += len(data)
+        self._untaken.append((self._given_bytes, now_s))
+        self._flush()
+
+    @property
+    def unread_since_s(self) -> float | None:
+        """Time of the oldest message that has not arrived in the peer's own buffer; None if all have."""
+        if self._untaken:
+            self._forget_taken(self._waiting_bytes())
+        return self._untaken[0][1] if self._untaken else None
+
+    def _forget_taken(self, waiting_bytes: int) -> None:
+        taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
+        while self._untaken and self._untaken[0][0] <= taken_bytes:
+            self._untaken.popleft()
+
+    def _waiting_bytes(self) -> int:
+        """Return the bytes sent that have not arrived in the peer's own buffer (Linux: SIOCOUTQ)."""
+        return int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
+
+    def _flush(self) -> None:
+        """Continue a message that was sent in part: a peer must never get half of one."""
+        try:
+            while self._rest:
+                self._rest = self._rest[self._link.send(self._rest) :]
+        except BlockingIOError:
+            pass
+
+    def close(self, *, discard: bool = False) -> None:
+        """End the connection, also where another process holds a duplicate; `discard` what has not arrived."""
+        with suppress(OSError):  # the peer was quicker
+            if discard:
+                self._link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, 0))
+            self._link.shutdown(socket.SHUT_RDWR)
+        self._link.close()
+
 
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
@@ -25,26 +232,16 @@ class Clients:
     When all places are taken, a new client replaces one of the newest, an eighth of all (`CHANGING` at most): the one
     that has been there longest among these. So an operator and a scanner always find a place, and the clients that
     were there before keep theirs.
-
-    Args:
-        listener: a socket that listens already.
-        most: largest number of connections.
-        message_s: time within which a message has to be complete.
-        stalled_s: time for which a message may wait in the queue to a client; after it, what it says is old.
-        guard: the watchdog, which speaks to the clients when the monitor cannot.
-        note: called with a line when a client connects or leaves.
     """
 
     def __init__(
         self,
         listener: socket.socket,
-        most: int,
-        message_s: float,
-        stalled_s: float,
+        settings: ServerSettings,
         guard: Guard,
         note: Callable[[str], None],
     ) -> None:
-        self._most, self._message_s, self._stalled_s, self._guard, self._note = most, message_s, stalled_s, guard, note
+        self._settings, self._guard, self._note = settings, guard, note
         self.listener = listener
         self.listener.setblocking(False)
         self.selector = selectors.DefaultSelector()
@@ -62,12 +259,7 @@ class Clients:
         return client.number in self._connected
 
     def wait(self, within_s: float, clock: Callable[[], float]) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for clients with data; rest for a moment first where there was no wait for long.
-
-        Args:
-            within_s: for how long at most.
-            clock: s, monotonic.
-        """
+        """Wait for clients with data, `within_s` at most; rest for a moment first if there was no wait for long."""
         begun_s = clock()
         if begun_s - self._waited_s > WORK_S:
             sleep(REST_S)
@@ -89,18 +281,18 @@ class Clients:
                     freed = True  # once in a turn, so that a newcomer is heard before another replaces it
                     continue
                 break  # no client waits any more, or too many files are open
-            if len(self._connected) >= self._most:
+            if len(self._connected) >= self._settings.clients:
                 self._make_room(spared)
             client = Connection(link, f"{address[0]}:{address[1]}", next(self._numbers))
             self._connected[client.number] = client
-            self._guard.watch(client)
+            self._guard.watch(client.number, client.fileno())
             self.selector.register(client, selectors.EVENT_READ, client)
             self._note(f"client {client.address} came")
             came.append(client)
         return [client for client in came if client in self]
 
     def _take_spare(self) -> None:
-        """Keep one descriptor for a client that comes when no other is free: it may be the operator."""
+        """Reserve a descriptor for a client that comes when no other is free: it may be the operator."""
         with suppress(OSError):
             self._spare = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC) if self._spare is None else self._spare
 
@@ -128,46 +320,45 @@ class Clients:
         if self._connected.pop(client.number, None) is None:
             return
         self.selector.unregister(client)
-        self._guard.forget(client)
+        self._guard.forget(client.number)
         client.close(discard=discard)
         self._note(f"client {client.address} {why}")
 
     def speaks(self, client: Connection, version: int) -> None:
-        """Answer a client in the header version that it spoke last."""
+        """Note the header version of a client, in which it is answered."""
         if version != client.version:
             client.version = version
-            self._guard.version(client)
+            self._guard.version(client.number, version)
 
-    def send(self, client: Connection, telling: Outgoing, now_s: float) -> None:
+    def send(self, client: Connection, outgoing: Outgoing, now_s: float) -> None:
         """Send messages to one client, if it is still there."""
         if client not in self:
             return
         try:
-            client.send(telling.to(client.version), now_s)
+            client.send(outgoing.to(client.version), now_s)
         except OSError:
             self.leave(client, "has gone")
 
-    def broadcast(self, telling: Outgoing, now_s: float) -> None:
+    def broadcast(self, outgoing: Outgoing, now_s: float) -> None:
         """Send messages to all clients."""
         for client in self:
-            self.send(client, telling, now_s)
+            self.send(client, outgoing, now_s)
 
     def sweep(self, now_s: float, spared: Connection | None) -> list[str]:
         """Disconnect clients with an incomplete message or that read too slowly; a scanner (`spared`) need not read.
 
-        Returns:
-            The addresses of those that read too slowly: a robot among them may have been told to withdraw in vain.
+        Return the addresses of the slow ones: a robot among them may have missed a withdrawal.
         """
         self._take_spare()
-        slow = []
+        message_s, stalled_s, slow = self._settings.message_s, self._settings.stalled_s, []
         for client in self:
-            if client.message_since_s is not None and now_s - client.message_since_s > self._message_s:
-                self.leave(client, f"was disconnected: its message was not complete within {self._message_s:g} s")
+            if client.message_since_s is not None and now_s - client.message_since_s > message_s:
+                self.leave(client, f"was disconnected: its message was not complete within {message_s:g} s")
             if client is spared or client not in self:
                 continue
             since_s = client.unread_since_s
-            if since_s is not None and now_s - since_s > self._stalled_s:
-                self.leave(client, f"was disconnected: messages to it waited for {self._stalled_s:g} s", discard=True)
+            if since_s is not None and now_s - since_s > stalled_s:
+                self.leave(client, f"was disconnected: messages to it waited for {stalled_s:g} s", discard=True)
                 slow.append(client.address)
         return slow
 

@@ -1,13 +1,19 @@
-"""The whole monitor: starts its processes, serves, and ends them."""
+"""The whole monitor: checks what it needs, starts its processes, serves, and ends them."""
 
 import gc
+import os
+import resource
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from errno import EADDRNOTAVAIL
 from importlib.util import find_spec
 from pathlib import Path
+from queue import SimpleQueue
 from select import select
+from tempfile import TemporaryFile
+from threading import Thread
 from time import monotonic
 
 import cv2
@@ -17,26 +23,29 @@ from scleraforce.known import Known, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
 from scleraforce.reader.model import LiveReader
-from scleraforce.recording.folder import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.companions.channel import Channel, Child
-from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.messages import OpinionSettings, black_box_settings, console_settings
-from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
-from scleraforce.service.server import Server, ServerSettings
+from scleraforce.service.channel import Channel, Child
+from scleraforce.service.clients import ServerSettings
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
+from scleraforce.service.decision_log import DecisionLog
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import BlackBoxSettings, ConsoleSettings, OpinionSettings, Settings
+from scleraforce.service.reset import token_digest
+from scleraforce.service.server import Server
 from scleraforce.service.session import Session
-from scleraforce.service.startup import allow_files, listen, try_folders
+from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.study import Study
 
-KEPT_S = 10.0
+KEPT_S = 10.0  # of each withdrawal
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
 NOTED_S, LOOK_S = 3.0, 0.1
 OWN_FILES = 128  # beside those of clients: sockets to other processes, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
 MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
+FORCE = ForceInfo("fz", 1, 0.2)  # of a robot; the needle moves, so labels average over a short time
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
+WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,7 @@ class MonitorSettings:
     Attributes:
         eye: its name.
         known: what is known of the eye.
-        limits: of the decision; `size` and `scale_m` are those of the frames that are expected.
+        limits: of the decision; `size` and `scale_m` are those of the expected frames.
         refractive_index: factor by which depth is stretched in the frames.
         address: of the OpenIGTLink server.
         console: address of the web console; None: no console.
@@ -91,29 +100,43 @@ def monitor_service(
     Raises:
         InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
     """
-    rows, columns = settings.limits.size or (0, 0)
-    lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
+    limits, known = settings.limits, settings.known
+    rows, columns = limits.size or (0, 0)
+    lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
     scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=settings.refractive_index)
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
-        console = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))
-        live = LiveReader(reader, settings.known, settings.refractive_index)
+        pages = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))
+        live = LiveReader(reader, known, settings.refractive_index)
         ring = FrameRing.create(RING_FRAMES, rows, columns)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
-        kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
-        children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
-        if settings.limits.expects_opinion:
-            opinion = OpinionSettings(model=model, known=settings.known, scale=scale, ring=ring.place)
-            children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
-        if settings.console and console:
-            children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
-            console.close()  # so that nothing listens there once the console has ended
+        record = settings.record and settings.record.absolute()
+        children = {
+            BLACK_BOX: _child(
+                "black_box",
+                BlackBoxSettings(
+                    folder=settings.black_box.absolute(), ring=ring.place, info=info, record=record, keep_s=KEPT_S
+                ),
+                ring,
+            )
+        }
+        if limits.expects_opinion:
+            opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place)
+            children[OPINION] = _child("second_opinion", opinion, ring)
+        if settings.console and pages:
+            console = ConsoleSettings(
+                host=settings.console.host, listener=pages.fileno(), token_digest=token_digest(settings.token),
+                ring=ring.place, scale=scale, limits=limits, class_bounds_n=reader.study.classes.bounds_n,
+                model=reader.path.name, eye=settings.eye,
+            )  # fmt: skip
+            children[CONSOLE] = _child("console.server", console, ring, pages.fileno())
+            pages.close()  # so that nothing listens there once the console has ended
         companions = Companions(children)
         stack.callback(companions.end)
-        session = Session(live.read, settings.limits)
+        session = Session(live.read, limits)
         if OPINION in children:
             _wait_for_opinion(companions, children[OPINION].channel, note)
         gc.collect()
@@ -127,6 +150,10 @@ def monitor_service(
         yield server, Address(*listener.getsockname()[:2])
 
 
+def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
+    return Child(f"scleraforce.service.{module}", settings, [ring.descriptor, *descriptors])
+
+
 def _listen_for_pages(address: Address) -> socket.socket:
     missing = [name for name in WEB_NEEDS if find_spec(name) is None]
     if missing:
@@ -137,7 +164,7 @@ def _listen_for_pages(address: Address) -> socket.socket:
 def _wait_for_opinion(companions: Companions, channel: Channel, note: Callable[[str], None]) -> None:
     """Wait until the second opinion is ready, or has failed, which the server then answers with a withdrawal.
 
-    Frames that it were asked about before would wait for as long as its first reading takes.
+    A frame that it was asked about earlier would wait until its first reading is done.
     """
     begun_s = now_s = monotonic()
     is_noted = False
@@ -172,26 +199,117 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
     known = settings.known
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
-    return RecordingInfo(
-        stated_eye(settings.eye, known),
-        session_scan(settings),
-        NeedleInfo(
-            gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=gap_m, polar_angle_rad=known.polar_rad
-        ),
-    )
+    gauge = nearest_gauge(study.needle.outer_diameter_m)
+    needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad)
+    return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 
 
-def _console_child(
-    settings: MonitorSettings,
-    address: Address,
-    listener: socket.socket,
-    reader: Reader,
-    scale: PixelScale,
-    ring: FrameRing,
-) -> Child:
-    told = console_settings(
-        host=address.host, listener=listener, token=settings.token, ring=ring,
-        lateral_m=scale.lateral_m, depth_m=scale.depth_m,
-        limits=settings.limits, class_bounds_n=reader.study.classes.bounds_n, model=reader.path.name, eye=settings.eye,
-    )  # fmt: skip
-    return Child("scleraforce.service.console", told, [ring.descriptor, listener.fileno()])
+def listen(host: str, port: int, prefix: str = "") -> socket.socket:
+    """Return a socket that listens; port 0 takes a free one.
+
+    Args:
+        host: an address of this machine, or its name.
+        port: the TCP port.
+        prefix: of the options, for messages: "web-" for `--web-host` and `--web-port`.
+
+    Raises:
+        InputError: the address cannot be listened on.
+    """
+    if not host.strip():
+        raise InputError(f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        (*_, address), *_ = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
+        return socket.create_server(address[:2], family=family, backlog=256)
+    except (socket.gaierror, UnicodeError) as fault:  # Python raises a UnicodeError for a name of over 63 letters
+        reason = getattr(fault, "strerror", None) or str(fault)
+    except OSError as fault:
+        reason = str(fault.strerror).partition(" (while")[0]
+        if fault.errno != EADDRNOTAVAIL:
+            raise InputError(
+                f"{host}:{port}: {reason}; give another --{prefix}port, or end what listens there"
+            ) from fault
+    raise InputError(f"--{prefix}host {host!r}: {reason}; give an address of this machine")
+
+
+def try_folders(black_box: Path, record: Path | None) -> None:
+    """Create the folder of the black box, and test that both folders can be written; the recording's is created later.
+
+    Args:
+        black_box: folder of the black box; may exist.
+        record: folder of the recording, which must not exist; None for no recording.
+
+    Raises:
+        InputError: a folder cannot be written or is in use by another monitor, or `record` exists.
+    """
+    if record is not None:
+        _try_record(record.absolute(), black_box.absolute())
+    try:
+        DecisionLog(black_box / "log").close()
+        withdrawals = black_box / "withdrawals"
+        _try_write(withdrawals if withdrawals.exists() else black_box)
+    except OSError as fault:
+        raise InputError(f"--black-box {black_box}: {fault.strerror}; give another folder") from fault
+
+
+def _try_record(record: Path, black_box: Path) -> None:
+    try:
+        if os.path.lexists(record):
+            raise InputError(f"--record {record}: exists already; remove it or choose another name")
+        if record == black_box or record in black_box.parents:
+            raise InputError(f"--record {record}: the folder of the black box is there; choose another name")
+        with suppress(FileNotFoundError):
+            os.stat(record)  # a name may be too long
+        _try_write(next(folder for folder in record.parents if os.path.lexists(folder)))
+    except OSError as fault:
+        raise InputError(f"--record {record}: {fault.strerror}; give another folder") from fault
+
+
+def _try_write(folder: Path) -> None:
+    """Write a file without a name, which is gone when it is closed."""
+    with TemporaryFile(dir=folder):
+        pass
+
+
+def allow_files(needed: int) -> None:
+    """Raise the soft limit of open files of this process and its children to `needed`; it is never lowered.
+
+    Raises:
+        InputError: the hard limit is lower.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise InputError(
+            f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that neither the "
+            "scanner nor the operator is locked out; raise the limit `nofile` in /etc/security/limits.conf"
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+
+
+class Notes:
+    """Takes lines for the operator without ever waiting, so that a stopped terminal does not stop the monitor.
+
+    A thread writes them in order; `write` may block.
+    """
+
+    def __init__(self, write: Callable[[str], object]) -> None:
+        self._write, self._lines = write, SimpleQueue[str | None]()
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __call__(self, text: str) -> None:
+        """Enqueue a line."""
+        if self._lines.qsize() < WAITING_LINES:
+            self._lines.put(text)
+
+    def close(self, within_s: float = 1.0) -> None:
+        """Write the lines that wait, for `within_s` at most."""
+        self._lines.put(None)
+        self._thread.join(within_s)
+
+    def _run(self) -> None:
+        while (text := self._lines.get()) is not None:
+            with suppress(OSError):  # the terminal was closed
+                self._write(text)

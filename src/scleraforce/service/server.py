@@ -4,7 +4,6 @@ import json
 import selectors
 import socket
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
 from datetime import datetime
 from itertools import count
 from select import select
@@ -20,11 +19,21 @@ from scleraforce.monitor.events import (
     Tick,
 )  # fmt: skip
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
-from scleraforce.service.clients import REST_S, Clients
-from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.messages import (
+from scleraforce.service.clients import (
+    REST_S,
+    Clients,
+    Connection,
+    Outgoing,
+    RateLimiter,
+    ServerSettings,
+    reading_messages,
+    status_message,
+)
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, Companions, Guard
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
+    READING_DEVICE,
+    STATUS_DEVICE,
     ClientRole,
     CompanionMessage,
     Decided,
@@ -38,16 +47,8 @@ from scleraforce.service.companions.messages import (
     WithdrawalKept,
     WrongTokens,
 )
-from scleraforce.service.connection import (
-    Connection,
-    Outgoing,
-    RateLimiter,
-    reading_messages,
-    status_message,
-)
-from scleraforce.service.reset_token import ResetToken, token_digest
+from scleraforce.service.reset import RESET_DEVICE, ResetToken, token_digest
 from scleraforce.service.session import Frame, Session
-from scleraforce.service.stamp import READING_DEVICE, RESET_DEVICE, STATUS_DEVICE
 from scleraforce.units import from_si
 
 TICK_S = 0.01
@@ -61,39 +62,14 @@ NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth
 FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
 
 
-@dataclass(frozen=True)
-class ServerSettings:
-    """Limits on clients, and the token of the reset.
-
-    Attributes:
-        token: that the operator's reset must carry.
-        clients: largest number of connected clients.
-        message_s: time within which a message has to be complete.
-        stalled_s: time for which a message may wait in the queue to a client that is then disconnected.
-    """
-
-    token: str
-    _: KW_ONLY
-    clients: int = 256
-    message_s: float = 2.0
-    stalled_s: float = 0.2
-
-
 class Server:
     """Serves clients from `run` until `stop`.
 
     The scanner is the client that sent the last image. Another client becomes the scanner only when it has left or has
     sent no image for `silence_s`. An error of the scanner is a cause of a withdrawal; while there is no scanner, so is
     a faulty image of any client. Other clients' errors are noted; their message is ignored or their connection ends.
-
-    Args:
-        session: makes the decisions.
-        listener: a socket that listens already.
-        settings: of the server.
-        ring: shares the frames with other processes; its size is that of the frames that the session reads.
-        guard: the watchdog.
-        companions: the other processes.
-        note: called with a line for the operator.
+    `ring` shares the frames with other processes; it has the size of the frames that the session reads. `note` is
+    called with a line for the operator.
     """
 
     def __init__(
@@ -106,11 +82,9 @@ class Server:
         companions: Companions,
         note: Callable[[str], None],
     ) -> None:
-        self.session, self.settings = session, settings
+        self.session = session
         self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
-        self._clients = Clients(
-            listener, settings.clients, settings.message_s, settings.stalled_s, guard, self._note_client
-        )
+        self._clients = Clients(listener, settings, guard, self._note_client)
         for descriptor, name in companions.channels.items():
             self._clients.selector.register(descriptor, selectors.EVENT_READ, name)
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
@@ -143,14 +117,14 @@ class Server:
                     self._clients.broadcast(self._status(), now_s)
                 if now_s >= rates_s:
                     rates_s = now_s + RATES_S
-                    self._tell_rates(now_s)
+                    self._send_rates(now_s)
             except Exception as fault:  # any exception is a cause of a withdrawal
                 now_s = self.session.clock()
                 self._decide("exception", Failure(now_s, f"{type(fault).__name__}: {fault}"))
             self._beat(now_s)
 
     def close(self) -> None:
-        """Tell the clients that the monitor ends, and disconnect them."""
+        """Send the clients that the monitor ends, and disconnect them."""
         self._decide("end", Failure(self.session.clock(), "the monitor ends"))
         self._clients.close()
 
@@ -189,7 +163,7 @@ class Server:
         scanner = self._scanner if self._scanner is not None and self._scanner in self._clients else None
         select([] if scanner is None else [scanner], [], [], REST_S)
 
-    # What clients say.
+    # Messages from clients.
 
     def _hear(self, client: Connection) -> None:
         now_s = self.session.clock()
@@ -204,7 +178,7 @@ class Server:
                 break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
         for frame in overtaken:
-            self.session.put_off(frame, frames[-1])
+            self.session.defer(frame, frames[-1])
         self._lose(at_s)
         for frame in frames:
             if frame not in overtaken:
@@ -225,7 +199,7 @@ class Server:
             self._clients.speaks(client, event.header.version)
         match event:
             case Received(message=Image() as image) if may_scan:
-                return self._put_together(client, event, image, at_s)
+                return self._assemble(client, event, image, at_s)
             case Received(message=Query(type="STATUS")):
                 self._clients.send(client, self._status(), at_s)
             case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
@@ -233,7 +207,7 @@ class Server:
             case Received(message=Sensor(values)):
                 self._keep_force(client, event.header.device, values, at_s)
             case BadChecksum() | Malformed() | Broken():
-                self._take_wrong(client, event, at_s, may_scan)
+                self._take_faulty(client, event, at_s, may_scan)
         return None
 
     def _keep_force(self, client: Connection, device: str, values: tuple[float, ...], at_s: float) -> None:
@@ -242,9 +216,9 @@ class Server:
             self._left_out += 1
             return
         force = ForceHeard(at_s=at_s, time_s=self.session.wall_clock(), values=values, device=device)
-        self._companions.tell(BLACK_BOX, force, at_s)
+        self._companions.send(BLACK_BOX, force, at_s)
 
-    def _put_together(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
+    def _assemble(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
         self._scanner, self._scanned_s = client, at_s
         try:
@@ -257,21 +231,21 @@ class Server:
         sender_id = event.message_id or int(from_si(event.header.time_s, "us")) or next(self._arrivals)
         return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None)
 
-    def _take_wrong(
+    def _take_faulty(
         self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
     ) -> None:
         """Handle a faulty message: from the scanner it is a cause of a withdrawal."""
         of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
         if client is not self._scanner and not (may_scan and of_image):
-            self._note_client(f"client {client.address}: {_said(event)}", client)
+            self._note_client(f"client {client.address}: {_fault_of(event)}", client)
             return
         client.frames = type(client.frames)()  # no frame may mix parts from before and after the error
         if isinstance(event, BadChecksum):
-            self._decide("checksum", ChecksumError(at_s, _said(event)))
+            self._decide("checksum", ChecksumError(at_s, _fault_of(event)))
         else:
-            self._decide("bad image", BadImage(at_s, _said(event)))
+            self._decide("bad image", BadImage(at_s, _fault_of(event)))
 
-    # What the monitor says.
+    # Decisions, and messages to clients.
 
     def _take_frame(self, frame: Frame) -> None:
         """Decide on a frame and send the decision: first the STATUS, for which the robot waits."""
@@ -294,14 +268,14 @@ class Server:
         return Outgoing(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
-        """Decide on an event other than a frame; tell the clients if the decision changes."""
+        """Decide on an event other than a frame; send the decision to the clients if it changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
             self._companions.entry(self.session.entry(name, event.at_s))
             self._note_state()
 
     def _note_state(self) -> None:
-        """Tell the operator when the state has changed."""
+        """Note a change of the state for the operator."""
         decision = self.session.decision
         if decision.state is not self._noted:
             self._noted = decision.state
@@ -309,17 +283,17 @@ class Server:
             self._note(f"{at:%H:%M:%S.%f}"[:-3] + f"  {decision.message}")
 
     def _note_client(self, text: str, client: Connection | None = None) -> None:
-        """Log a note, unless there are too many; `client`: the one whose error it notes."""
+        """Log a note, unless there are too many; `client` is the one whose error it notes."""
         now_s = self.session.clock()
         if (client is None or client.notes.take(now_s)) and self._notes.take(now_s):
             self._log_note(text, now_s)
         else:
             self._left_out += 1
 
-    def _log_note(self, text: str, now_s: float) -> None:
-        self._companions.tell(BLACK_BOX, Note(time_s=self.session.wall_clock(), text=text), now_s)
+    def _log_note(self, text: str, now_s: float) -> bool:
+        return self._companions.send(BLACK_BOX, Note(time_s=self.session.wall_clock(), text=text), now_s)
 
-    # What happens by itself.
+    # Periodic work.
 
     def _tick(self, now_s: float) -> None:
         self._decide("tick", Tick(now_s))
@@ -334,9 +308,9 @@ class Server:
         if fault:
             self._decide("watchdog", Failure(now_s, fault))
 
-    def _tell_rates(self, now_s: float) -> None:
-        if self._left_out:
-            self._log_note(f"{self._left_out} notes and forces of clients were dropped: there were too many", now_s)
+    def _send_rates(self, now_s: float) -> None:
+        dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
+        if self._left_out and self._log_note(dropped, now_s):
             self._left_out = 0
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
@@ -346,9 +320,9 @@ class Server:
         )
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
-        self._companions.tell(CONSOLE, rates, now_s)
+        self._companions.send(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.tell(CONSOLE, Decided(entry=self.session.entry_again(now_s)), now_s)
+            self._companions.send(CONSOLE, Decided(entry=self.session.entry_again(now_s)), now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
@@ -365,15 +339,13 @@ class Server:
                 self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=message.order, verdict=message.verdict))
             case ResetAsked(request=request, token=token):
                 granted, text = self._reset(token, now_s)
-                self._companions.tell(CONSOLE, ResetAnswered(request=request, granted=granted, message=text), now_s)
+                self._companions.send(CONSOLE, ResetAnswered(request=request, granted=granted, message=text), now_s)
             case ListensAt(url=url):
                 self._note(f"console    {url}")
             case WrongTokens(count=count):
                 self._note_client(f"console: {count} resets with a wrong token")
             case WithdrawalKept(folder=folder):
                 self._note(f"the last seconds were kept in {folder}")
-
-    # The operator's reset.
 
     def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
         """Return whether a reset is granted, and the message to answer with."""
@@ -396,7 +368,7 @@ class Server:
             self._clients.leave(client, "was disconnected: wrong tokens")
 
 
-def _said(event: BadChecksum | Malformed | Broken) -> str:
+def _fault_of(event: BadChecksum | Malformed | Broken) -> str:
     if isinstance(event, BadChecksum):
         return f"{event.header.type}: checksum {event.found:016x}, not {event.header.crc:016x}"
     return event.reason

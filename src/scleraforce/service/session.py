@@ -1,4 +1,4 @@
-"""One session of the monitor without its connections: frames and events in, decisions out; frames that wait."""
+"""One session of the monitor without its connections: frames and events in, decisions out; deferred frames."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from time import monotonic, time
 from typing import Any, Generic, TypeVar
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick, Verdict
-from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answer import Answer
+from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.limits import of_scale
+from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.service.entry import Entry
+from scleraforce.service.messages import Entry
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
@@ -21,18 +21,18 @@ Item = TypeVar("Item")
 
 MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
 SLACK_S = 1e-9  # of a sum of intervals
-FIRST_INTERVAL_S = 0.01  # until frames tell another
+FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
-KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
-SETTLED_FRAMES = 100  # so many that a pause at the start hardly counts in the mean
+KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # a flood hardly counts in their mean
+SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
 Read = Callable[[Pixels, PixelScale], Answer]
 
 
 class FramePace:
     """The interval of a scanner: the mean over its last frames, in which a pause counts up to `most_s`.
 
-    The first frames may come in bunches or after a pause, so that their mean tells little: until `SETTLED_FRAMES` have
-    come it is the median of the gaps between the times in their headers, where they have any.
+    The first frames may come in bunches or after a pause: until `SETTLED_FRAMES` have come, the interval is the median
+    of the gaps between the times in their headers, if they have any.
     """
 
     def __init__(self, most_s: float) -> None:
@@ -43,7 +43,7 @@ class FramePace:
         self._last_sent_s: float | None = None
 
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
-        """Take the time at which a frame was complete, and that in its header; return the interval.
+        """Take the times of a frame, its completion's and its header's; return the interval.
 
         >>> pace = FramePace(0.1)
         >>> [round(pace.arrived(0.02 * n), 3) for n in range(20)][8::11]
@@ -59,20 +59,17 @@ class FramePace:
         return interval_s
 
     def _sent(self, sent_s: float | None) -> None:
-        """Keep the gap between two headers, where the time rises."""
+        """Remember the gap between two headers, if the time rises."""
         if sent_s is not None and self._last_sent_s is not None and sent_s > self._last_sent_s:
             self._sent_gaps_s.append(min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s))
         self._last_sent_s = sent_s
 
 
 class DeferredFrames(Generic[Item]):
-    """A queue in which no frame waits longer than `most_s`, and which takes no bunch that stands for more than that.
+    """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands for more than that.
 
-    A bunch lasts as long as its frames stand for, however quickly they are read. The queue never holds more than
-    `MOST_FRAMES`, however short the time is that they stand for.
-
-    Args:
-        most_s: the limit of both.
+    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `MOST_FRAMES`,
+    however short the time is that they stand for.
     """
 
     def __init__(self, most_s: float) -> None:
@@ -84,17 +81,17 @@ class DeferredFrames(Generic[Item]):
         return len(self._waiting)
 
     def add(self, frame: Item, at_s: float, interval_s: float, row: int) -> None:
-        """Let a frame wait that came at a time and stands for an interval; `row` names what overtook it."""
+        """Enqueue a deferred frame that came at `at_s` and stands for an interval; `row` overtook it."""
         self._waiting.append((at_s, interval_s, row, frame))
         self._bunch_s = max(0.0, self._bunch_s - (at_s - self._last_s)) + interval_s
         self._last_s = at_s
 
     def take(self) -> Item:
-        """Return the frame that has waited longest; it waits no more."""
+        """Dequeue the frame that has waited longest."""
         return self._waiting.popleft()[3]
 
     def lose(self, now_s: float) -> list[tuple[int, int, float]]:
-        """Drop what exceeds the limits, oldest first; return (row, frames, time that they stand for) of each row."""
+        """Drop the frames beyond the limits, oldest first; return (row, frames, time they stand for) of each row."""
         rows: dict[int, tuple[int, float]] = {}
         while self._waiting and self._too_much(now_s):
             _, interval_s, row, _ = self._waiting.popleft()
@@ -110,13 +107,12 @@ class DeferredFrames(Generic[Item]):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """A frame as it came: `number` in this session, `sender_id` of its sender, `at_s` when its last byte arrived.
+    """A frame as it came: its `number` in this session, the sender's `sender_id`, the time of its last byte, `at_s`.
 
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
-    `interval_s`: the time that it stands for, the scanner's mean interval.
-    `order` rises with `sender_id`, and keeps rising where another sender starts to count anew.
-    `shown_back`: how many frames ago its picture was last shown, 0 if it is new. `sent_s`: the time in its header,
-    None if it has none.
+    `interval_s`: the time that it stands for, the scanner's mean interval. `order` rises with `sender_id`, and keeps
+    rising where another sender starts to count anew. `shown_back`: the number of frames since its picture was last
+    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none.
     """
 
     number: int
@@ -143,11 +139,8 @@ class Withdrawal:
 class Session:
     """The state of the monitor and its decisions; its methods never raise.
 
-    Args:
-        read: reads a frame. An exception in it is a cause of a withdrawal.
-        limits: of the decision; only frames of its size and scale are read.
-        clock: s, monotonic.
-        wall_clock: s since 1970.
+    `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `clock` is monotonic,
+    `wall_clock` counts seconds since 1970.
     """
 
     def __init__(
@@ -161,18 +154,13 @@ class Session:
         self.withdrawals: list[Withdrawal] = []
         self._read = read
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
-        self._frames = self._entries = 0
+        self.frames = self._entries = 0  # since the start
         self._sender = self._offset = self._order = 0
         self._sent_type: str | None = None
-        self._answer: Answer | None = None
+        self.answer: Answer | None = None  # of the last frame; None if it was not read
         self._shown = ShownPictures(limits.shown_frames)
-        self._pace, self._put_off = FramePace(limits.silence_s), DeferredFrames[Frame](limits.catch_up_s)
+        self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames[Frame](limits.catch_up_s)
         self._overtaken = 0
-
-    @property
-    def frames(self) -> int:
-        """Frames received since the start."""
-        return self._frames
 
     @property
     def lost(self) -> int:
@@ -182,12 +170,7 @@ class Session:
     @property
     def behind(self) -> bool:
         """Whether frames wait that newer ones overtook."""
-        return len(self._put_off) > 0
-
-    @property
-    def answer(self) -> Answer | None:
-        """The answer to the last frame; None if it was not read."""
-        return self._answer
+        return len(self._deferred) > 0
 
     def take(self, event: MonitorEvent) -> bool:
         """Decide on an event; return whether the decision has changed."""
@@ -195,21 +178,21 @@ class Session:
         self._state, self.decision = decide(self._state, event, self.limits)
         cause = self.decision.cause
         if cause and not before.cause:
-            self.withdrawals.append(Withdrawal(self._frames, self.wall_clock(), cause.name, self.decision.message))
+            self.withdrawals.append(Withdrawal(self.frames, self.wall_clock(), cause.name, self.decision.message))
         return self.decision != before
 
     def frame(
         self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None
     ) -> Frame:
         """Number a frame that was complete at `at_s`, from connection number `sender`; its header states `sent_s`."""
-        self._frames += 1
+        self.frames += 1
         if sender != self._sender:
             self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
         self._order, self._sent_type = order, image.sent_type
         return Frame(
-            number=self._frames,
+            number=self.frames,
             order=order,
             sender_id=sender_id,
             at_s=at_s,
@@ -229,27 +212,27 @@ class Session:
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
-        self._answer = None
+        self.answer = None
         try:
-            self._answer, read = self._read_frame(frame)
-        except Exception as fault:  # whatever it was, the frame was not read
+            self.answer, read = self._read_frame(frame)
+        except Exception as fault:  # the frame was not read
             self.take(_failure(frame, fault, frame.at_s))
         else:
             self.take(read)
 
-    def put_off(self, frame: Frame, newest: Frame) -> None:
-        """Let a frame wait until no newer one does; `newest` overtook it."""
+    def defer(self, frame: Frame, newest: Frame) -> None:
+        """Defer a frame, which `newest` overtook, until no newer one waits."""
         self._overtaken += 1
-        self._put_off.add(frame, frame.at_s, frame.interval_s, newest.number)
+        self._deferred.add(frame, frame.at_s, frame.interval_s, newest.number)
 
     def losses(self, now_s: float) -> list[QueueLoss]:
-        """Return the events of the frames that have waited for too long by now, which are lost."""
-        rows = self._put_off.lose(now_s)
+        """Return the events of the deferred frames that are lost by now."""
+        rows = self._deferred.lose(now_s)
         return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, lost, unread_s in rows]
 
     def catch_up(self) -> MonitorEvent:
-        """Read the frame that has waited longest; return the event to decide on."""
-        frame = self._put_off.take()
+        """Read the deferred frame that has waited longest; return the event to decide on."""
+        frame = self._deferred.take()
         try:
             _, read = self._read_frame(frame)
         except Exception as fault:
@@ -258,15 +241,15 @@ class Session:
 
     def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead]:
         """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
-        image = frame.image
+        image, limits = frame.image, self.limits
         size = image.pixels.shape[0], image.pixels.shape[1]
         answer = None
-        if size == self.limits.size:
+        if size == limits.size:
             answer = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
         read = FrameRead(
             at_s=frame.at_s,
             frame_id=frame.order,
-            verdict=answer.verdict if answer else self._of_another_size(),
+            verdict=answer.verdict if answer else unusable(limits.withdraw_class + 1, "another size").verdict,
             shown_back=frame.shown_back,
             size=size,
             scale_m=(image.lateral_m, image.depth_m),
@@ -275,19 +258,13 @@ class Session:
         )
         return answer, read
 
-    def _of_another_size(self) -> Verdict:
-        return Verdict(
-            predicted=self.limits.withdraw_class, probabilities=None, usable=False, reason="another size",
-            force_n=None, interval_n=None,
-        )  # fmt: skip
-
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
         withdrawals = [vars(withdrawal) for withdrawal in self.withdrawals]
         return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
-        """Return the last decision as a new entry, with the reading where it was made on a frame."""
+        """Return the last decision as a new entry, with the reading if it was made on a frame."""
         self._entries += 1
         return self._entry(event, at_s, frame, latency_s)
 
@@ -296,7 +273,7 @@ class Session:
         return self._entry("again", at_s)
 
     def _entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
-        answer = self._answer if frame else None
+        answer = self.answer if frame else None
         decision = self.decision
         return Entry(
             number=self._entries,

@@ -9,13 +9,12 @@ import pytest
 from console_monitor import reading
 from small_monitor import decision, verdict
 
-from scleraforce.monitor.causes import Cause
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, Outline, Rates
+from scleraforce.monitor.transitions import Cause
 from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History, detail_of
 from scleraforce.service.console.hub import SHARES, Pictures, Thrift
 from scleraforce.service.console.server import refusal
-from scleraforce.service.entry import Entry
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import ClientRole, CompanionMessage, Decided, Entry, Outline, Rates
 
 MOST_PIXELS = SHARES[0].pixels
 
@@ -140,7 +139,7 @@ def test_steps_of_the_history_hold_the_worst_of_what_came() -> None:
     assert len(history.since(0)) > 500
     for step in history.since(0):
         within = by_step[step.number]
-        good = [one for one in within if one.usable]
+        good = [one for one in within if one.verdict and one.verdict.usable]
         assert step.force_mn == max((one.force_mn for one in good), default=None)
         assert step.low_mn == min((one.interval_mn[0] for one in good), default=None)
         assert step.high_mn == max((one.interval_mn[1] for one in good), default=None)

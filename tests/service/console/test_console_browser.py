@@ -15,7 +15,7 @@ from chromium import NEEDS_CHROMIUM, started_chromium
 from console_monitor import TOKEN, ConsoleMonitor, free_port, reading
 from playwright.sync_api import Browser, Dialog, Page, expect
 
-from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
+from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
 
 pytestmark = NEEDS_CHROMIUM
 NOTHING = "\u2013"  # what stands for a value that is not known

@@ -12,8 +12,8 @@ from small_monitor import FUSE_S
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from scleraforce.service.companions.messages import ResetAnswered, ResetAsked, WrongTokens
 from scleraforce.service.console.hub import MOST_PAGES
+from scleraforce.service.messages import ResetAnswered, ResetAsked, WrongTokens
 
 MOST = 128  # connections that are kept
 

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
 
-from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked
+from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked
 
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
 

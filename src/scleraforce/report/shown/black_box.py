@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from scleraforce.errors import InputError, MessageError
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
 from scleraforce.report.shown.kinds import LOG_FILES, Thing
-from scleraforce.service.black_box.decision_log import LogPart, read_log
 from scleraforce.service.console.board import sentence_of
-from scleraforce.service.entry import Entry
+from scleraforce.service.decision_log import LogPart, read_log
+from scleraforce.service.messages import Entry
 
 LISTED = 12  # withdrawals
 SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}

@@ -11,8 +11,7 @@ from typing import Any
 
 from msgspec import to_builtins
 
-from scleraforce.service.companions.messages import CompanionMessage, Decided, Outline, Rates
-from scleraforce.service.entry import Entry
+from scleraforce.service.messages import CompanionMessage, Decided, Entry, Outline, Rates
 
 SENTENCES = {
     "SILENCE": "No frame came from the scanner for too long.",

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
-from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import (
+from scleraforce.service.channel import Channel, ChannelClosedError
+from scleraforce.service.console.board import Board
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
     CompanionMessage,
     Decided,
     Outline,
@@ -24,8 +25,7 @@ from scleraforce.service.companions.messages import (
     SelfReport,
     WrongTokens,
 )
-from scleraforce.service.console.board import Board
-from scleraforce.service.reset_token import ResetToken
+from scleraforce.service.reset import ResetToken
 
 LATE_S = 0.015  # a wake-up of the console this late is a sign
 SLOW_MS = 10.0  # an answer that takes longer, too

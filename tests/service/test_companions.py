@@ -6,9 +6,9 @@ import pytest
 from msgspec.msgpack import encode as packb
 from small_monitor import FakeCompanion, decision, verdict
 
-from scleraforce.service.companions.channel import encode_message
-from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.companions.messages import (
+from scleraforce.service.channel import encode_message
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.messages import (
     Alive,
     CompanionMessage,
     Decided,
@@ -112,27 +112,27 @@ def test_a_console_that_dies_is_no_fault(companions, children):
 def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(companions, children):
     message = Note(time_s=1.5, text="x" * 100_000)
     for _ in range(1000):
-        companions.tell(OPINION, message, 10.0)
+        companions.send(OPINION, message, 10.0)
     assert companions.faults(11.9) == ()
     assert companions.faults(12.1) == ("second opinion: it does not keep up",)
     children[OPINION].theirs.receive()
-    companions.tell(OPINION, message, 12.2)
+    companions.send(OPINION, message, 12.2)
     assert companions.faults(12.2) == ()
 
 
 def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
     for _ in range(5000):
-        companions.tell(BLACK_BOX, ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
+        companions.send(BLACK_BOX, ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
     for number in range(1, 501):
         companions.entry(decision(number=number, message="x" * 1000))
-        companions.tell(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
+        companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
     heard: list[CompanionMessage] = []
     while messages := children[BLACK_BOX].theirs.receive(50):
         heard += messages
         companions.faults(10.1)
     assert [message.entry.number for message in heard if isinstance(message, Decided)] == list(range(1, 501))
     assert not [message for message in heard if isinstance(message, Note)]
-    companions.tell(BLACK_BOX, Note(time_s=1.5, text="late"), 10.2)
+    companions.send(BLACK_BOX, Note(time_s=1.5, text="late"), 10.2)
     assert children[BLACK_BOX].theirs.receive() == [Note(time_s=1.5, text="late")]
     assert companions.faults(10.3) == ()
 
@@ -164,8 +164,8 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     [
         (OPINION, packb({"type": "OpinionGiven"}), "order"),
         (BLACK_BOX, b"\xff", "not a message"),
-        (BLACK_BOX, encode_message(ResetAsked(request=1, token="t")), "a ResetAsked is not its to say"),
-        (OPINION, encode_message(WithdrawalKept(folder="x")), "a WithdrawalKept is not its to say"),
+        (BLACK_BOX, encode_message(ResetAsked(request=1, token="t")), "a ResetAsked is not its to send"),
+        (OPINION, encode_message(WithdrawalKept(folder="x")), "a WithdrawalKept is not its to send"),
     ],
 )
 def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions, children, name, said, reason):

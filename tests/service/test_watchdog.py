@@ -1,4 +1,4 @@
-"""The watchdog and its messages."""
+"""The watchdog: its messages, its looks, the time in a header, its priority."""
 
 import os
 import select
@@ -10,14 +10,18 @@ from contextlib import suppress
 import pytest
 from hypothesis import given, strategies as st
 
-import scleraforce.service.companions.watchdog as module
+import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
 from scleraforce.openigtlink import Status, encode
-from scleraforce.service.companions.watchdog import (
+from scleraforce.openigtlink.wire import VERSIONS
+from scleraforce.service.watchdog import (
     ALIVE,
     LOOK_S,
     MISSES,
+    MONITOR_PRIORITY,
     MOST_BYTES,
+    OPINION_PRIORITY,
+    WATCHDOG_PRIORITY,
     Beat,
     ClientCame,
     ClientLeft,
@@ -27,6 +31,8 @@ from scleraforce.service.companions.watchdog import (
     Watchdog,
     WatchdogMessage,
     pack_for_watchdog,
+    run_in_real_time,
+    stamp_time,
     unpack_for_watchdog,
 )
 
@@ -92,7 +98,7 @@ def test_what_is_sent_is_what_arrives(message: WatchdogMessage) -> None:
     ids=lambda data: repr(data[:20]),
 )  # fmt: skip
 def test_what_is_no_message_is_refused(data: bytes) -> None:
-    with pytest.raises(MessageError, match=f"{len(data)} bytes: no message to the watchdog"):
+    with pytest.raises(MessageError, match=f"{len(data)} bytes: not a message"):
         unpack_for_watchdog(data)
 
 
@@ -112,8 +118,40 @@ def test_what_would_not_be_understood_is_not_sent(message: WatchdogMessage) -> N
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:
     program = (
-        "import sys; import scleraforce.service.companions.watchdog;"
+        "import sys; import scleraforce.service.watchdog;"
         "sys.exit(str([name for name in ('numpy', 'cv2', 'json') if name in sys.modules] or ''))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
+
+
+def test_a_stamp_changes_the_time_and_nothing_else() -> None:
+    for version in VERSIONS:
+        message = bytearray(encode(Status(1), "ForceMonitor", version=version, time_s=1.25))
+        stamp_time(message, 1.8e9 + 0.5)
+        assert message == encode(Status(1), "ForceMonitor", version=version, time_s=1.8e9 + 0.5)
+
+
+def refuse(*_: object) -> None:
+    raise PermissionError
+
+
+def test_without_the_right_to_real_time_it_is_as_nice_as_the_system_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "setpriority", lambda *words: asked.append(words))
+    assert run_in_real_time(MONITOR_PRIORITY) is False
+    assert asked == [(os.PRIO_PROCESS, 0, -MONITOR_PRIORITY)]
+    monkeypatch.setattr(os, "setpriority", refuse)
+    assert run_in_real_time(MONITOR_PRIORITY) is False
+
+
+def test_with_the_right_it_is_in_real_time_and_its_children_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda pid, policy, param: asked.append((pid, policy, param.sched_priority))
+    )
+    monkeypatch.setattr(os, "setpriority", refuse)
+    assert run_in_real_time(OPINION_PRIORITY) is True
+    assert asked == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, OPINION_PRIORITY)]
+    assert OPINION_PRIORITY < MONITOR_PRIORITY < WATCHDOG_PRIORITY

@@ -23,8 +23,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from scleraforce.errors import MessageError
-from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
-from scleraforce.service.stamp import stamp_time
 
 ALIVE = b"A"
 MOST_BYTES = 4096
@@ -36,6 +34,9 @@ FORM = re.compile(
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
+TIME = slice(34, 42)  # of a header in any version: seconds since 1970, in 2^-32 s
+# The second opinion waits for the monitor, and a monitor in a tight loop must not keep its watchdog from running.
+OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +112,7 @@ def unpack_for_watchdog(data: bytes) -> WatchdogMessage:
     """Return the message of a datagram.
 
     Raises:
-        MessageError: it is none.
+        MessageError: the datagram is not a message.
     """
     parts = _parts(data)
     if parts["emergency"]:
@@ -129,8 +130,28 @@ def _parts(data: bytes) -> dict[str, bytes]:
     """Return the parts of a datagram by name; those of other messages are None."""
     found = FORM.fullmatch(data) if len(data) <= MOST_BYTES else None
     if found is None:
-        raise MessageError(f"{data[:20]!r}, {len(data)} bytes: no message to the watchdog")
+        raise MessageError(f"{data[:20]!r}, {len(data)} bytes: not a message to the watchdog")
     return found.groupdict()
+
+
+def stamp_time(message: bytearray, time_s: float) -> None:
+    """Write a time into an OpenIGTLink message, s since 1970."""
+    message[TIME] = int(time_s * 2**32).to_bytes(8, "big")
+
+
+def run_in_real_time(priority: int) -> bool:
+    """Give this process, but not its children, priority over all normal ones (SCHED_FIFO); return whether it worked.
+
+    It works for root and for users with a limit `rtprio` (man 5 limits.conf). A user with a limit `nice` instead gets
+    that niceness below 0, which makes delays rarer.
+    """
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except OSError:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, -priority)
+        return False
+    return True
 
 
 class Watchdog:
@@ -192,19 +213,19 @@ class Watchdog:
         if os.getppid() == self._pid:
             with suppress(ProcessLookupError):
                 os.kill(self._pid, signal.SIGKILL)
-        told = len(self._clients)
-        self._tell()
-        said = f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {told}\n"
+        count = len(self._clients)
+        self._send_emergency()
+        note = f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {count}\n"
         with suppress(OSError):  # standard error never blocks: see `start_companion`
-            os.write(2, said.encode())
+            os.write(2, note.encode())
         due_s = started_s + REPEAT_S
         while self._clients:
             self._drain(max(0.0, due_s - time.monotonic()))
             if time.monotonic() >= due_s:
-                self._tell()
+                self._send_emergency()
                 due_s += REPEAT_S
 
-    def _tell(self) -> None:
+    def _send_emergency(self) -> None:
         """Send the emergency to every client; a client that does not read misses it, one that has left is forgotten."""
         now_s = time.time()
         for message in self._messages.values():

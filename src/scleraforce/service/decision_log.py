@@ -1,4 +1,4 @@
-r"""The log of decisions: JSON lines with a checksum each, so that a crash at any byte costs one record at most.
+"""The log of decisions: JSON lines with a checksum each, so that a crash at any byte costs one record at most.
 
 A line is `{"kind": ..., ..., "crc32": "89abcdef"}`: the checksum (zlib.crc32) is that of the bytes before `, "crc32"`.
 """
@@ -8,16 +8,26 @@ import fcntl
 import json
 import os
 import re
+import shutil
 import threading
+import time
 import zlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from scleraforce.service.channel import Channel, ChannelClosedError
+from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
+from scleraforce.units import from_si
+
 FILE_BYTES = 16 * 2**20
 TOTAL_BYTES = 2**30
+LEAST_FREE_BYTES = 10**9
+CHECK_S = 1.0
 CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')
 
 
@@ -25,11 +35,8 @@ CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')
 class LogPart:
     """A part of a log: a whole record, or torn or damaged bytes.
 
-    Attributes:
-        file: that holds it.
-        offset: of its first byte.
-        data: its bytes.
-        record: its contents, without the checksum; None for torn or damaged bytes.
+    `offset` is the place of its first byte in the file, `data` its bytes, and `record` its contents without the
+    checksum; None for torn or damaged bytes.
     """
 
     file: Path
@@ -63,12 +70,9 @@ def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
 
 
 class DecisionLog:
-    """Appends records to the numbered files of a folder; it removes nothing but old files beyond a total size.
+    """Appends records to the numbered files of a folder, for one process at a time.
 
-    Args:
-        folder: created if it is missing; for one process at a time.
-        file_bytes: largest size of a file; the next record then begins a new file.
-        total_bytes: largest size of all files; the oldest ones are removed, never the newest.
+    A file has at most `file_bytes`; beyond `total_bytes` the oldest files are removed, never the newest.
 
     Raises:
         OSError: the folder cannot be used, or another process uses it. The methods raise it as well.
@@ -171,3 +175,99 @@ def _number(path: Path) -> int:
 
 def _files(folder: Path) -> list[Path]:
     return sorted((p for p in folder.glob("decisions-*.jsonl") if re.fullmatch(r"decisions-\d+", p.stem)), key=_number)
+
+
+class Journal:
+    """The log, its syncs, and the faults reported to the monitor: each once, until it is mended.
+
+    Args:
+        folder: of the black box.
+        channel: to the monitor.
+
+    Raises:
+        OSError: the log cannot be written.
+    """
+
+    def __init__(self, folder: Path, channel: Channel) -> None:
+        self.sync_due_s = 0.0  # on the monotonic clock
+        self._log, self._channel, self._folder = DecisionLog(folder / "log"), channel, folder
+        self._faults: dict[str, str] = {}
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="log")
+        self._syncing: Future[None] | None = None
+
+    def record(self, message: Decided | Note) -> bytes:
+        """Append a message to the log; return its line, also if it could not be written."""
+        if isinstance(message, Decided):
+            record: dict[str, Any] = {"kind": "entry", "entry": message.entry.as_json()}
+        else:
+            record = {"kind": "note", "time_s": message.time_s, "text": message.text}
+        try:
+            line = self._log.append(record)
+        except OSError as fault:
+            self.fault("log", fault)
+            return format_line(record)
+        self.mended("log")
+        return line
+
+    def note(self, text: str) -> None:
+        """Append a note of the black box itself."""
+        self.record(Note(time_s=time.time(), text=text))
+
+    def fault(self, name: str, fault: BaseException) -> None:
+        """Report a fault to the monitor; note it, unless the log itself is at fault."""
+        if name in self._faults:
+            return
+        self._faults[name] = detail = f"{name}: {fault}"
+        if not name.startswith("log"):
+            self.note(detail)
+        self._send(SelfReport(detail=detail))
+
+    def mended(self, name: str) -> None:
+        """Forget a fault."""
+        self._faults.pop(name, None)
+
+    def has_room(self, name: str, folder: Path) -> bool:
+        """Return whether the disk of a folder, which need not exist yet, has enough space; if not, report it."""
+        place = next(path for path in (folder, *folder.parents) if path.exists())
+        try:
+            free_bytes = shutil.disk_usage(place).free
+            if free_bytes < LEAST_FREE_BYTES:
+                raise OSError(f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB nothing is kept")
+        except OSError as fault:
+            self.fault(name, fault)
+            return False
+        self.mended(name)
+        return True
+
+    def sign_of_life(self) -> None:
+        """Send the monitor a sign of life, with the present faults."""
+        self._send(Alive(faults=tuple(self._faults.values())))
+
+    def kept(self, folder: Path) -> None:
+        """Report to the monitor that a withdrawal is complete."""
+        self._send(WithdrawalKept(folder=str(folder)))
+
+    def _send(self, message: CompanionMessage) -> None:
+        with suppress(ChannelClosedError):  # the black box notices it when it listens
+            self._channel.send(message)
+
+    def sync(self, now_s: float) -> None:
+        """If a sync is due, check the disk and the last sync, and begin the next one."""
+        if now_s < self.sync_due_s:
+            return
+        self.sync_due_s = now_s + CHECK_S
+        if self.has_room("disk", self._folder):
+            self.mended("withdrawal")  # the next one can be kept
+        if self._syncing is not None:
+            if not self._syncing.done():
+                return
+            if (fault := self._syncing.exception()) is not None:
+                self.fault("log on disk", fault)
+            else:
+                self.mended("log on disk")
+        self._syncing = self._thread.submit(self._log.sync)
+
+    def close(self) -> None:
+        """Wait for the last sync, and close the log."""
+        self._thread.shutdown()
+        self._log.close()

@@ -17,9 +17,10 @@ from small_monitor import FUSE_S, READ_ENTRY, TICK_ENTRY, verdict, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
+from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.companions.channel import (
+from scleraforce.service.channel import (
     MESSAGE_BYTES,
     Channel,
     ChannelClosedError,
@@ -28,9 +29,9 @@ from scleraforce.service.companions.channel import (
     encode_message,
     settings_of_child,
 )
-from scleraforce.service.companions.frame_ring import RingPlace
-from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.messages import (
+from scleraforce.service.companions import Guard
+from scleraforce.service.frame_ring import RingPlace
+from scleraforce.service.messages import (
     Alive,
     BlackBoxSettings,
     ClientRole,
@@ -53,14 +54,13 @@ from scleraforce.service.companions.messages import (
     WrongTokens,
 )
 
-RING = RingPlace(descriptor=5, frames=1200, rows=512, columns=1024)
+RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 INFO = RecordingInfo(
     EyeInfo("eye", thickness_m=600e-6, iop_pa=None),
     OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
     NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
     ForceInfo("fz", -1, 0.2),
 )
-NO_FORCE = RecordingInfo(INFO.eye, INFO.oct, INFO.needle)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
 MESSAGES: list[CompanionMessage] = [
     Decided(entry=READ_ENTRY),
@@ -85,7 +85,7 @@ MESSAGES: list[CompanionMessage] = [
     WithdrawalKept(folder="/tmp/x"),
     BlackBoxSettings(folder=Path("/tmp/box"), ring=RING, info=INFO, record=None, keep_s=10.0),
     BlackBoxSettings(
-        folder=Path("/tmp/box"), ring=RING, info=NO_FORCE, record=Path("/tmp/é"), keep_s=10.0
+        folder=Path("/tmp/box"), ring=RING, info=INFO, record=Path("/tmp/é"), keep_s=10.0
     ),
     OpinionSettings(model=Path("m"), known=Known(), scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), ring=RING),
     OpinionSettings(
@@ -97,8 +97,8 @@ MESSAGES: list[CompanionMessage] = [
         known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
     ),
     ConsoleSettings(
-        host="::1", listener=7, token_digest="d", ring=RING, pixel_mm=(0.03, 0.01), class_bounds_mn=(5.0, 30.0),
-        bound_mn=30.0, withdraw_class=2, silence_s=0.1, reads_force=True, model="reader", eye="", version="1",
+        host="::1", listener=7, token_digest="d", ring=RING, scale=SCALE, limits=MonitorLimits(size=(32, 24)),
+        class_bounds_n=(5e-3, 30e-3), model="reader", eye="",
     ),
 ]  # fmt: skip
 # A wrong value for each type of field.
@@ -310,8 +310,8 @@ def test_after_what_is_no_message_the_next_ones_can_be_read(ends):
 
 MODULE = """
 import json, os, signal, sys, time
-from scleraforce.service.companions.channel import ChannelClosedError, settings_of_child
-from scleraforce.service.companions.messages import Note, OpinionSettings
+from scleraforce.service.channel import ChannelClosedError, settings_of_child
+from scleraforce.service.messages import Note, OpinionSettings
 channel, settings = settings_of_child(sys.argv, OpinionSettings)
 blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
 said = os.pread(settings.ring.descriptor, 100, 0).decode() if settings.ring.descriptor else None

@@ -5,7 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from select import select
 from typing import Any, Self, TypeVar
@@ -14,7 +14,7 @@ import msgspec
 
 from scleraforce.errors import MessageError, ScleraforceError
 from scleraforce.processes import one_thread
-from scleraforce.service.companions.messages import CompanionMessage, Settings
+from scleraforce.service.messages import CompanionMessage, SelfReport, Settings
 
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
 MESSAGE_BYTES = 128 * 1024  # more than any message needs
@@ -63,12 +63,12 @@ def _check_size(data: bytes) -> None:
 
 
 def _plain(value: Any) -> bytes | float:
-    """Return the bytes of a path; a float of a kind of it, as NumPy has."""
+    """Return the bytes of a path; a Python float for a subclass of it, as NumPy has."""
     if isinstance(value, Path):
         return os.fsencode(value)
     if isinstance(value, float):
         return float(value)
-    raise TypeError(f"a {type(value).__name__} in it")
+    raise TypeError(f"a {type(value).__name__}, which no message holds")
 
 
 def _path(kind: type, value: Any) -> Path:
@@ -78,7 +78,7 @@ def _path(kind: type, value: Any) -> Path:
 
 
 def _escaped(value: Any) -> Any:
-    """Return a value with backslashes for the halves of characters in it."""
+    """Return a value with its halves of characters as backslash escapes."""
     if isinstance(value, str):
         return value.encode(errors="backslashreplace").decode()
     if isinstance(value, dict):
@@ -91,10 +91,10 @@ _DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(Co
 
 
 class Channel:
-    """One end. A UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends.
+    """One end of a UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends.
 
     >>> ours, theirs = Channel.pair()
-    >>> from scleraforce.service.companions.messages import OpinionAsked
+    >>> from scleraforce.service.messages import OpinionAsked
     >>> ours.send(OpinionAsked(number=7, order=71))
     True
     >>> theirs.receive()
@@ -114,26 +114,24 @@ class Channel:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         return cls(ours), cls(theirs)
 
-    @classmethod
-    def inherited(cls, descriptor: int) -> Self:
-        """Return the end that a process was given when it started."""
-        return cls(socket.socket(fileno=descriptor))
-
     def fileno(self) -> int:
         """Return the file descriptor, for a selector."""
         return self._end.fileno()
 
     def send(self, message: CompanionMessage) -> bool:
-        """Send a message; False if the other end does not keep up and the message is lost.
+        """Encode a message and send it; see `send_encoded`.
 
         Raises:
-            ChannelClosedError: the other end is closed.
-            MessageError: the message holds what it may not, or is too large.
+            MessageError: as `encode_message`.
         """
         return self.send_encoded(encode_message(message))
 
     def send_encoded(self, data: bytes) -> bool:
-        """Send a message that is encoded already; see `send`."""
+        """Send a message; return False if the other end does not keep up and the message is lost.
+
+        Raises:
+            ChannelClosedError: the other end is closed.
+        """
         try:
             self._end.send(data)
         except BlockingIOError:
@@ -147,7 +145,7 @@ class Channel:
 
         Raises:
             ChannelClosedError: the other end is closed, and no message is left.
-            MessageError: one of them is no message; those before it are lost, those after it still wait.
+            MessageError: one of them is not a message; earlier ones are lost, later ones still wait.
         """
         messages: list[CompanionMessage] = []
         while len(messages) < most:
@@ -176,12 +174,7 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
 
     No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
     blocked, and output to standard error is lost where it would block. It imports nothing from the current folder,
-    which anybody may write to.
-
-    Args:
-        module: its full name.
-        arguments: of its command line.
-        descriptors: of files that it inherits, under the same numbers.
+    which anybody may write to. It inherits the files of `descriptors`, under the same numbers.
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
     errors = _errors_that_never_wait()
@@ -212,12 +205,8 @@ def _errors_that_never_wait() -> int:
 class Child:
     """A process that runs a module: `python -m MODULE DESCRIPTOR`, the descriptor of its end of the channel.
 
-    Its settings are the first message. It has to end when the channel closes.
-
-    Args:
-        module: its full name.
-        settings: the first message; descriptors in it must be among `descriptors`.
-        descriptors: of files that it inherits, under the same numbers.
+    Its settings are the first message. It has to end when the channel closes. It inherits the files of `descriptors`,
+    under the same numbers; descriptors in the settings must be among them.
     """
 
     def __init__(self, module: str, settings: Settings, descriptors: Sequence[int] = ()) -> None:
@@ -233,7 +222,7 @@ class Child:
 
     @property
     def exit_code(self) -> int | None:
-        """Return its exit code; None while it runs."""
+        """Its exit code; None while it runs."""
         return self._process.poll()
 
     def end(self, within_s: float = 5.0) -> int:
@@ -253,10 +242,10 @@ def settings_of_child(
 
     Raises:
         ChannelClosedError: the monitor has ended already.
-        MessageError: what came are not settings of this kind.
+        MessageError: the first message is not settings of this kind.
         RuntimeError: no settings came.
     """
-    channel = Channel.inherited(int(arguments[1]))
+    channel = Channel(socket.socket(fileno=int(arguments[1])))
     try:
         messages = channel.receive(1) if select([channel], [], [], within_s)[0] else []
         if not messages:
@@ -268,3 +257,15 @@ def settings_of_child(
         channel.close()
         raise
     return channel, settings
+
+
+def run_companion(kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]) -> None:
+    """Run this child process: take its settings and serve until the channel closes; report a fault to the monitor."""
+    channel, settings = settings_of_child(sys.argv, kind)
+    try:
+        serve(channel, settings)
+    except ChannelClosedError:
+        return
+    except Exception as fault:
+        channel.send(SelfReport(detail=f"{type(fault).__name__}: {fault}"))
+        raise

@@ -7,7 +7,7 @@ import zlib
 
 import pytest
 
-from scleraforce.service.black_box.decision_log import DecisionLog, read_log
+from scleraforce.service.decision_log import DecisionLog, read_log
 
 RECORDS = [
     {"kind": "entry", "entry": {"number": 1, "state": "WATCHING", "force_mn": 12.5, "message": 'a "quoted" }, {\n'}},
@@ -166,7 +166,7 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
     code = (
         "import os, sys\n"
         "from pathlib import Path\n"
-        "from scleraforce.service.black_box.decision_log import DecisionLog\n"
+        "from scleraforce.service.decision_log import DecisionLog\n"
         f"log = DecisionLog(Path({str(tmp_path)!r}), file_bytes=100_000)\n"
         "for number in range(10**9):\n"
         "    log.append({'number': number, 'text': 'x' * (number * 37 % 5000)})\n"

@@ -7,35 +7,22 @@ skips those that come meanwhile, and takes no more than half of a core: it runs 
 0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue.
 """
 
-import sys
-from collections.abc import Sequence
 from select import select
 from time import monotonic, sleep
 
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
 from scleraforce.reader.model import warming_frame
-from scleraforce.service.companions.channel import Channel, ChannelClosedError, settings_of_child
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import Alive, OpinionAsked, OpinionGiven, OpinionSettings, SelfReport
-from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
+from scleraforce.service.channel import Channel, run_companion
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import Alive, OpinionAsked, OpinionGiven, OpinionSettings
+from scleraforce.service.watchdog import OPINION_PRIORITY, run_in_real_time
 
 LEAST_S = 0.02  # from frame to frame
 
 
-def main(arguments: Sequence[str]) -> None:
+def serve(channel: Channel, settings: OpinionSettings) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    channel, settings = settings_of_child(arguments, OpinionSettings)
-    try:
-        _serve(channel, settings)
-    except ChannelClosedError:
-        return
-    except Exception as fault:
-        channel.send(SelfReport(detail=f"{type(fault).__name__}: {fault}"))
-        raise
-
-
-def _serve(channel: Channel, settings: OpinionSettings) -> None:
     reader, ring = load_model(settings.model), FrameRing.at(settings.ring)
     frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
     reader.read(frame, settings.scale, settings.known)
@@ -64,4 +51,4 @@ def rest_s(took_s: float) -> float:
 
 
 if __name__ == "__main__":
-    main(sys.argv)
+    run_companion(OpinionSettings, serve)

@@ -1,5 +1,8 @@
-"""The processes beside the monitor, from its side: the black box, the console, the second opinion."""
+"""The processes beside the monitor, from its side: the watchdog, the black box, the console, the second opinion."""
 
+import os
+import socket
+import subprocess
 from collections import deque
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType, UnionType
@@ -8,12 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
+from scleraforce.monitor.transitions import Cause
+from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.service.companions.channel import ChannelClosedError, Child, encode_message
-from scleraforce.service.companions.messages import (
+from scleraforce.service import watchdog
+from scleraforce.service.channel import ChannelClosedError, Child, encode_message, start_companion
+from scleraforce.service.messages import (
+    STATUS_DEVICE,
     Alive,
     CompanionMessage,
     Decided,
+    Entry,
     ListensAt,
     MonitorEnds,
     OpinionAsked,
@@ -24,13 +32,16 @@ from scleraforce.service.companions.messages import (
     WithdrawalKept,
     WrongTokens,
 )
-from scleraforce.service.entry import Entry
 
+BEAT_LOOKS = 0.5  # 10 ms
+SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
+START_S = 20.0
+EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
 BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
 NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; the console only shows
-SAYS: Mapping[str, type | UnionType] = MappingProxyType(
+SENDS: Mapping[str, type | UnionType] = MappingProxyType(
     {BLACK_BOX: WithdrawalKept, CONSOLE: ResetAsked | ListensAt | WrongTokens, OPINION: OpinionGiven}
-)  # each speaks for itself, too: `Alive`, `SelfReport`
+)  # and each sends `Alive`, `SelfReport`
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns
 KEEPS_UP_S = 2.0  # a companion that takes no message for longer has failed
@@ -39,12 +50,91 @@ STARTS_S = 30.0  # within which the black box must give its first sign of life
 SILENT_S = 5.0  # it gives one every 0.5 s; a disk may delay it
 
 
-class Companions:
-    """Sends messages to the companions and receives theirs; never waits for one.
+class Guard:
+    """The watchdog process, from the monitor's side; `look_s` is the time between two of its looks.
 
-    Args:
-        children: the companions that run, by name.
+    Raises:
+        OSError: the watchdog does not start.
     """
+
+    def __init__(self, look_s: float = watchdog.LOOK_S) -> None:
+        self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        arguments = [str(theirs.fileno()), str(os.getpid()), str(look_s)]
+        self._process = start_companion("scleraforce.service.watchdog", arguments, [theirs.fileno()])
+        theirs.close()
+        self._fault: str | None = None
+        self._beaten_s = self._answered_s = 0.0
+        self._channel.settimeout(START_S)
+        if self._channel.recv(16) != watchdog.ALIVE:
+            raise OSError("the watchdog did not start")
+        self._channel.setblocking(False)
+        for version in (1, 2, 3):
+            self._send(watchdog.Emergency(version=version, status=encode(EMERGENCY, STATUS_DEVICE, version=version)))
+
+    @property
+    def pid(self) -> int:
+        """Id of the watchdog's process."""
+        return self._process.pid
+
+    def watch(self, client: int, descriptor: int) -> None:
+        """Pass it the socket of a client, by its number."""
+        self._send(watchdog.ClientCame(client=client), descriptor)
+
+    def version(self, client: int, version: int) -> None:
+        """Send it the header version of a client."""
+        self._send(watchdog.ClientSpeaks(client=client, version=version))
+
+    def forget(self, client: int) -> None:
+        """Make it close its duplicate of a client's socket."""
+        self._send(watchdog.ClientLeft(client=client))
+
+    def beat(self, now_s: float) -> str | None:
+        """Send a sign of life, and take the watchdog's; return its fault, if any. Call it every few ms."""
+        if now_s - self._beaten_s < self._beat_s:
+            return self._fault
+        if now_s - self._beaten_s > self._silent_s:  # the first time, or after a pause of this process
+            self._answered_s = now_s
+        self._beaten_s = now_s
+        self._send(watchdog.Beat())
+        self._hear(now_s)
+        if self._fault is None and now_s - self._answered_s > self._silent_s:
+            return f"the watchdog has not answered for {self._silent_s:g} s"
+        return self._fault
+
+    def end(self) -> None:
+        """End the watchdog, before the monitor ends."""
+        self._send(watchdog.PlannedEnd())
+        try:
+            self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._channel.close()  # not earlier: closing it with unread answers would discard the message
+
+    def _send(self, message: watchdog.WatchdogMessage, descriptor: int | None = None) -> None:
+        data = watchdog.pack_for_watchdog(message)
+        try:
+            socket.send_fds(self._channel, [data], [] if descriptor is None else [descriptor])
+        except BlockingIOError:
+            self._fault = self._fault or "the watchdog does not keep up"
+        except OSError:
+            self._fault = "the watchdog has died"
+
+    def _hear(self, now_s: float) -> None:
+        try:
+            while self._fault is None:
+                if not self._channel.recv(16):
+                    self._fault = "the watchdog has died"
+                self._answered_s = now_s
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._fault = "the watchdog has died"
+
+
+class Companions:
+    """Sends messages to the running companions, by their names, and receives theirs; never waits for one."""
 
     def __init__(self, children: dict[str, Child]) -> None:
         self._children = dict(children)
@@ -71,7 +161,7 @@ class Companions:
         return name in self and not failed and name not in self._heard_of
 
     def faults(self, now_s: float) -> tuple[str, ...]:
-        """Return what is wrong with the companions that are needed; call it every few ms, after `hear`."""
+        """Return the faults of the companions that are needed; call it every few ms, after `hear`."""
         if self._alive_until_s is None:
             self._alive_until_s = now_s + STARTS_S
         self._send_waiting(now_s)
@@ -90,7 +180,7 @@ class Companions:
         return "it does not answer" if silent else None
 
     def entry(self, entry: Entry) -> None:
-        """Send a decision; it waits for a black box that does not keep up, and goes before all other messages."""
+        """Send a decision; it waits for a black box that does not keep up, before all other messages."""
         data = encode_message(Decided(entry=entry))
         if BLACK_BOX in self._children:
             if len(self._waiting) < MOST_WAITING:  # else it counts as failed already, and the log shows the gap
@@ -99,22 +189,21 @@ class Companions:
         self._send(CONSOLE, data, entry.at_s)
 
     def outline(self, frame: int, wall: Segmentation, now_s: float) -> None:
-        """Send the wall that was found in a frame to the console, every `OUTLINE_S` at most."""
+        """Send a frame's wall to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
             rows = _rows(wall.outer_row), _rows(wall.inner_row)
-            self.tell(CONSOLE, Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
+            self.send(CONSOLE, Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
 
     def ask_opinion(self, number: int, order: int, now_s: float) -> None:
         """Ask for a second opinion on a frame in the ring."""
-        self.tell(OPINION, OpinionAsked(number=number, order=order), now_s)
+        self.send(OPINION, OpinionAsked(number=number, order=order), now_s)
 
-    def tell(self, name: str, message: CompanionMessage, now_s: float) -> None:
-        """Send a message to a companion, if it runs; to the black box only while no decision waits."""
+    def send(self, name: str, message: CompanionMessage, now_s: float) -> bool:
+        """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""
         if name == BLACK_BOX:
             self._send_waiting(now_s)
-        if name != BLACK_BOX or not self._waiting:
-            self._send(name, encode_message(message), now_s)
+        return (name != BLACK_BOX or not self._waiting) and self._send(name, encode_message(message), now_s)
 
     def _send_waiting(self, now_s: float) -> None:
         """Send the decisions that wait for the black box, oldest first."""
@@ -136,9 +225,9 @@ class Companions:
         return False
 
     def hear(self, name: str, now_s: float) -> Iterator[CompanionMessage]:
-        """Yield a companion's messages, except those about its own state, which are taken note of.
+        """Yield a companion's messages, except those about its own state, which are remembered.
 
-        One that sends what is no message, or not its to send, has failed for good.
+        A companion that sends something else has failed for good.
         """
         try:
             for message in self._children[name].channel.receive():
@@ -147,10 +236,10 @@ class Companions:
                         self._faults[name] = detail
                     case Alive(faults=faults):
                         self._take_alive(name, faults, now_s)
-                    case _ if isinstance(message, SAYS[name]):
+                    case _ if isinstance(message, SENDS[name]):
                         yield message
                     case _:
-                        raise MessageError(f"a {type(message).__name__} is not its to say")
+                        raise MessageError(f"a {type(message).__name__} is not its to send")
         except MessageError as fault:
             self._garbled.setdefault(name, f"it does not keep to the protocol: {fault}")
         except ChannelClosedError:
@@ -167,18 +256,18 @@ class Companions:
             self._faults.pop(name, None)
 
     def dead(self, name: str) -> bool:
-        """Return whether a companion has ended, which its closed channel tells."""
+        """Return whether a companion has ended, which closes its channel."""
         return name in self._dead
 
     def last_words(self, name: str) -> str:
-        """Return what is known of a companion's fault, after a colon; "" if nothing is."""
+        """Return a companion's fault, after a colon; "" if it is unknown."""
         detail = self._garbled.get(name) or self._faults.get(name)
         return f": {detail}" if detail else ""
 
     def end(self) -> None:
         """End all companions, as planned."""
         if BLACK_BOX in self._children:
-            self.tell(BLACK_BOX, MonitorEnds(), 0.0)
+            self.send(BLACK_BOX, MonitorEnds(), 0.0)
         for child in self._children.values():
             child.end(within_s=30.0)
 

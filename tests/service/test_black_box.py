@@ -11,18 +11,17 @@ import pytest
 from msgspec import structs
 from small_monitor import FUSE_S, READ_ENTRY, decision
 
-import scleraforce.service.black_box.journal as log_sync
-import scleraforce.service.black_box.process as module
+import scleraforce.service.black_box as module
+import scleraforce.service.decision_log as log_sync
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.service.black_box.decision_log import DecisionLog, read_log
-from scleraforce.service.black_box.heard import RobotForce
-from scleraforce.service.black_box.journal import Journal
-from scleraforce.service.black_box.process import BlackBox
-from scleraforce.service.companions.channel import Channel, Child, encode_message
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import (
+from scleraforce.service.black_box import BlackBox
+from scleraforce.service.channel import Channel, Child, encode_message
+from scleraforce.service.decision_log import DecisionLog, Journal, read_log
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
     Alive,
+    BlackBoxSettings,
     Decided,
     ForceHeard,
     MonitorEnds,
@@ -30,8 +29,8 @@ from scleraforce.service.companions.messages import (
     OpinionAsked,
     SelfReport,
     WithdrawalKept,
-    black_box_settings,
 )
+from scleraforce.service.recordings import RobotForce
 from scleraforce.study.records import ClassesStudy
 
 SHAPE = 24, 32
@@ -46,9 +45,10 @@ INFO = RecordingInfo(
 
 def line_of(folder, message):
     """The line of a message in a log of its own."""
-    log, (channel, theirs) = DecisionLog(folder / type(message).__name__), Channel.pair()
-    line = Journal(log, channel).record(message)
-    log.close()
+    channel, theirs = Channel.pair()
+    journal = Journal(folder / type(message).__name__, channel)
+    line = journal.record(message)
+    journal.close()
     channel.close()
     theirs.close()
     return line
@@ -63,7 +63,7 @@ class Monitor:
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
-        settings = black_box_settings(folder / "box", self.ring, info, record)
+        settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=info, record=record, keep_s=10.0)
         self.channel, self.theirs = Channel.pair()
         ring = replace(settings.ring, descriptor=os.dup(self.ring.descriptor))
         self.box = BlackBox(self.theirs, structs.replace(settings, ring=ring))
@@ -241,7 +241,7 @@ def test_a_monitor_that_ends_as_planned_keeps_nothing_more_than_was_asked_for(tm
 def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
     """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
     monitor = Monitor(tmp_path, ring_frames=300)
-    monitor.box._heard.recent._keep_s = 1.0
+    monitor.box._recent._keep_s = 1.0
     for number in range(2500):
         pushed_n = 0.02 if number > 500 else 0.0
         monitor.force([0.0, 0.001, 0.05 - pushed_n], monitor.at_s + 0.005)
@@ -475,20 +475,12 @@ def test_what_is_no_message_or_not_for_it_is_told_for_good_and_the_log_goes_on(t
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 4
 
 
-def test_a_ring_of_other_frames_than_the_recording_states_is_refused():
-    with pytest.raises(ValueError, match="24 x 32 pixels"):
-        black_box_settings("x", FrameRing.create(2, 32, 24), INFO)
-
-
-def test_without_an_axis_the_force_is_fz_positive_in_contact(tmp_path):
-    monitor = Monitor(tmp_path, record=tmp_path / "rec", info=replace(INFO, force=None))
-    for _ in range(10):
-        monitor.decide()
-        monitor.force([0.25])
-    monitor.end()
-    recording = read_recording(tmp_path / "rec")
-    assert (recording.info.force.axis, recording.info.force.contact_sign) == ("fz", 1)
-    assert (recording.forces.force_n("fz") == 0.25).all()
+def test_settings_that_contradict_each_other_are_refused(tmp_path):
+    ring = FrameRing.create(2, *SHAPE).place
+    for faulty, field in ((replace(ring, rows=32, columns=24), "info.oct"), (ring, "info.force")):
+        info = INFO if field == "info.oct" else replace(INFO, force=None)
+        with pytest.raises(ValueError, match=field):
+            BlackBoxSettings(folder=tmp_path, ring=faulty, info=info, record=None, keep_s=10.0)
 
 
 class Process:
@@ -496,8 +488,8 @@ class Process:
 
     def __init__(self, folder, record=None):
         self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
-        settings = black_box_settings(folder / "box", self.ring, INFO, record)
-        self.child = Child("scleraforce.service.black_box.process", settings, [self.ring.descriptor])
+        settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=INFO, record=record, keep_s=10.0)
+        self.child = Child("scleraforce.service.black_box", settings, [self.ring.descriptor])
 
     def frames(self, numbers, state="WATCHING"):
         for number in numbers:

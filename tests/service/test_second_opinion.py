@@ -10,10 +10,10 @@ from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_se
 from small_models import write_fixed_reader
 from small_monitor import FUSE_S
 
-from scleraforce.service.companions import second_opinion
-from scleraforce.service.companions.channel import Channel, ChannelClosedError, Child
-from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import (
+from scleraforce.service import second_opinion
+from scleraforce.service.channel import Channel, ChannelClosedError, Child
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import (
     Alive,
     CompanionMessage,
     MonitorEnds,
@@ -34,7 +34,7 @@ class Reader:
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
         settings = OpinionSettings(model=model, known=KNOWN, scale=SCALE, ring=self.ring.place)
-        self.child = Child("scleraforce.service.companions.second_opinion", settings, [self.ring.descriptor])
+        self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.descriptor])
 
     def ask(self, number: int, order: int) -> None:
         assert self.child.channel.send(OpinionAsked(number=number, order=order))
@@ -89,7 +89,7 @@ def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the
     monkeypatch.setattr(second_opinion, "load_model", lambda _: Counted())
     ours.close()
     with pytest.raises(ChannelClosedError):
-        second_opinion._serve(theirs, settings)
+        second_opinion.serve(theirs, settings)
     theirs.close()
     ((frame, scale, known),) = read
     assert (frame.shape, scale, known) == ((300, 200), SCALE, KNOWN)  # as the frames that will come

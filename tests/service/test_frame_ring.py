@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.service.companions import frame_ring
-from scleraforce.service.companions.frame_ring import FrameRing, available_bytes
+from scleraforce.service import frame_ring
+from scleraforce.service.frame_ring import FrameRing, available_bytes
 
 
 def frame(number, rows=3, columns=5):

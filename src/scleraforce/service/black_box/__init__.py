@@ -1,1 +1,0 @@
-"""The black box: the process that logs every decision and keeps frames and forces."""

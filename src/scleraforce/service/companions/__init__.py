@@ -1,1 +1,0 @@
-"""The processes beside the monitor, and how it talks to them."""

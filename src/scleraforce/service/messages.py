@@ -1,0 +1,345 @@
+"""A decision as it is sent, logged and shown, and the messages between the monitor and its companions.
+
+The first message to a companion is its settings. `channel` turns messages into bytes and back. Times are in seconds:
+`at_s` on the monotonic clock, `time_s` since 1970. The watchdog, which uses the standard library alone, has messages of
+its own.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct, ValidationError, convert
+
+from scleraforce import __version__
+from scleraforce.errors import MessageError
+from scleraforce.known import Known
+from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.events import Verdict
+from scleraforce.monitor.transitions import State
+from scleraforce.plain_json import finite
+from scleraforce.recording.folder import ForceInfo, RecordingInfo
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.frame_ring import RingPlace
+from scleraforce.units import from_si, to_si
+
+STATUS_DEVICE, READING_DEVICE = "ForceMonitor", "ForceReading"  # of the OpenIGTLink messages
+LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 26 November 2026 and before lack these
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A decision of the monitor and its event.
+
+    `number` counts decisions from 1. `event` is "frame", "tick", "reset", "opinion", ...; "again" repeats the last
+    decision, with its number. `state`, `code`, `sub_code`, `cause`, `message`, `present_cause` and `present` are the
+    decision's, by name; `withdrawn_s` is when the withdrawal began (since 1970). `frame` is the frame's number in this
+    session, from 1, `frame_id` the sender's, and `latency_ms` the time from its last byte to the answer on the wire;
+    all None for other events. `verdict` is also None for a frame that could not be read. `overtaken` counts the frames
+    that newer ones overtook since the start, `lost` those of them that were never read.
+
+    Raises:
+        MessageError: a state that does not exist.
+    """
+
+    number: int
+    time_s: float
+    at_s: float
+    event: str
+    state: str
+    code: int
+    sub_code: int
+    cause: str | None
+    message: str
+    frame: int | None = None
+    frame_id: int | None = None
+    verdict: Verdict | None = None
+    latency_ms: float | None = None
+    lost: int = 0
+    overtaken: int = 0
+    withdrawn_s: float | None = None
+    present_cause: str | None = None
+    present: str = ""
+
+    def __post_init__(self) -> None:
+        if self.state not in State.__members__:
+            raise MessageError(f"state: {self.state[:20]!r}; must be one of {', '.join(State.__members__)}")
+
+    @property
+    def force_mn(self) -> float | None:
+        """The force that was read in the frame."""
+        return from_si(self.verdict.force_n, "mn") if self.verdict and self.verdict.force_n is not None else None
+
+    @property
+    def interval_mn(self) -> tuple[float, float] | None:
+        """The 90 % interval of the force."""
+        if self.verdict is None or self.verdict.interval_n is None:
+            return None
+        low_n, high_n = self.verdict.interval_n
+        return from_si(low_n, "mn"), from_si(high_n, "mn")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON object: flat, forces in mN, `class` for `predicted`; NaN and infinity become null.
+
+        `usable` is null for events other than a frame, and false for a frame that could not be read.
+        """
+        verdict = self.verdict
+        reading = {
+            "probabilities": finite(verdict.probabilities) if verdict else None,
+            "force_mn": finite(self.force_mn),
+            "interval_mn": finite(self.interval_mn),
+            "usable": verdict.usable if verdict else None if self.frame is None else False,
+            "reason": verdict.reason if verdict else None,
+        }
+        record: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            record |= reading if name == "verdict" else {name: finite(value)}
+        return record | {"class": verdict.predicted if verdict else None}
+
+    @property
+    def text(self) -> str:
+        """The JSON object in one line, for the STRING `ForceReading`, the log and the console."""
+        return json.dumps(self.as_json())
+
+    @classmethod
+    def from_json(cls, value: Any) -> "Entry":
+        """Return the entry of a JSON object of `as_json`; in a list null becomes NaN, elsewhere None.
+
+        Raises:
+            MessageError: it is not the object of an entry; the message names the field.
+        """
+        if not isinstance(value, dict) or (LATER | value).keys() != KEYS:
+            raise MessageError("not an entry: an object with the keys of one")
+        try:
+            return convert(value | {"verdict": _verdict_of(value)}, cls)
+        except ValidationError as fault:
+            raise MessageError(str(fault)) from fault
+
+
+KEYS = Entry(
+    number=1, time_s=0.0, at_s=0.0, event="tick", state="WATCHING", code=1, sub_code=0, cause=None, message=""
+).as_json().keys()  # fmt: skip
+
+
+def _verdict_of(value: dict[str, Any]) -> Verdict | None:
+    """Return the verdict in the object of an entry; None without a class."""
+    if value["class"] is None:
+        return None
+    names = {"class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n"}
+    known = ("class", "probabilities", "usable", "reason", "force_mn", "interval_mn")
+    verdict = convert({names.get(name, name): _with_nan(value[name]) for name in known}, Verdict)
+    low_mn, high_mn = verdict.interval_n or (nan, nan)
+    return replace(
+        verdict,
+        force_n=None if verdict.force_n is None else to_si(verdict.force_n, "mn"),
+        interval_n=verdict.interval_n and (to_si(low_mn, "mn"), to_si(high_mn, "mn")),
+    )
+
+
+def _with_nan(value: Any) -> Any:
+    return [nan if number is None else number for number in value] if isinstance(value, list) else value
+
+
+class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_fields=True):
+    """A message; the name of its class goes with it."""
+
+
+class Decided(_Message, frozen=True, kw_only=True):
+    """To the black box and the console: a decision."""
+
+    entry: Entry
+
+
+class ForceHeard(_Message, frozen=True, kw_only=True):
+    """To the black box: the numbers of a robot's force sensor, N and N m; they may be NaN."""
+
+    at_s: float
+    time_s: float
+    values: tuple[float, ...]
+    device: str
+
+
+class Note(_Message, frozen=True, kw_only=True):
+    """To the black box, and in its log: a line on an event other than a decision."""
+
+    time_s: float
+    text: str
+
+
+class MonitorEnds(_Message, frozen=True, kw_only=True):
+    """To the black box: the monitor ends as planned; nothing follows."""
+
+
+class Outline(_Message, frozen=True, kw_only=True):
+    """To the console: the wall that a frame's force was read from, as rows at each `step`-th column; None: no wall."""
+
+    frame: int
+    step: int
+    outer: tuple[float | None, ...]
+    inner: tuple[float | None, ...]
+
+
+class ClientRole(Struct, frozen=True, kw_only=True):
+    """A client of the monitor: its address, and its role, "scanner" or "listener"."""
+
+    address: str
+    role: str
+
+
+class Rates(_Message, frozen=True, kw_only=True):
+    """To the console, twice a second: frames per second, frames lost since the start, and the clients."""
+
+    frames_per_second: float
+    lost: int
+    clients: tuple[ClientRole, ...]
+
+
+class ResetAsked(_Message, frozen=True, kw_only=True):
+    """From the console: the operator asks for a reset; `request` is the console's number of it."""
+
+    request: int
+    token: str
+
+
+class ResetAnswered(_Message, frozen=True, kw_only=True):
+    """To the console: the answer to the reset of number `request`."""
+
+    request: int
+    granted: bool
+    message: str
+
+
+class ListensAt(_Message, frozen=True, kw_only=True):
+    """From the console: it serves its page at this address."""
+
+    url: str
+
+
+class WrongTokens(_Message, frozen=True, kw_only=True):
+    """From the console: the number of resets that came with a wrong token."""
+
+    count: int
+
+
+class OpinionAsked(_Message, frozen=True, kw_only=True):
+    """To the second opinion: read the frame of this number in the ring; `order` is the decision's name for it."""
+
+    number: int
+    order: int
+
+
+class OpinionGiven(_Message, frozen=True, kw_only=True):
+    """From the second opinion: its verdict on the frame of this order."""
+
+    order: int
+    verdict: Verdict
+
+
+class Alive(_Message, frozen=True, kw_only=True):
+    """A sign of life: of the black box every 0.5 s, with its present faults; of a second opinion that is ready."""
+
+    faults: tuple[str, ...]
+
+
+class SelfReport(_Message, frozen=True, kw_only=True):
+    """From any companion: its fault, in its own words."""
+
+    detail: str
+
+
+class WithdrawalKept(_Message, frozen=True, kw_only=True):
+    """From the black box: the last seconds before a withdrawal are complete in this folder."""
+
+    folder: str
+
+
+class BlackBoxSettings(_Message, frozen=True, kw_only=True):
+    """Settings of the black box.
+
+    Attributes:
+        folder: of the log and of the withdrawals; created if it is missing.
+        ring: of the frames; longer than `keep_s`, or the oldest frames are overwritten before they are kept.
+        info: contents of each recording.toml; it has `force`.
+        record: folder for a recording of the whole session; must not exist. None: only withdrawals are kept.
+        keep_s: duration that is kept at a withdrawal.
+    """
+
+    folder: Path
+    ring: RingPlace
+    info: RecordingInfo
+    record: Path | None
+    keep_s: float
+
+    def __post_init__(self) -> None:
+        if (self.info.oct.rows, self.info.oct.columns) != (self.ring.rows, self.ring.columns):
+            raise ValueError(f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the ring: {self.ring}")
+        if self.info.force is None:
+            raise ValueError("info.force: missing; a robot may send its force")
+
+    @property
+    def force(self) -> ForceInfo:
+        """Axis and sign of a robot's force, and how long a label averages."""
+        assert self.info.force is not None
+        return self.info.force
+
+
+class OpinionSettings(_Message, frozen=True, kw_only=True):
+    """Settings of the second opinion: the model's folder, what is known of the eye, and the frames."""
+
+    model: Path
+    known: Known
+    scale: PixelScale
+    ring: RingPlace
+
+
+class ConsoleSettings(_Message, frozen=True, kw_only=True):
+    """Settings of the console: `listener` is the descriptor of the socket that listens on `host`, `eye` may be ""."""
+
+    host: str
+    listener: int
+    token_digest: str
+    ring: RingPlace
+    scale: PixelScale
+    limits: MonitorLimits
+    class_bounds_n: tuple[float, ...]
+    model: str
+    eye: str
+
+    def for_page(self) -> dict[str, Any]:
+        """Return the settings for the page, as a JSON object."""
+        return {
+            "pixel_mm": (from_si(self.scale.lateral_m, "mm"), from_si(self.scale.depth_m, "mm")),
+            "class_bounds_mn": [from_si(bound_n, "mn") for bound_n in self.class_bounds_n],
+            "bound_mn": from_si(self.limits.bound_n, "mn"),
+            "withdraw_class": self.limits.withdraw_class,
+            "silence_s": self.limits.silence_s,
+            "reads_force": self.limits.reads_force,
+            "model": self.model,
+            "eye": self.eye,
+            "version": __version__,
+            "rows": self.ring.rows,
+            "columns": self.ring.columns,
+        }
+
+
+Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings
+CompanionMessage = (
+    Decided
+    | ForceHeard
+    | Note
+    | MonitorEnds
+    | Outline
+    | Rates
+    | ResetAsked
+    | ResetAnswered
+    | ListensAt
+    | WrongTokens
+    | OpinionAsked
+    | OpinionGiven
+    | Alive
+    | SelfReport
+    | WithdrawalKept
+    | Settings
+)

@@ -1,0 +1,403 @@
+"""The recordings of the black box: of the whole session, and of the last seconds before each withdrawal."""
+
+import os
+import shutil
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import floor, isfinite
+from pathlib import Path
+
+from scleraforce.errors import ScleraforceError
+from scleraforce.recording.folder import ForceInfo, RecordingInfo
+from scleraforce.recording.tables import FORCE_COLUMNS
+from scleraforce.recording.writing import FORCE_STEP_S, ForceWriter, RecordingWriter
+from scleraforce.service.decision_log import Journal
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.messages import BlackBoxSettings, Entry
+
+MOST_LINES = 20_000
+HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
+CLOCK_STEP_S = 1e-6  # of frames.csv
+SESSION, WITHDRAWAL = "session", "withdrawal"  # the names of their faults
+
+
+@dataclass(frozen=True)
+class SessionBeginning:
+    """Time 0 of the session's recordings on the monotonic clock, and the first line of each recording.toml."""
+
+    at_s: float
+    comment: str
+
+
+class Recent:
+    """Remembers frames and log lines with their times, in order: the last `keep_s`, and `most_frames` frames at most.
+
+    >>> recent = Recent(10.0, 100)
+    >>> for at_s in range(30):
+    ...     _ = recent.add_frame(float(at_s), at_s + 1)
+    >>> recent.until(25.0)[0][0], recent.until(25.0)[0][-1]
+    ((15.0, 16), (25.0, 26))
+    """
+
+    def __init__(self, keep_s: float, most_frames: int) -> None:
+        self._keep_s = keep_s
+        self._frames: deque[tuple[float, int]] = deque(maxlen=most_frames)
+        self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
+
+    def add_line(self, at_s: float, line: bytes) -> None:
+        """Remember a line of the log."""
+        self._lines.append((at_s, line))
+        while self._lines[0][0] < at_s - self._keep_s:
+            self._lines.popleft()
+
+    def add_frame(self, at_s: float, number: int) -> bool:
+        """Remember a frame; return False if it is known already (a second opinion names its frame again)."""
+        if self._frames and number <= self._frames[-1][1]:
+            return False
+        self._frames.append((at_s, number))
+        return True
+
+    def until(self, at_s: float) -> tuple[list[tuple[float, int]], list[bytes]]:
+        """Return the frames, with their times, and the lines of the last seconds up to a time."""
+        since_s = at_s - self._keep_s
+        frames = [(frame_s, number) for frame_s, number in self._frames if since_s <= frame_s <= at_s]
+        return frames, [line for line_s, line in self._lines if since_s <= line_s <= at_s]
+
+
+@dataclass(frozen=True)
+class ForceSample:
+    """The mean of a step: `at_s` is its middle; forces in N, torques in N m."""
+
+    at_s: float
+    values: tuple[float, ...]
+
+
+class RobotForce:
+    """Takes the forces that robots send; `samples` has the last ten minutes.
+
+    Even steps give the log a defined rate; by times of arrival, a burst could have any rate. No sample is invented: a
+    step in which nothing came is left out. Only the first device is taken, with its first count of numbers. `info` has
+    the axis and sign of a force that comes as one number, positive in contact.
+    """
+
+    def __init__(self, info: ForceInfo) -> None:
+        self.samples: deque[ForceSample] = deque(maxlen=round(HISTORY_S / FORCE_STEP_S))
+        self.columns: tuple[str, ...] = ()
+        self.refused = 0
+        self._info = info
+        self._source: tuple[str, int] | None = None
+        self._step = -1
+        self._sums: list[float] = []
+        self._count = 0
+
+    def add(self, at_s: float, values: Sequence[float], device: str) -> ForceSample | None:
+        """Take a message that came at `at_s`; if it begins a new step, return the sample of the step before."""
+        source = (device, len(values))
+        sound = len(values) in (1, 3, 6) and all(map(isfinite, (at_s, *values)))
+        if not sound or self._source not in (None, source):
+            self.refused += 1
+            return None
+        self._source = source
+        if len(values) == 1:
+            values = [self._info.contact_sign * values[0]]
+        self.columns = (f"{self._info.axis}_n",) if len(values) == 1 else FORCE_COLUMNS[1 : 1 + len(values)]
+        step = max(floor(at_s / FORCE_STEP_S), self._step)
+        sample = self._begin(step) if step > self._step else None
+        self._sums = [total + value for total, value in zip(self._sums, values, strict=True)]
+        self._count += 1
+        return sample
+
+    def _begin(self, step: int) -> ForceSample | None:
+        """Begin a step; return the sample of the one before."""
+        sample = None
+        if self._count:
+            middle_s = (self._step + 0.5) * FORCE_STEP_S
+            sample = ForceSample(middle_s, tuple(total / self._count for total in self._sums))
+            self.samples.append(sample)
+        self._step, self._count = step, 0
+        self._sums = [0.0] * len(self.columns)
+        return sample
+
+
+@dataclass(frozen=True)
+class TakenFrame:
+    """A frame in the ring: its number, and the time of its decision on the recording's clock."""
+
+    number: int
+    time_s: float
+
+
+class FrameTaker:
+    """Takes frames out of the ring, oldest first, and writes them into a new recording folder.
+
+    `written` counts the complete frames, `lost` those that were overwritten before their turn or could not be written.
+
+    Raises:
+        OSError: the folder exists or cannot be written. `take` and `close` raise it as well.
+    """
+
+    def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
+        self.folder = folder
+        self.written = self.lost = 0
+        self._ring, self._writer = ring, RecordingWriter(folder, info, comment)
+        self._waiting: deque[TakenFrame] = deque()
+        self._last_s = -float("inf")
+
+    def add(self, frame: TakenFrame) -> None:
+        """Enqueue a frame."""
+        if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
+            self._waiting.popleft()
+            self.lost += 1
+        self._waiting.append(frame)
+
+    @property
+    def next(self) -> int | None:
+        """Number of the next frame to write."""
+        return self._waiting[0].number if self._waiting else None
+
+    def take(self) -> None:
+        """Write the next frame, or count it as lost."""
+        frame = self._waiting.popleft()
+        pixels = self._ring.get(frame.number)
+        if pixels is None:
+            self.lost += 1
+            return
+        self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
+        try:
+            self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
+        except OSError:
+            self.lost += 1
+            raise
+        self.written += 1
+
+    def close(self) -> None:
+        """Close the folder's tables; frames that still wait count as lost."""
+        self.lost += len(self._waiting)
+        self._waiting.clear()
+        self._writer.close()
+
+
+class SessionRecording:
+    """The recording of the session, if the settings ask for one; a disk that fails ends it, and nothing else.
+
+    It can be read at any time. `taker` takes its frames; None while nothing is recorded.
+    """
+
+    def __init__(self, settings: BlackBoxSettings, ring: FrameRing, journal: Journal) -> None:
+        self.taker: FrameTaker | None = None
+        self._settings, self._ring, self._journal = settings, ring, journal
+        self._forces: ForceWriter | None = None
+        self._loss_noted = False
+
+    def begin(self, beginning: SessionBeginning) -> None:
+        """Begin the recording, if one is asked for."""
+        folder = self._settings.record
+        if folder is not None and self._journal.has_room(SESSION, folder):
+            with self._ended_by_a_fault():
+                self.taker = FrameTaker(self._ring, folder, self._settings.info, beginning.comment)
+
+    def add_force(self, columns: tuple[str, ...], sample: ForceSample, start_s: float) -> None:
+        """Add a sample of the robot's force; `start_s` is time 0 of the recording, on the clock of the sample."""
+        if self.taker is not None:
+            with self._ended_by_a_fault():
+                self._forces = self._forces or ForceWriter(self.taker.folder, columns)
+                self._forces.add(sample.at_s - start_s, sample.values)
+
+    def write_frame(self) -> None:
+        """Write the frame that has waited longest."""
+        taker = self.taker
+        if taker is None:
+            return
+        if not self._journal.has_room(SESSION, taker.folder):
+            self.end()
+            return
+        with self._ended_by_a_fault():
+            taker.take()
+            if taker.lost and not self._loss_noted:
+                self._loss_noted = True
+                self._journal.note(f"{taker.folder}: the disk does not keep up: frames are lost")
+
+    @contextmanager
+    def _ended_by_a_fault(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as fault:
+            self._journal.fault(SESSION, fault)
+            self.end()
+
+    def end(self) -> None:
+        """Close the recording, if there is one; frames that still wait count as lost."""
+        taker, self.taker = self.taker, None
+        if taker is None:
+            return
+        try:
+            taker.close()
+            if self._forces is not None:
+                self._forces.close()
+        except OSError as fault:
+            self._journal.fault(SESSION, fault)
+        self._journal.note(f"recorded {taker.written} frames in {taker.folder}; {taker.lost} were lost")
+
+
+@dataclass
+class _Writing:
+    """A withdrawal that is being written, in `.NAME.partial`, which is renamed when it is complete.
+
+    Attributes:
+        folder: its final name.
+        taker: of its frames.
+        start_s: time 0 of the recording, on the monotonic clock.
+        due_s: time, on the monotonic clock, from which on the forces after it suffice.
+        finishing: writes what is left after the frames; its result is why the force log gives no labels, else None.
+    """
+
+    folder: Path
+    taker: FrameTaker
+    start_s: float
+    due_s: float
+    finishing: Future[str | None] | None = None
+
+
+class Withdrawals:
+    """Keeps the last seconds before withdrawals, of the frames and lines in `recent` and the robot's `force`."""
+
+    def __init__(
+        self, settings: BlackBoxSettings, ring: FrameRing, recent: Recent, force: RobotForce, journal: Journal
+    ) -> None:
+        self._settings, self._ring, self._recent, self._force, self._journal = settings, ring, recent, force, journal
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
+        self._writing: _Writing | None = None
+        self._wanted: tuple[str, Entry, SessionBeginning] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether one is being written."""
+        return self._writing is not None
+
+    @property
+    def taker(self) -> FrameTaker | None:
+        """Takes the frames of the one that is being written."""
+        return self._writing.taker if self._writing else None
+
+    def keep(self, cause: str, entry: Entry, beginning: SessionBeginning) -> None:
+        """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
+        if self._writing is not None:
+            if self._wanted:
+                self._journal.note(
+                    f"the seconds up to {self._wanted[0]} are not kept: more happened while others were written"
+                )
+            self._wanted = cause, entry, beginning
+            return
+        self._wanted = None
+        if not self._journal.has_room(WITHDRAWAL, self._settings.folder):
+            return
+        try:
+            self._writing = self._begin(cause, entry, beginning)
+        except OSError as fault:
+            self._journal.fault(WITHDRAWAL, fault)
+
+    def _begin(self, cause: str, entry: Entry, beginning: SessionBeginning) -> _Writing:
+        """Begin the recording of the seconds up to an entry."""
+        frames, lines = self._recent.until(entry.at_s)
+        stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
+        folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
+        partial, comment = folder.parent / f".{folder.name}.partial", f"{beginning.comment} Kept: {cause}."
+        taker = FrameTaker(self._ring, partial, self._settings.info, comment)
+        (partial / "decisions.jsonl").write_bytes(b"".join(lines))
+        for frame_s, number in frames:
+            taker.add(TakenFrame(number, frame_s - beginning.at_s))
+        # Labels of the last frames average over what comes after them.
+        return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
+
+    def write_frame(self) -> None:
+        """Write the frame that has waited longest."""
+        try:
+            if self._writing is not None:
+                self._writing.taker.take()
+        except OSError as fault:
+            self._journal.fault(WITHDRAWAL, fault)
+
+    def turn(self, *, ended: bool) -> None:
+        """When all frames are written, write the rest in a thread; tell the monitor when the recording is complete.
+
+        Args:
+            ended: the monitor has ended, so no more forces come.
+        """
+        writing, force = self._writing, self._force
+        if writing is None or writing.taker.next is not None:
+            return
+        if writing.finishing is None:
+            if time.monotonic() < writing.due_s and not ended and force.columns:
+                return
+            writing.finishing = self._thread.submit(_finish, writing, force.columns, tuple(force.samples))
+        if writing.finishing.done():
+            self._complete(writing, writing.finishing)
+
+    def _complete(self, writing: _Writing, finished: Future[str | None]) -> None:
+        """Report the result of a recording; then begin the one that waits."""
+        taker, folder = writing.taker, writing.folder
+        try:
+            reason = finished.result()
+            self._journal.note(f"kept {taker.written} frames in {folder}; {taker.lost} were lost")
+            if reason:
+                self._journal.note(f"{folder}: the robot's force gives no labels: {reason}")
+            self._journal.kept(folder)
+        except OSError as fault:
+            shutil.rmtree(taker.folder, ignore_errors=True)
+            self._journal.fault(WITHDRAWAL, fault)
+        self._writing = None
+        if self._wanted:
+            self.keep(*self._wanted)
+
+    def close(self) -> None:
+        """End the thread, which has nothing left to do."""
+        self._thread.shutdown()
+
+
+def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+    """Write the force log, wait for the disk, rename the folder; return why the log gives no labels, else None.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    writing.taker.close()
+    reason = _write_forces(writing, columns, forces) if columns else None
+    partial = writing.taker.folder
+    for path in (*partial.rglob("*"), partial):
+        _sync(path)
+    partial.rename(writing.folder)
+    _sync(writing.folder.parent)
+    return reason
+
+
+def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+    """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
+    from scleraforce.recording.folder import read_recording  # here: the monitor imports this module without SciPy
+    from scleraforce.recording.labels import label_frames
+    from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
+    from scleraforce.study.records import ClassesStudy
+
+    partial = writing.taker.folder
+    log = ForceWriter(partial, columns)
+    for sample in forces:
+        log.add(sample.at_s - writing.start_s, sample.values)
+    log.close()
+    try:
+        label_frames(read_recording(partial), ClassesStudy())
+    except ScleraforceError as fault:
+        log.set_aside()
+        return str(fault).replace(str(partial), str(writing.folder))
+    return None if (partial / "forces.csv").exists() else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

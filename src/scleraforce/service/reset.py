@@ -1,0 +1,91 @@
+"""The operator's reset: its token, the check of a token, and the request from a terminal.
+
+Over OpenIGTLink, a STRING `ForceReset` with the token requests a reset, and another STRING answers.
+"""
+
+import hmac
+import json
+import socket
+from collections import deque
+from hashlib import sha256
+from secrets import token_hex
+from time import monotonic, time
+
+from scleraforce.errors import InputError, ProtocolError
+from scleraforce.openigtlink import Decoder, Received, Text, encode
+
+RESET_DEVICE = "ForceReset"
+TOKEN_BYTES = 16
+ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
+ANSWER_S = 2.0
+PIECE = 65536
+
+
+def new_token() -> str:
+    """Return a token that cannot be guessed: 128 bits as 32 hexadecimal digits."""
+    return token_hex(TOKEN_BYTES)
+
+
+def token_digest(token: str) -> str:
+    """Return the SHA-256 of a token, in hexadecimal digits: enough to check a token, not to make one."""
+    return sha256(token.encode(errors="surrogatepass")).hexdigest()
+
+
+class ResetToken:
+    """Checks a token against the digest of the right one, and limits the answers to wrong ones.
+
+    The right token is always accepted, however many wrong ones came: it is too long to be guessed, and a limit on
+    guesses must not lock the operator out.
+
+    >>> token = ResetToken(token_digest("right"))
+    >>> token.knows("right"), token.knows("wrong")
+    (True, False)
+    """
+
+    def __init__(self, digest: str) -> None:
+        self._digest = digest
+        self._answered_s = deque[float](maxlen=ANSWERED)
+
+    def knows(self, token: str) -> bool:
+        """Return whether a token is the right one, in a time that does not depend on how much of it is right."""
+        return hmac.compare_digest(token_digest(token), self._digest)
+
+    def answers_wrong(self, now_s: float) -> bool:
+        """Count a wrong token; return whether to answer it: at most `ANSWERED` within `WITHIN_S` are."""
+        if len(self._answered_s) == ANSWERED and now_s - self._answered_s[0] < WITHIN_S:
+            return False
+        self._answered_s.append(now_s)
+        return True
+
+
+def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> tuple[bool, str]:
+    """Ask a monitor to end a withdrawal; return whether it did, and its message, which must come within `within_s`.
+
+    Raises:
+        InputError: no monitor answers at this address, or the token cannot be sent.
+    """
+    if not host.strip():
+        raise InputError("--host: empty; give the address of the monitor, 127.0.0.1 for this machine")
+    if not token.isprintable():  # which covers what is not valid text
+        raise InputError("--token: has characters that no token has; copy the token that the monitor printed")
+    try:
+        with socket.create_connection((host, port), timeout=within_s) as link:
+            link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
+            return _answer(link, monotonic() + within_s)
+    except (OSError, UnicodeError, ProtocolError) as fault:
+        reason = getattr(fault, "strerror", None) or str(fault)
+        raise InputError(f"{host}:{port}: {reason}; is a monitor running there?") from fault
+
+
+def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
+    """Wait for the answer among the STATUS messages that the monitor sends to all clients."""
+    decoder = Decoder()
+    while monotonic() < end_s:
+        data = link.recv(PIECE)
+        if not data:
+            break
+        for event in decoder.feed(data):
+            if isinstance(event, Received) and event.header.device == RESET_DEVICE and isinstance(event.message, Text):
+                answer = json.loads(event.message.text)
+                return bool(answer["granted"]), str(answer["message"])
+    raise OSError("no answer to the reset")
