@@ -15,6 +15,7 @@ from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
 from small_models import rehash_store
 
+from reference_walls import cut_section
 from scleraforce.errors import DatasetError, SolverError
 from scleraforce.learning import generate
 from scleraforce.learning.dataset import (
@@ -30,7 +31,6 @@ from scleraforce.learning.generate import generate_dataset
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.section import cut_section
 from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, MeshStudy, Range, Study, format_study, parse_study
 
