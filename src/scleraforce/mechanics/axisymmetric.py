@@ -27,10 +27,7 @@ SPREAD_POINTS = 6
 
 
 def needle_load(mesh: MeridianMesh) -> Floats:
-    """Return nodal forces of 1 N, uniform over the needle's disc seen along the axis, inward: (all unknowns,).
-
-    The disc is that of the first element.
-    """
+    """Return inward nodal forces of 1 N, uniform over the first element's disc seen along the axis, (all unknowns,)."""
     nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n)
     nodes_en = nodes_en[:1]
     distance_en = mesh.points_nc[nodes_en, 0]
@@ -158,7 +155,7 @@ def axisymmetric_path(
         needle_radius_m: outer radius of the needle, whose force is uniform over its disc seen along the axis.
         iop_ratio: eye pressure over Young's modulus.
         tips_m: tips at which states are wanted, ascending, (state,) in m; by default every step of the path.
-        max_tip_m: how far to go, by default the last of `tips_m`.
+        max_tip_m: the deepest dent, by default the last of `tips_m`.
         max_force_ratio_m2: F/E at which the path may end.
         support_rad: angle from the needle axis at which the wall is clamped.
         globe: how the pressure follows the displaced volume, over Young's modulus (`Globe.over`).
@@ -186,14 +183,7 @@ def axisymmetric_path(
 
 
 class AxisymmetricWall:
-    """A wall of revolution as a problem of `continuation`.
-
-    Attributes:
-        mesh: of the meridian.
-        needle: nodal forces of 1 N along the needle axis, (unknown,).
-        tip: functional of the tip's inward displacement, (unknown,).
-        free: which of all unknowns (2 n + c: node n, component c) are free, ascending.
-    """
+    """A wall of revolution as a problem of `continuation`."""
 
     def __init__(
         self,

@@ -92,13 +92,13 @@ def trace(
         pressure: p/E there.
         tips_m: tips at which states are wanted, ascending, positive, (state,) in m; steps between them are as short as
             needed. By default every step of the path is kept.
-        max_tip_m: how far to go, by default the last of `tips_m`.
+        max_tip_m: end of the path, by default the last of `tips_m`.
         max_force: F/E in m^2; the path ends at the first kept state that carries it.
         first_step_m: of the tip.
         largest_step_m: of the tip.
-        globe: how the pressure follows the volume, over E; a sealed one wants a `SealedEquilibrium`.
-        as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error; the
-            end is then known to 1/32 of the largest step.
+        globe: how the pressure follows the volume, over E; a sealed one needs a `SealedEquilibrium`.
+        as_far_as_found: let the path end where no equilibrium is found beyond some state, without an error; the end is
+            then known to 1/32 of the largest step.
         progress: called after each step with the largest F/E so far.
 
     Raises:
@@ -149,11 +149,7 @@ def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Den
 
 
 class _Walk:
-    """Steps along the path; each starts from a polynomial through the states before.
-
-    Attributes:
-        history: the last `STATES` states: tip in m, force, unknowns.
-    """
+    """Steps along the path; each starts from a polynomial through the last states (tip in m, force, unknowns)."""
 
     def __init__(
         self, control: Dent | SealedDent, step_m: float, largest_m: float, end_m: float, smallest: float

@@ -105,7 +105,7 @@ def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) 
 
 
 class FacePlaces:
-    """Where the unknowns of faces stand in the matrices of the elements that the faces belong to."""
+    """The places of faces' unknowns in the matrices of the elements that the faces belong to."""
 
     def __init__(self, cells_en: Integers, faces_qn: Integers) -> None:
         """`faces_qn`: nodes of faces of the elements `cells_en`, (face, node); a face may occur more than once."""

@@ -62,34 +62,28 @@ class SealedEquilibrium(Equilibrium, Protocol):
 
 
 class Control(Protocol):
-    """What Newton's method solves: unknowns x, the displacements first, and a defect that is to vanish."""
+    """A problem for Newton's method: unknowns x, the displacements first, and a defect that is to vanish."""
 
     @property
     def count(self) -> int:
-        """How many of the unknowns are displacements."""
+        """Number of displacements among the unknowns."""
 
     @property
     def unloaded(self) -> Floats:
         """The unknowns without the load that the control adds."""
 
     def defect(self, x: Floats) -> Floats:
-        """Return what is to vanish, (unknown,)."""
+        """Return the defect, (unknown,)."""
 
     def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is none."""
+        """Return whether a defect is negligible."""
 
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
 
 
 class Balance:
-    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
-
-    Attributes:
-        count: how many displacements are unknown.
-        unloaded: the unknowns without any load.
-        applied: norm of the external forces on the undeformed wall.
-    """
+    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u."""
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
         self.problem, self.pressure = problem, pressure
@@ -102,7 +96,7 @@ class Balance:
         return self.problem.residual(x, self.pressure)
 
     def met(self, defect: Floats, x: Floats) -> bool:  # noqa: ARG002 (what is applied depends on x in other controls)
-        """Return whether a defect is none."""
+        """Return whether a defect is negligible."""
         return bool(np.linalg.norm(defect) <= BALANCE_TOLERANCE * self.applied)
 
     def factor(self, x: Floats) -> Solve:
@@ -115,9 +109,7 @@ class Dent:
 
     Attributes:
         tip_m: the prescribed displacement of the tip; `continuation` sets it along the path.
-        unloaded: the unknowns without the needle.
         largest_force: on the path so far; errors are relative to it where the force passes through zero.
-        remedy: what to do where the path ends.
     """
 
     remedy = "ask for a smaller dent"
@@ -138,7 +130,7 @@ class Dent:
         return np.append(balance, self.problem.tip @ (u - self.start) - self.tip_m)
 
     def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is none."""
+        """Return whether a defect is negligible."""
         force = max(abs(float(x[self.count])), self.largest_force)
         applied = self.applied + force * self._needle_norm
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
@@ -165,7 +157,7 @@ def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Flo
 
 
 def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
-    """Return the unknowns that meet the control, from a guess x, and how many factors it took.
+    """Return the unknowns that meet the control, from a guess x, and the number of factors.
 
     Raises:
         SolverError: it does not converge from there.
@@ -184,7 +176,7 @@ def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
 
 
 def _newton_step(control: Control, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
-    """Factor at x, take a damped step, and go on with the same factor while it converges fast.
+    """Factor at x, take a damped step, and continue with the same factor while it converges fast.
 
     Returns the new x, its defect, and whether it is an equilibrium.
     """
@@ -251,12 +243,7 @@ class SealedDent:
     soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
     73 mN).
 
-    Attributes:
-        tip_m: the prescribed dent; `continuation` sets it along the path.
-        count: number of unknown displacements, of both walls.
-        unloaded: the unknowns without the needle.
-        largest_force: on the path so far; errors are relative to it where the force passes through zero.
-        remedy: what to do where the path ends.
+    The attributes are those of `Dent`.
     """
 
     remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
@@ -264,14 +251,8 @@ class SealedDent:
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe) -> None:
         """Prepare the control.
 
-        Args:
-            problem: the wall; a `SealedEquilibrium`.
-            start: its equilibrium without the needle, (unknown,).
-            pressure: p/E there.
-            globe: how the pressure follows the volume, over E.
-
         Raises:
-            InputError: the wall does not know its volume.
+            InputError: the wall does not know its volume; it is not a `SealedEquilibrium`.
         """
         if not isinstance(problem, SealedEquilibrium):
             raise InputError("sealed globe: this wall does not know its volume; use an open globe")
@@ -294,7 +275,7 @@ class SealedDent:
         return np.concatenate([balance, undented_balance, [tip, error]])
 
     def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is none."""
+        """Return whether a defect is negligible."""
         _, _, force, pressure = self._parts(x)
         applied = self.applied * max(1.0, pressure / self.resting if self.resting > 0.0 else 1.0)
         applied += max(abs(force), self.largest_force) * self._needle_norm

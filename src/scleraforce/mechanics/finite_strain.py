@@ -84,11 +84,7 @@ class LoadPath:
         return float(min(roots.min(initial=np.inf), carried))
 
     def displacement_nc(self, force_n: float) -> Floats:
-        """Return the displacement from the undeformed wall at a force, (node, 3) in m.
-
-        Raises:
-            InputError: the path does not reach the force.
-        """
+        """Return the displacement from the undeformed wall at a force, (node, 3) in m; errors as of `tip_m`."""
         return self.displacement_at_tip_nc(self.tip_m(force_n))
 
     def displacement_at_tip_nc(self, tip_m: float) -> Floats:
@@ -101,13 +97,13 @@ class LoadPath:
         return displacement
 
     def pressure_pa(self, force_n: float) -> float:
-        """Return the eye pressure at a force in Pa; errors are those of `tip_m`."""
+        """Return the eye pressure at a force in Pa; errors as of `tip_m`."""
         return float(self._weights(self.tip_m(force_n)) @ self.pressures_pa)
 
     def travel_m(self, force_n: float) -> float:
         """Return the tip's inward displacement from rest at a force, in m: the dent, less the wall's rise under it.
 
-        In an open globe it is the dent. Errors are those of `tip_m`.
+        In an open globe it is the dent. Errors as of `tip_m`.
         """
         tip_m = self.tip_m(force_n)
         return tip_m - float(self._weights(tip_m) @ self.rises_m)
@@ -131,13 +127,7 @@ class LoadPath:
 
 
 class FiniteWall:
-    """A wall at finite strain; the order in which its unknowns are eliminated is found once for all paths.
-
-    Attributes:
-        mesh: the wall's mesh, of any form.
-        held_nc: which displacement components are held at zero, (node, 3).
-        solid: the material.
-    """
+    """A wall at finite strain; the order in which its unknowns are eliminated is found once for all paths."""
 
     def __init__(
         self,
@@ -153,12 +143,12 @@ class FiniteWall:
         """Prepare everything that does not depend on the displacement.
 
         Args:
-            mesh: the wall.
+            mesh: the wall, of any form.
             poisson_ratio: nu.
             held_nc: holds displacement components at zero, (node, 3); by default the clamped base.
-            modulus_factor_ep: modulus over E at every Gauss point, (element, point) or what broadcasts to it.
+            modulus_factor_ep: modulus over E at every Gauss point, (element, point), or an array that broadcasts to it.
             dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
-                that follows the inner surface; `loads.pressure_load` is such.
+                that follows the inner surface (`loads.pressure_load`).
             springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
             stiffening: b of `mechanics.material`; 0: neo-Hookean.
 
@@ -203,10 +193,10 @@ class FiniteWall:
             iop_pa: eye pressure without the needle.
             density_kg_m3: of the wall; 0 leaves its weight out.
             max_force_n: where the path may end; its last state carries at least that force.
-            max_tip_m: the deepest dent to go to.
-            globe: how the pressure follows the volume that the dent displaces.
+            max_tip_m: the deepest dent.
+            globe: how the pressure follows the displaced volume.
             largest_step_m: of the tip between two states.
-            as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error.
+            as_far_as_found: let the path end where no equilibrium is found beyond some state, without an error.
             progress: called after each step with the largest force so far in N.
 
         Raises:
@@ -303,8 +293,8 @@ class WallEquilibrium:
 def _scaled(factor: FrontalFactor) -> Solve:
     """Return the solve of a factor in single precision, which costs half, for loads of any size.
 
-    It leaves a relative error of about 1e-4, which the next step of Newton's method takes away: the forces alone decide
-    what that converges to.
+    It leaves a relative error of about 1e-4, which the next step of Newton's method removes: the forces alone decide
+    the limit.
     """
 
     def solve(load: Floats) -> Floats:
@@ -339,10 +329,10 @@ def bend_eye(
     as_far_as_found: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> BentEye:
-    """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
+    """Bend an eye at finite strain, up to a force, with a graded mesh and all of the study's sections on the eye.
 
     Args:
-        study: all of its sections on the eye count, with a mesh of the graded kind.
+        study: radius, material, form, supports, globe and needle.
         contact: where the needle pushes.
         thickness_m: nominal thickness of the wall.
         youngs_modulus_pa: E outside all regions.
@@ -394,7 +384,7 @@ def bend_eye(
 
 
 def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:
-    """Return at what pressure a thin even sphere of a wall bursts, as the end of a sentence; empty where it stands."""
+    """Return the pressure at which a thin even sphere bursts, as the end of a sentence; empty below that pressure."""
     limit = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
     burst_pa = limit * youngs_modulus_pa * thickness_m / study.eye.radius_m
     return f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""

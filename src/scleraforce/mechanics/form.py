@@ -35,18 +35,10 @@ Floats = NDArray[np.float64]
 
 
 def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
-    """Return the outer surface of a globe with a cornea of another radius.
-
-    Args:
-        directions_nc: unit directions from the globe's centre (direction, 3).
-        cornea: radius, ring of the limbus and its width, axis.
-        radius_m: of the globe.
-
-    Returns:
-        Points (direction, 3), m, and outward unit normals there (direction, 3).
+    """Return points of the outer surface in unit directions, m, and outward unit normals there, (direction, 3) each.
 
     Raises:
-        InputError: the limbus is no ring of this globe, is as wide as the cornea, or passes the base plane.
+        InputError: the limbus is not a ring of this globe, is as wide as the cornea, or passes the base plane.
 
     >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
     >>> print(f"{1e3 * apex_nc[0, 2]:.2f} mm")
@@ -83,7 +75,7 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
 
 
 def _sphere(angle_n: Floats | float, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
-    """The cornea's sphere at angles from its axis: rho, m, and what the normal leans by, rho'/(rho sin a)."""
+    """The cornea's sphere at angles from its axis: rho, m, and the lean of the normal, rho'/(rho sin a)."""
     r, ring = cornea.radius_m, cornea.limbus_radius_m
     h = sqrt(radius_m**2 - ring**2) - sqrt(r**2 - ring**2)
     w = np.sqrt(r**2 - (h * np.sin(angle_n)) ** 2)
@@ -93,7 +85,7 @@ def _sphere(angle_n: Floats | float, cornea: CorneaStudy, radius_m: float) -> tu
 def _furrow(
     angle_n: Floats, ends_rad: tuple[float, float], cornea: CorneaStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
-    """The cubic across the limbus; the same as of the sphere."""
+    """The cubic across the limbus: rho and the lean of the normal, as `_sphere`."""
     start, width = ends_rad[0], ends_rad[1] - ends_rad[0]
     rho, lean = (float(value) for value in _sphere(start, cornea, radius_m))
     rise, slope = rho - radius_m, lean * rho * np.sin(start) * width  # over the globe; along x, from 0 to 1
@@ -118,18 +110,13 @@ class FormedEye:
 
 
 def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
-    """Shape a spherical wall and put it under the needle.
+    """Shape a spherical wall about the origin and put it under the needle.
 
-    Args:
-        mesh: the wall of a sphere about the origin.
-        form: semi-axes, waves of the thickness, regions, cornea.
-        contact: the needle's; the material in this direction on the sphere is what it touches.
-
-    Returns:
-        The eye. Its `mesh` locates directions as the sphere does, and keeps the nominal radius and thickness.
+    The material in the contact's direction on the sphere is what the needle touches. The eye's `mesh` locates
+    directions as the sphere does, and keeps the nominal radius and thickness.
 
     Raises:
-        InputError: a cornea that is none of this globe.
+        InputError: a cornea that does not fit this globe.
 
     >>> from scleraforce.mechanics.mesh import build_mesh
     >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))

@@ -40,10 +40,10 @@ class Front:
     Attributes:
         own: the unknowns that are eliminated here.
         shared: those that stay, ascending, (unknown,).
-        children: numbers of the fronts whose parts make this one; none where it is made of elements.
-        places: for every child, where its shared unknowns stand among the own and the shared ones here, ascending.
-        elements: those of a front without children.
-        element_places: the same of the unknowns (component, node) of every element, behind all where held, (element,
+        children: numbers of the fronts whose parts make this one; empty for a front of elements.
+        places: for every child, the places of its shared unknowns among the own and the shared ones here, ascending.
+        elements: of a front without children.
+        element_places: the same for the unknowns (component, node) of every element, behind all where held, (element,
             unknown).
     """
 
@@ -105,7 +105,7 @@ def dissect(mesh: HexMesh, held_nc: NDArray[np.bool_]) -> Dissection:
 
 
 def _parts(mesh: HexMesh) -> Iterator[_Part]:
-    """Yield the parts of a mesh, halves before what they make; halves are named by their numbers in this order."""
+    """Yield the parts of a mesh, halves before their whole; halves are named by their numbers in this order."""
     corners, corners_en = np.unique(mesh.cells_en[:, :CORNERS], return_inverse=True)
     centres_ec = mesh.sphere_nc[corners][corners_en].mean(axis=1)
     given = 0
@@ -141,7 +141,7 @@ def _halves(elements: Integers, corners_en: Integers, centres_ec: Floats) -> tup
 
 @dataclass(frozen=True, eq=False)
 class _Factored:
-    """Factors of a front: L and U in one matrix, Y (shared, own) and Z (own, shared), and which rows changed places.
+    """Factors of a front: L and U in one matrix, Y (shared, own), Z (own, shared), and the exchange of rows.
 
     `rows`: the places from which the rows of B came; None where they stayed and U = L^T.
     """
@@ -244,7 +244,7 @@ def _thread_pools() -> ThreadpoolController:
 
 
 def _summed(front: Front, element_eNN: Floats, rests: list[Floats]) -> Floats:
-    """Sum a front from its elements, or from what is left of its children; its lower triangle counts."""
+    """Sum a front from its elements, or from the rests of its children; its lower triangle counts."""
     size = front.own.stop - front.own.start + len(front.shared)
     stride = size + 1  # the last row and column are of unknowns that are held
     entries = np.zeros(stride**2, element_eNN.dtype)

@@ -1,12 +1,12 @@
 """The globe as a closed vessel: how the eye pressure rises with the volume that a dent displaces.
 
-An open globe (infused or vented) keeps its pressure. A sealed one follows a measured law, which holds the give of the
-whole shell. With dV the volume between the undented wall and the dented one, both at the pressure P,
+An open globe (infused or vented) keeps its pressure. A sealed one follows a measured law, which includes the give of
+the whole shell. With dV the volume between the undented wall and the dented one, both at the pressure P,
 
     cube root:    P^(1/3) = P0^(1/3) + k dV       van der Werff 1981; k = 0.03 mmHg^(1/3)/ul, enucleated human eyes
     logarithmic:  ln P = ln P0 + K dV             Friedenwald 1937, who counts in log10: K / ln 10 = 0.0215 per ul
 
-The rigidity is k for both: a logarithmic law is told by the k that has its slope at 15 mmHg, K = 3 k / (15 mmHg)^(1/3);
+The rigidity is k for both laws: for a logarithmic one, the k with the same slope at 15 mmHg, K = 3 k / (15 mmHg)^(1/3);
 0.0215 per ul is 0.041.
 """
 
@@ -27,14 +27,12 @@ SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as th
 
 @dataclass(frozen=True)
 class Globe:
-    """How the pressure follows the displaced volume; open where `rate` is 0.
-
-    Its functions take numbers or arrays that broadcast.
+    """How the pressure follows the displaced volume; open where `rate` is 0. Numbers and arrays broadcast.
 
     Attributes:
         law: "cube-root" or "logarithmic": which `level` of the pressure is linear in the volume.
-        rate: of the level, Pa^(1/3)/m^3 or 1/m^3; an array is of as many globes. Below 0 the law goes on: no globe is
-            like that, but a search for one that is nearly open needs both sides.
+        rate: of the level, Pa^(1/3)/m^3 or 1/m^3; an array describes several globes. No globe has a rate below 0, but a
+            search for one that is nearly open needs both sides.
     """
 
     law: str = "cube-root"
@@ -48,7 +46,7 @@ class Globe:
 
     @property
     def is_sealed(self) -> bool:
-        """Whether the pressure follows the volume at all."""
+        """Whether the pressure follows the volume."""
         return bool(np.any(np.asarray(self.rate) != 0.0))
 
     def over(self, youngs_modulus_pa: Values) -> "Globe":
@@ -61,7 +59,7 @@ class Globe:
         return replace(self, rate=self.rate / np.cbrt(youngs_modulus_pa)) if self.law == RIGIDITY_LAWS[0] else self
 
     def level(self, pressure: Values) -> Floats:
-        """Return what of the pressure is linear in the volume: its cube root or its logarithm."""
+        """Return the level, which is linear in the volume: the pressure's cube root or logarithm."""
         return np.asarray(np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure))
 
     def level_slope(self, pressure: Values) -> Floats:

@@ -48,10 +48,6 @@ def graded_mesh(
 
     Raises:
         InputError: a wall thicker than half the radius, a mesh that does not exist, or a contact close to the base.
-
-    >>> mesh = graded_mesh(12e-3, 0.5e-3, Contact(polar_rad=0.6))
-    >>> len(mesh.cells_en)
-    372
     """
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)
     return extrude_surface(surface, radius_m, thickness_m, layers, order)
@@ -168,7 +164,7 @@ def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None)
     """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact.
 
     Raises:
-        InputError: a graded mesh for work that shares one mesh among several contacts.
+        InputError: a graded mesh for several contacts.
     """
     mesh, radius_m = study.mesh, study.eye.radius_m
     if mesh.kind == "hexahedra":
@@ -182,7 +178,7 @@ def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMes
     """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
 
     Raises:
-        InputError: a bed for a mesh that is not graded: there are no other whole globes.
+        InputError: a bed for a mesh that is not graded: no other mesh is a whole globe.
     """
     mesh = study.mesh
     if not study.supports.has_bed:

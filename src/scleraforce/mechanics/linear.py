@@ -26,11 +26,7 @@ class LinearWall:
     """A wall of linear elastic material, with its stiffness factored at E = 1 Pa.
 
     K is proportional to E, so the answer at E is the one at 1 Pa divided by E; thickness, Poisson's ratio and supports
-    need a new wall. Displacements stay small compared with the thickness where the model is to be believed.
-
-    Attributes:
-        mesh: the wall's mesh.
-        held_nc: which displacement components are held at zero, (node, 3).
+    need a new wall. The model holds for displacements that are small compared with the thickness.
     """
 
     def __init__(
@@ -44,12 +40,7 @@ class LinearWall:
     ) -> None:
         """Assemble and factor.
 
-        Args:
-            mesh: the wall's mesh.
-            poisson_ratio: nu.
-            held_nc: holds displacement components at zero, (node, 3); by default the clamped base.
-            springs: on the outer surface. They do not scale with E: the wall then stands for one modulus only.
-            springs_modulus_pa: that modulus.
+        Springs do not scale with E: the wall then represents `springs_modulus_pa` only. By default the base is clamped.
 
         Raises:
             SolverError: the supports leave the wall free to move as a rigid body, or the mesh is invalid.
@@ -113,7 +104,7 @@ class LinearWall:
         return loaded / youngs_modulus_pa
 
     def _elements(self) -> Floats:
-        """Element matrices at E = 1 Pa, those of the springs included, (element, 3, node, 3, node)."""
+        """Element matrices at E = 1 Pa, springs included, (element, 3, node, 3, node)."""
         elements = element_stiffness(self._points, *lame_constants(1.0, self._poisson_ratio))
         if self._springs is not None:
             places = FacePlaces(self.mesh.cells_en, self._springs.nodes_qn)

@@ -114,16 +114,12 @@ def needle_at(mesh: HexMesh, contact: Contact, needle_radius_m: float, axis_c: F
     """Return a needle whose axis meets the outer surface at the contact.
 
     The force along the axis is uniform over the disc of the needle's outer radius, seen along the axis, and taken up by
-    the outer surface below; for a sphere and the default axis it is that of `loads.needle_loads`.
-
-    Args:
-        mesh: the wall, of any form.
-        contact: where it pushes; of a wall that is no sphere, the point that has this direction on the sphere.
-        needle_radius_m: outer radius of the needle.
-        axis_c: unit vector of the needle axis, inward, (3,); by default the opposite of the contact's normal.
+    the outer surface below; for a sphere and the default axis it is that of `needle_loads`. Of a wall of another form
+    the contact is the point that has this direction on the sphere. `axis_c` is a unit vector into the eye, (3,); by
+    default the opposite of the contact's normal.
 
     Raises:
-        InputError: the axis is no unit vector that points inward, or the disc reaches over the base plane.
+        InputError: the axis is not a unit vector that points inward, or the disc reaches over the base plane.
     """
     axis = -contact.normal if axis_c is None else axis_c
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:
@@ -152,8 +148,8 @@ def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
 def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Floats) -> Floats:
     """Directions (point, 3) of the outer surface's points that lie below points of the disc, along the axis.
 
-    A direction that grows by v moves its point of the surface by about v, so correcting it by what the point is off,
-    across the axis, contracts: by the squared sine of the tilt on a sphere.
+    A direction that grows by v moves its point of the surface by about v. So correcting it by the point's error across
+    the axis contracts: by the squared sine of the tilt on a sphere.
     """
     goals_pc = _surface_points(mesh, contact.normal[None]) + sideways_pc
     directions = mesh.radius_m * contact.normal + sideways_pc
@@ -181,7 +177,13 @@ TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 class InnerSurface:
-    """The inner surface of the wall, on which the vitreous presses; displacements are (node, 3) in m."""
+    """The inner surface of the wall, on which the vitreous presses; displacements are (node, 3) in m.
+
+    The force f_a = p * integral of N_a (x,1 x x,2) over the local coordinates of the inner quads is the derivative by
+    the nodes' positions of p times the cavity's volume, as long as the edge of the surface is held or stays in its
+    plane: then the derivative of f is symmetric. Source: Bonet and Wood, Nonlinear Continuum Mechanics, sec. 8.5 and
+    9.5.
+    """
 
     def __init__(self, mesh: HexMesh) -> None:
         """Prepare everything that does not depend on the displacement."""
@@ -198,7 +200,7 @@ class InnerSurface:
         self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
 
     def volume(self, displacement_nc: Floats) -> float:
-        """Return the volume of the cavity in m^3: that inside a whole globe, or above the base of a half.
+        """Return the volume of the cavity in m^3: inside a whole globe, or above the base of a half.
 
         V = 1/3 integral of x . n with x from a point of the base, so that the base, which is plane, adds nothing.
         """
@@ -207,10 +209,7 @@ class InnerSurface:
         return float(np.einsum("p,pn,qnc,qpc->", self._weights_p, self._values_pn, x_qnc, areas, optimize=True)) / 3.0
 
     def forces(self, displacement_nc: Floats) -> Floats:
-        """Return the nodal forces of 1 Pa, normal to the deformed surface, outward: (node, 3) in N.
-
-        They are the derivative of `volume` by the displacement where the edge is held.
-        """
+        """Return the nodal forces of 1 Pa, normal to the deformed surface, outward: (node, 3) in N."""
         areas = self._areas((self._points_nc + displacement_nc)[self._quads_qn])
         local_qnc = np.einsum("p,pn,qpc->qnc", self._weights_p, self._values_pn, areas, optimize=True)
         flat, count = self._quads_qn.ravel(), len(self._points_nc)
@@ -219,8 +218,8 @@ class InnerSurface:
     def add_tangent(self, element_eiajb: NDArray[np.floating[Any]], displacement_nc: Floats, factor: float) -> None:
         """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.
 
-        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Of every quad its symmetric part is added:
-        what is left out cancels between neighbours, and at the edge where it is held.
+        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Only the symmetric part of every quad is
+        added: the rest cancels between neighbours, and at the edge where it is held.
         """
         x_qnc = (self._points_nc + displacement_nc)[self._quads_qn]
         first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)

@@ -162,7 +162,7 @@ def _neighbours(quad_qn: Integers) -> Integers:
 
 
 def _beyond(local_pd: Floats) -> Floats:
-    """How far each point lies beyond the quad's four edges, shape (point, 4); edge 0 is y = -1, then x = 1, ..."""
+    """Distance of each point beyond the quad's four edges, shape (point, 4); edge 0 is y = -1, then x = 1, ..."""
     x, y = local_pd[:, 0], local_pd[:, 1]
     return np.stack([-y, x, y, -x], axis=1) - 1.0
 

@@ -74,19 +74,10 @@ def cross_quads(
 ) -> tuple[Floats, bool]:
     """Go from each direction's quad in `quads`, which is changed, to the one that it pierces.
 
-    Args:
-        polynomials: of the quads (power of x, power of y, axis, quad), as of `SurfaceLocator`.
-        frames_qkc: their frames.
-        neighbours_qe: across their edges.
-        quads: where to begin, (direction,).
-        directions_dc: unit vectors.
-        crossings: to a neighbour, at most.
-        steps: of Newton's method, at most.
-        tolerance: of its last step.
-        outside: how far a local coordinate may exceed 1.
-
-    Returns:
-        Local coordinates (direction, 2), not clipped to the quad, and whether all were found.
+    `polynomials`, `frames_qkc` and `neighbours_qe` are those of `SurfaceLocator`. At most `crossings` neighbours are
+    visited, each with at most `steps` steps of Newton's method, whose last one is below `tolerance`. A local coordinate
+    may exceed 1 by `outside`. Return local coordinates (direction, 2), not clipped to the quad, and whether all were
+    found.
     """
     local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc, steps, tolerance)
     beyond = np.empty(4)

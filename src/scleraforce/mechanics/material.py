@@ -65,11 +65,11 @@ NEWTON_STEPS = 40
 
 @cache
 def burst_tension(poisson_ratio: float, stiffening: float = 0.0) -> float:
-    """Return the largest p R/(E t) of a thin sphere of undeformed radius R and thickness t; infinite where none is.
+    """Return the largest p R/(E t) of a thin sphere of undeformed radius R and thickness t; infinite without a limit.
 
-    With the stretch L along the wall and L3 across it, J = L^2 L3: the stress across vanishes,
-    mu (L3^2 - 1) + lambda ln J = 0, and p R/t = 2 (mu (L^2 - 1) + lambda ln J)/L^3 exp(b Q) has a first maximum.
-    Already a little stiffening, b = 0.07, leaves none: such a sphere never bursts.
+    With the stretch L along the wall and L3 across it, J = L^2 L3: the stress across vanishes, mu (L3^2 - 1) + lambda
+    ln J = 0, and p R/t = 2 (mu (L^2 - 1) + lambda ln J)/L^3 exp(b Q) has a first maximum. With only a little
+    stiffening, b = 0.07, there is no maximum: such a sphere never bursts.
 
     >>> round(burst_tension(0.45), 3), burst_tension(0.45, stiffening=1.0)
     (0.416, inf)

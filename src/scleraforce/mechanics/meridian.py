@@ -61,10 +61,10 @@ def meridian_mesh(
     """Return a mesh from the needle axis to the support, with one element under the needle.
 
     Only one, on purpose. The force keeps its direction and its disc moves with the wall, so a pressure of about the
-    modulus itself crushes what lies under it where the mesh lets it: with two elements the wall below shrinks
-    to a quarter of its thickness between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that to it, nor does the 3-D
-    wall of the default mesh, and beyond the disc it hardly shows. Outside the needle the elements grow in proportion to
-    their number, from a fifth of their mean to twice.
+    modulus itself crushes what lies under it where the mesh lets it: with two elements the wall below shrinks to a
+    quarter of its thickness between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that, nor does the 3-D wall of the
+    default mesh, and beyond the disc it hardly shows. Outside the needle the elements grow in proportion to their
+    number, from a fifth of their mean to twice.
 
     Raises:
         InputError: the needle is wider than the eye, or the wall thicker than its radius.
@@ -175,7 +175,7 @@ MOST_EXPONENT = 300.0  # of b Q, as of `stiffening.growth`
 
 
 class ElementTables(NamedTuple):
-    """What the loops know of a solid: shapes, and its material.
+    """The loops' view of a solid: shapes and material.
 
     `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18);
     `lambda_ep`, `mu_ep` (element, point): Lamé's constants times the point's volume; `stiffening`: b; `lame_ratio`:

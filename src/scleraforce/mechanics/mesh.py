@@ -43,7 +43,7 @@ class QuadSurface:
 
     @property
     def edge_quads_count(self) -> Integers:
-        """How many quads meet at every edge (1 on the boundary), shape (edge,)."""
+        """Number of quads that meet at every edge (1 on the boundary), shape (edge,)."""
         return np.bincount(self.quad_edges_qe.ravel(), minlength=len(self.edges_ev))
 
     @property
@@ -55,15 +55,12 @@ class QuadSurface:
 def half_cube(divisions: int) -> QuadSurface:
     """Return the upper half (z >= 0) of the cube [-1, 1]^3, open at the base.
 
-    `divisions` quads along an edge of the top, half as many down the sides. The grid lines are equiangular (tangents
-    of equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make those at
-    a corner five times smaller than those in the middle of a face.
+    `divisions` quads along an edge of the top, half as many down the sides. The grid lines are equiangular (tangents of
+    equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make those at a
+    corner five times smaller than those in the middle of a face.
 
     Raises:
         ValueError: `divisions` is odd or below 2.
-
-    >>> half_cube(2).quads_qv.shape
-    (12, 4)
     """
     if divisions < 2 or divisions % 2:
         raise ValueError(f"divisions: {divisions} is not an even number of at least 2")
@@ -192,7 +189,7 @@ class HexMesh:
 
     @cached_property
     def locator(self) -> SurfaceLocator:
-        """Finds directions on the outer surface of the sphere; made on first use."""
+        """Finds directions on the outer surface of the sphere; computed lazily."""
         return SurfaceLocator(self.sphere_nc, self.outer_qn)
 
 
@@ -234,15 +231,7 @@ def build_mesh(
 def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int) -> HexMesh:
     """Return the wall whose outer surface is a surface of the unit sphere, scaled: a half-sphere or all of it.
 
-    Args:
-        surface: vertices on the unit sphere; where it is open, its edge lies on z = 0 exactly.
-        radius_m: outer radius R.
-        thickness_m: wall thickness t.
-        layers: hexahedra through the wall.
-        order: 1 (8 nodes) or 2 (curved, 27 nodes).
-
-    Raises:
-        InputError: a wall thicker than half the radius, no layers, or another order.
+    An open surface has its edge on z = 0 exactly. Further arguments and errors are those of `build_mesh`.
     """
     if not 0.0 < thickness_m < 0.5 * radius_m:
         raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
@@ -289,14 +278,10 @@ def _extrude(quads_qn: Integers, per_sheet: int, layers: int, order: int) -> Int
 
 
 def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
-    """Find where rays from the centre pierce the curved outer (and inner) surface.
+    """Return the quads that rays from the centre pierce, (direction,), and local coordinates there (direction, 2).
 
-    Args:
-        mesh: the wall.
-        directions_dc: directions (direction, 3), of any positive length; z >= 0 where the wall is a half-sphere.
-
-    Returns:
-        The quad's row in `outer_qn` (direction,) and the local coordinates in [-1, 1]^2 (direction, 2).
+    The coordinates lie in [-1, 1]. Directions (direction, 3) have any positive length; z >= 0 where the wall is a
+    half-sphere.
 
     Raises:
         InputError: a direction below the base plane.

@@ -31,7 +31,7 @@ class BaseShift:
     """The motion of the two boundaries of a wall of revolution caused by a plane base, in proportion to the loads.
 
     The nodes are those of `AxisymmetricPath.curves_sbnc`. The parts away from the axis and along it go with cos(m phi),
-    the part around it with sin(m phi). Beyond the angle where the base begins, the last value stands.
+    the part around it with sin(m phi). Beyond the angle where the base begins, the last value is repeated.
 
     Attributes:
         pressure_mbnc: for p/E = 1, (harmonic, [outer, inner], node, [away from the axis, around it, depth]) in m.
@@ -102,7 +102,7 @@ def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_n
 
 
 def _even(wall: AxisymmetricWall, displacement: Floats) -> Floats:
-    """The same of a wall of revolution: its zeroth harmonic is all there is."""
+    """The same of a wall of revolution: only its zeroth harmonic is not zero."""
     boundaries_bnc = wall.boundary_displacement(displacement)
     answer = np.zeros((HARMONICS, *boundaries_bnc.shape[:2], 3))
     answer[0, ..., 0], answer[0, ..., 2] = boundaries_bnc[..., 0], -boundaries_bnc[..., 1]

@@ -83,10 +83,7 @@ class PlaneFrames:
 def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> Floats:
     """Return the longitudes of the material lines, dense at the contact, from base to base, shape (plane, station).
 
-    Args:
-        frames: the planes.
-        circles_xp: latitudes of the undeformed circles (surface, plane).
-        radius_m: outer radius.
+    `circles_xp`: latitudes of the undeformed circles (surface, plane).
 
     Raises:
         InputError: a plane does not meet the wall above its base.
@@ -127,16 +124,11 @@ WIDEST_BRACKET_M = 8e-3
 def cut_sections(
     mesh: HexMesh, planes: Sequence[ScanPlane], modes_knc: Floats, weights_pfk: Floats
 ) -> list[list[Section]]:
-    """Cut many deformations of a wall, sums of a few displacement modes, by each of several planes.
+    """Cut deformations of a wall, sums of displacement modes (mode, node, 3), by each of several planes.
 
-    Args:
-        mesh: the undeformed wall.
-        planes: the planes.
-        modes_knc: displacement modes (mode, node, 3).
-        weights_pfk: for each plane the deformations as weights of the modes (plane, deformation, mode).
-
-    Returns:
-        For each plane its sections, one for each deformation.
+    `weights_pfk`: for each plane the deformations as weights of the modes (plane, deformation, mode). Return for each
+    plane its sections, one for each deformation, from base to base; a plane that misses the base gives two closed
+    curves.
 
     Raises:
         InputError: a plane does not cut through both surfaces of the wall.

@@ -10,14 +10,10 @@ from scleraforce.compiled import compiled
 def draw_contours(
     contours: NDArray[np.float64], margin: float, wall: int, images: NDArray[np.uint8], winding: NDArray[np.int64]
 ) -> None:
-    """Draw contours into `images`: `wall` at each pixel centre around which its contour winds.
+    """Draw closed contours (slice, 2, point), in pixels, into `images` of zeros (slice, row, column).
 
-    Args:
-        contours: closed, in pixels (slice, 2, point): column and row, the centre of column c, row r is at (c, r).
-        margin: how far above a pixel centre an edge may lie by rounding and still count as above it.
-        wall: the value of a pixel of the wall.
-        images: of zeros, (slice, row, column).
-        winding: to work in, (row, column).
+    The centre of column c, row r is at (c, r). A pixel is `wall` where its contour winds around its centre; `margin` is
+    how far above a centre an edge may lie by rounding and still count as above it. `winding` (row, column) is scratch.
     """
     rows, columns = winding.shape
     for n in range(len(images)):

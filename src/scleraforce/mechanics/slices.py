@@ -22,16 +22,10 @@ SNAP = 2.0**20  # parts of a pixel: an edge meant to run through pixel centres i
 def slice_window(
     study: SliceStudy, top_m: float, framing_lateral_m: float = 0.0, framing_depth_m: float = 0.0
 ) -> SliceWindow:
-    """Place the window of a slice in the plane's frame.
+    """Place the window of a slice in the plane's frame: laterally centred, row 0 `margin_m` above the unloaded wall.
 
-    Args:
-        study: size of the slice, size of a pixel, margin above the wall.
-        top_m: smallest depth of the unloaded wall's section (with IOP and gravity, without the needle), m.
-        framing_lateral_m: moves the wall to the right in the slice, m.
-        framing_depth_m: moves the wall down in the slice, m.
-
-    Returns:
-        The window: laterally centred on the frame's origin, row 0 `margin_m` above the unloaded wall.
+    `top_m` is the smallest depth of the unloaded wall's section (with IOP and gravity, without the needle). The framing
+    moves the wall right and down in the slice.
 
     >>> slice_window(SliceStudy(), top_m=0.0).left_m
     -0.007
@@ -46,15 +40,11 @@ def slice_window(
 
 
 def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
-    """Draw a section: `WALL` (255) in each pixel whose centre lies in the wall, else 0.
+    """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in the wall, else 0.
 
-    Args:
-        section: the wall in the plane's frame; where it overlaps itself it is still wall (winding number not 0).
-        window: what to draw; parts of the wall that leave it are cut off.
-
-    Returns:
-        The slice, shape (rows, columns). A centre on the contour belongs to the side to its right, or below it, so
-        that walls that touch neither overlap nor leave a seam.
+    Where a section overlaps itself it is still wall (winding number not 0); parts of it that leave the window are cut
+    off. A centre on the contour belongs to the side to its right, or below it, so that walls that touch neither overlap
+    nor leave a seam.
 
     >>> square = np.array([[0.0, 0.0], [3.0, 0.0]])
     >>> window = SliceWindow(left_m=-1.0, top_m=0.0, columns=5, rows=3, pixel_m=1.0)
@@ -68,15 +58,7 @@ def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
 
 
 def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> NDArray[np.uint8]:
-    """Draw many sections of equally many points, as `fill_section` draws each.
-
-    Args:
-        sections: the walls, each in the frame of its plane.
-        windows: what to draw of each, all of one size.
-
-    Returns:
-        The slices, shape (section, rows, columns).
-    """
+    """Draw sections of equally many points in windows of one size as `fill_section` does, (section, rows, columns)."""
     # Imported here: Numba takes longer than a single section does.
     from scleraforce.mechanics.slice_loops import draw_contours
 

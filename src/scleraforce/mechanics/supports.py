@@ -89,12 +89,10 @@ class Springs:
 
 
 def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float) -> Springs:
-    """Return a Winkler bed under the outer surface of a globe's lower half, z < 0 on the sphere.
+    """Return a Winkler bed under the outer surface of a whole globe's lower half, z < 0 on the sphere.
 
-    Args:
-        mesh: a whole globe.
-        stiffness_pa_m: pressure per metre that the wall moves along its normal, either way.
-        shear_stiffness_pa_m: shear per metre that it slides.
+    The stiffness is the pressure per metre that the wall moves along its normal, either way; the shear stiffness the
+    shear per metre that it slides.
 
     Raises:
         InputError: a wall without a lower half.
@@ -117,10 +115,7 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
 def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0) -> Springs:
     """Return four straps that hold the insertions of the rectus muscles along the meridians, as the muscles run.
 
-    Args:
-        mesh: the wall, half or whole.
-        stiffness_n_m: force per metre of one muscle, even over the width of its insertion.
-        medial_azimuth_rad: azimuth of the medial rectus.
+    `stiffness_n_m` is the force per metre of one muscle, even over the width of its insertion.
     """
     places, weights = gauss_points(1, STRAP_POINTS)
     straps = [_strap(mesh, one, medial_azimuth_rad, places[:, 0], 0.5 * weights) for one in INSERTIONS.values()]

@@ -55,15 +55,9 @@ class InnerPath:
 def adaptive_bound_n(study: Study, *, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> float:
     """Return the bound of the force for a wall, N.
 
-    The study's upper class bound B is taken to be right for a wall of 500 um with the study's E and IOP. With stretch
-    s0 and stress q0 that B causes there, let F_s and F_q be the least forces at which this wall has s0 and q0. The
-    answer is F_s where that is below B; else the least of F_s, F_q and 2 B, but not below B.
-
-    Args:
-        study: its eye (radius, nu, E, IOP), needle and upper class bound.
-        thickness_m: of the wall at the contact.
-        youngs_modulus_pa: of the wall.
-        iop_pa: pressure in the eye before the push.
+    The study's upper class bound B is assumed right for a wall of 500 um with the study's E and IOP. With stretch s0
+    and stress q0 that B causes there, let F_s and F_q be the least forces at which this wall has s0 and q0. The bound
+    is F_s where that is below B; else the least of F_s, F_q and 2 B, but not below B.
 
     Raises:
         InputError: a wall outside 350 to 900 um, 0.12 to 0.8 MPa or 8e-5 to 6e-3 IOP/E.
@@ -107,14 +101,7 @@ def inner_path(
 ) -> InnerPath:
     """Return stretch and stress of the inner surface along the load path of an even wall of revolution.
 
-    Args:
-        radius_m: outer radius.
-        poisson_ratio: nu.
-        needle_radius_m: outer radius of the needle.
-        thickness_m: of the wall.
-        iop_ratio: p/E.
-        max_force_ratio_m2: F/E to which the path goes, if the dent is not 10 mm deep before.
-        size: of the mesh.
+    The path goes to F/E of `max_force_ratio_m2`, or to a dent of 10 mm.
     """
     mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * pi, size)
     wall = AxisymmetricWall(mesh, poisson_ratio)
