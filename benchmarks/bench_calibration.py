@@ -23,7 +23,7 @@ from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt
 from scleraforce.library.build import cached_library
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
@@ -135,7 +135,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
     found = []
     for number in range(count):
         eye = draw_bent_eye(number, rng)
-        inputs = frames(study, frame_count, rng, finite_strain_sections(eye, study))
+        inputs = frames(study, frame_count, rng, BentSections(eye, study))
         model = library_eye(study, stated(study, eye), library)
         runs = [calibrated(study, model, inputs[:used]) for used in (3, 5, frame_count)]
         found.append([((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa) for mean, sd, _ in runs])

@@ -12,7 +12,7 @@ from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep
 from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library.build import cached_library
 from scleraforce.study import LibraryStudy, Study
 from scleraforce.study.fields import Range
@@ -42,7 +42,7 @@ NARROW = LibraryStudy(
 @pytest.mark.long
 def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
-    sections = finite_strain_sections(EYE, study)(FORCES)
+    sections = BentSections(EYE, study)(FORCES)
     eye = assimilation.begin(study, stated(study, EYE), cached_library(study, folder=tmp_path, workers=1))
     alone = []
     for force_n, section in zip(FORCES, sections, strict=True):

@@ -111,7 +111,7 @@ def test_roll_off_is_measured_where_the_light_falls_with_depth(monkeypatch: pyte
     assert abs(measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"].median) < 200.0
     lateral_m = (np.arange(512) + 0.5) / 512 * 15e-3 - 7.5e-3
     depth_m = 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
-    monkeypatch.setattr(bscan, "_transmission", lambda *_: (10 ** (-300.0 * depth_m)).astype(np.float32))
+    monkeypatch.setattr(bscan, "transmission", lambda *_: (10 ** (-300.0 * depth_m)).astype(np.float32))
     found = measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"]
     assert found.median == pytest.approx(3000.0, rel=0.15)
 

@@ -13,10 +13,10 @@ from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, plan_sections, write_phantom
 from scleraforce.laboratory.virtual_eye import (
     STILL,
+    BentSections,
     EyeTurn,
     PhantomEye,
     TurnedSections,
-    finite_strain_sections,
     knot_turns,
     linear_sections,
     pressures_pa,
@@ -87,7 +87,7 @@ def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) 
     sections_at = study_sections(EYE, STUDY)
     assert isinstance(sections_at, TurnedSections)
     found = sections_at.turned(FORCES_N, [turn] * 3)
-    expected = finite_strain_sections(own, STUDY)(FORCES_N)
+    expected = BentSections(own, STUDY)(FORCES_N)
     still = sections_at(FORCES_N)
     for between, there, start in zip(found, expected, still, strict=True):
         assert largest_um(between, there) < 5.0

@@ -11,7 +11,7 @@ import pytest
 from reference_walls import cut_section
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
-from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, linear_sections, study_sections
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, linear_sections, study_sections
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.recording.folder import read_recording
@@ -49,7 +49,7 @@ FORCES_N = (0.012, 0.0, 0.004)
 
 
 def sections_in_a_process(eye: PhantomEye, study: Study, forces_n: tuple[float, ...]) -> list[Section]:
-    return list(finite_strain_sections(eye, study)(forces_n))
+    return list(BentSections(eye, study)(forces_n))
 
 
 def test_each_section_is_that_of_its_state_alone() -> None:
@@ -66,7 +66,7 @@ def test_each_section_is_that_of_its_state_alone() -> None:
 
 
 def test_a_larger_force_later_is_answered_and_smaller_ones_stay() -> None:
-    sections_at = finite_strain_sections(EYE, STUDY)
+    sections_at = BentSections(EYE, STUDY)
     small = sections_at([0.003])[0]
     large, again = sections_at([0.012, 0.003])
     assert np.abs(again.outer - small.outer).max() < 1e-7  # steps differ
@@ -80,7 +80,7 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
     (rest, bent), (linear_rest, linear) = (
-        finite_strain_sections(eye, plain)(forces_n),
+        BentSections(eye, plain)(forces_n),
         linear_sections(eye, plain)(forces_n),
     )
     moved, linear_moved = bent.outer - rest.outer, linear.outer - linear_rest.outer
@@ -90,7 +90,7 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
 def test_eye_and_study_go_to_another_process_and_sections_come_back() -> None:
     with ProcessPoolExecutor(1) as pool:
         there = pool.submit(sections_in_a_process, EYE, STUDY, (0.004,)).result()
-    here = finite_strain_sections(EYE, STUDY)((0.004,))
+    here = BentSections(EYE, STUDY)((0.004,))
     np.testing.assert_array_equal(there[0].outer, here[0].outer)
 
 

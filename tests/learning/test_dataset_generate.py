@@ -5,6 +5,7 @@ import os
 import shutil
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,6 @@ from small_models import rehash_store
 
 from reference_walls import cut_section
 from scleraforce.errors import DatasetError, SolverError
-from scleraforce.learning import generate
 from scleraforce.learning.dataset import (
     CalibratedModulus,
     complete_dataset,
@@ -27,11 +27,12 @@ from scleraforce.learning.dataset import (
     plan_dataset,
     write_dataset_unit,
 )
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.generate import _simulating, generate_dataset
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.processes import work_units
 from scleraforce.study import DatasetGroup, MeshStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6
@@ -308,7 +309,7 @@ def test_a_fault_in_a_worker_reaches_the_caller():
         study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(min=1.39, max=1.396))
     )
     with (
-        closing(generate.simulate_units(steep, MODULUS_PA, [0], 1)) as results,
+        closing(work_units(partial(_simulating, steep, MODULUS_PA), [0], 1)) as results,
         pytest.raises(Exception, match="over the base"),
     ):
         next(results)
@@ -316,7 +317,7 @@ def test_a_fault_in_a_worker_reaches_the_caller():
 
 @pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_not_a_hang():
-    with closing(generate.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
+    with closing(work_units(partial(_simulating, small_study(), MODULUS_PA), [0, 1], 1)) as results:
         next(results)
         multiprocessing.active_children()[0].kill()
         with pytest.raises(SolverError, match="worker ended"):

@@ -32,7 +32,9 @@ def test_every_second_eye_of_a_telling_is_calibrated_otherwise_as_well(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     traits = {CALIBRATED: ("own E", "taut"), OTHERS: ("other E", "taut"), OTHERWISE: ("own E", "taut", "sparse")}
-    monkeypatch.setattr(intervals, "calibrated_eye", lambda *_: (eye, CALIBRATED, ()))
+    monkeypatch.setattr(intervals, "draw_eye", lambda *_: eye)
+    monkeypatch.setattr(intervals, "draw_frames", lambda *_: ())
+    monkeypatch.setattr(intervals, "calibrated", lambda *_: (CALIBRATED, ()))
     monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
     monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
     monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library
 
+from scleraforce.learning.descent import drawn_ahead
 from scleraforce.learning.raw_reader import (
     FRAMES_TOGETHER,
     RawSource,
@@ -14,7 +15,6 @@ from scleraforce.learning.raw_reader import (
     largest_needle_gap,
     pair_rows,
 )
-from scleraforce.learning.samples import chunks_ahead
 from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, fixed
@@ -37,7 +37,7 @@ def study_with(**raw: object) -> Study:
 @pytest.mark.slow
 def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
     here = source.chunk(3, FRAMES_TOGETHER)
-    (there,) = chunks_ahead(source, [3], workers=1)
+    (there,) = drawn_ahead(source.chunk, [3], workers=1)
     assert len(here) == FRAMES_TOGETHER
     for name in ("frames", "boundary_rows", "given", "force_n", "modulus_pa", "lateral_m"):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))

@@ -9,12 +9,12 @@ from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
+from scleraforce.learning.descent import drawn_ahead
 from scleraforce.learning.samples import (
     CHUNK,
     TISSUE,
     ReaderSamples,
     Source,
-    chunks_ahead,
     concatenated,
     draw_eyes,
     draw_samples,
@@ -256,7 +256,7 @@ def test_each_part_of_a_chunk_is_of_one_tissue_and_told_so() -> None:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, workers: int) -> None:
     source = Source.of(library, READER, SLICE)
-    found = list(chunks_ahead(source, range(3), workers))
+    found = list(drawn_ahead(source.chunk, range(3), workers))
     assert [len(chunk) for chunk in found] == [CHUNK] * 3
     for number in (0, 2):
         again = source.chunk(number)
@@ -269,4 +269,4 @@ def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, 
 def test_what_raises_in_a_worker_raises_here(library) -> None:
     source = Source.of(library, replace(READER, thickness_m=fixed(1.1e-3)), SLICE)
     with pytest.raises(InputError, match="hardly any eye"):
-        list(chunks_ahead(source, range(2), 1))
+        list(drawn_ahead(source.chunk, range(2), 1))

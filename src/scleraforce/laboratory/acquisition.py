@@ -22,7 +22,7 @@ from scleraforce.whole_files import KINDS, folder_files, read_text, write_whole_
 
 @dataclass(frozen=True)
 class Acquisition:
-    """How eyes are pushed and imaged: `forces_n`, held or, at `rate_hz`, turned to by a needle that moves."""
+    """Forces and timing: `forces_n`, held or, at `rate_hz`, turning points of a moving needle."""
 
     forces_n: tuple[float, ...]
     study: Study
@@ -33,10 +33,10 @@ class Acquisition:
     hold_s: float = 1.0
 
     def plan(self, eye: PhantomEye) -> PhantomPlan:
-        """Draw all that happens to an eye: the eye's name and the seed decide.
+        """Draw the acquisition of an eye; the eye's name and the seed decide.
 
         Raises:
-            RecordingError: a force or a time that cannot be.
+            RecordingError: an impossible force or time.
         """
         if self.rate_hz is None:
             return plan_phantom(eye, self.forces_n, self.study, self.seed)
@@ -44,26 +44,19 @@ class Acquisition:
         return plan_moving_phantom(eye, self.forces_n, self.study, self.seed, **moves)
 
 
-def sample_eyes(study: Study, count: int, seed: int, name: str, told: Mapping[str, float]) -> tuple[PhantomEye, ...]:
-    """Draw eyes of a study, named NAME-1, NAME-2 ...; more eyes leave those before as they are.
+def sample_eyes(study: Study, count: int, seed: int, name: str, given: Mapping[str, float]) -> tuple[PhantomEye, ...]:
+    """Draw eyes of a study, named NAME-1, NAME-2 ...; a larger count leaves the first ones unchanged.
 
-    Thickness, polar angle, gap, direction and tilt come from what the study samples them from, the azimuth from all
-    around the pole; modulus and pressure are the study's.
-
-    Args:
-        study: the study.
-        count: how many.
-        seed: of the draw.
-        name: before the number.
-        told: what all eyes share, by the fields of `PhantomEye`.
+    Thickness, polar angle, gap, direction and tilt are sampled from the study, the azimuth from all around the pole;
+    modulus and pressure are the study's. `given` has values that all eyes share, by the fields of `PhantomEye`.
 
     Raises:
-        InputError: an eye that cannot be.
+        InputError: an impossible eye.
     """
-    return tuple(_draw_eye(study, seed, f"{name}-{number}", number, told) for number in range(1, count + 1))
+    return tuple(_draw_eye(study, seed, f"{name}-{number}", number, given) for number in range(1, count + 1))
 
 
-def _draw_eye(study: Study, seed: int, name: str, number: int, told: Mapping[str, float]) -> PhantomEye:
+def _draw_eye(study: Study, seed: int, name: str, number: int, given: Mapping[str, float]) -> PhantomEye:
     rng, dataset = np.random.default_rng((seed, number)), study.dataset
     drawn = {
         "thickness_m": draw(study.eye.thickness_m, rng),
@@ -75,7 +68,7 @@ def _draw_eye(study: Study, seed: int, name: str, number: int, told: Mapping[str
         "youngs_modulus_pa": study.eye.youngs_modulus_pa,
         "iop_pa": study.eye.iop_pa,
     }
-    return PhantomEye(id=name, **(drawn | dict(told)))
+    return PhantomEye(id=name, **(drawn | dict(given)))
 
 
 def acquire_all(
@@ -86,21 +79,17 @@ def acquire_all(
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> int:
-    """Write a recording of each eye into a folder; those that an interrupted run has left there are kept.
+    """Write a recording of each eye into a folder, unless an interrupted run has; return the number written.
 
     The bytes are the same for any number of workers, on the same kind of processor. Processes are spawned: a script
     that calls this keeps its own work under `if __name__ == "__main__"`.
 
     Args:
-        out: the folder; a recording in it is named as its eye.
+        out: the folder; a recording in it has its eye's name.
         eyes: of different names.
-        acquisition: what happens to each.
-        workers: processes, or those of a cluster (`cluster_workers`); None: a process for each core that this one may
-            use.
+        acquisition: forces and timing.
+        workers: processes, or a cluster's (`cluster_workers`); by default a process for each usable core.
         progress: called with the number of recordings that are newly done (or found done, at the start).
-
-    Returns:
-        How many recordings were made.
 
     Raises:
         RecordingError: `out` holds something else, or cannot be written.
@@ -118,18 +107,14 @@ def acquire_all(
 
 
 def _kept(recording: Path, plan: PhantomPlan, study: Study) -> bool:
-    """Return whether a recording is there.
-
-    Raises:
-        RecordingError: what is there is not that of the plan.
-    """
+    """Return whether a recording is there; raise a RecordingError for any other content."""
     if recording.exists() and not is_recorded(recording, plan, study):
         raise RecordingError(f"{recording}: not the recording of this eye and seed; remove it or choose another folder")
     return recording.exists()
 
 
 def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:
-    """Return whether a folder has the truth of this plan: what `write_phantom` appears with."""
+    """Return whether a folder has the truth of this plan, with which `write_phantom`'s folders appear."""
     planned = json.loads(json.dumps(phantom_truth(plan, study, [0.0] * len(plan.frames))))
     try:
         truth = json.loads(read_text(recording / "truth.json", KINDS["truth"]))
@@ -139,13 +124,13 @@ def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:
 
 
 def _drawn(truth: dict[str, Any]) -> dict[str, Any]:
-    """Return what is drawn of a truth, and not computed."""
+    """Return the drawn part of a truth, without the computed pressures."""
     frames = [{key: value for key, value in frame.items() if key != "pressure_pa"} for frame in truth["frames"]]
     return {**truth, "frames": frames}
 
 
 def _acquiring(eyes: Sequence[PhantomEye], acquisition: Acquisition) -> Callable[[int], dict[str, bytes]]:
-    """Return what makes the recording of an eye, in a worker: its files."""
+    """Return the worker's function from an eye's number to the files of its recording."""
 
     def work(number: int) -> dict[str, bytes]:
         eye, study = eyes[number], acquisition.study

@@ -1,9 +1,8 @@
-"""Raw B-scans: how a spectral-domain scanner would see a section of the wall.
+"""Raw B-scans: a section of the wall as a spectral-domain scanner would show it.
 
 The tissue is a field of complex circular Gaussian scatterers (fully developed speckle: Goodman, Speckle Phenomena in
-Optics, ch. 3), weighted by the root of the light that comes back from there, seen through a Gaussian point spread
-function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale, a
-linear one, or one of roots.
+Optics, ch. 3), weighted by the root of the returning light, seen through a Gaussian point spread function, plus mirror
+reflections and complex Gaussian detector noise; the display shows its intensity (`BscanOptics.counts`).
 
 Simplifications: rays run straight down the columns (no bending at the surface), light is scattered once, the
 sensitivity does not fall off with depth, and everything below the first surface of a column is stretched by
@@ -42,8 +41,8 @@ SKIN_COLUMNS = 0.5
 class DrawnShaft:
     """A shaft in a frame, all (rows, columns).
 
-    `inside`: the shaft fills the pixel; `light`: share of the light that arrives there from above; `skin`: intensity of
-    what shines, over the mean noise.
+    `inside`: the shaft fills the pixel; `light`: share of the light from above; `skin`: intensity of the bright edge
+    over the mean noise.
     """
 
     inside: NDArray[np.bool_]
@@ -56,8 +55,8 @@ def draw_shaft(shaft: NeedleShaft, tip_m: Vector, tilt_rad: float, oct_study: Oc
 
     Args:
         shaft: the needle.
-        tip_m: where its tip lies in the picture, (2,): lateral from the frame's middle, depth from its top edge, m.
-        tilt_rad: by which the eye, with the surface's normal, is turned in the picture (see `Pose`).
+        tip_m: place of its tip in the picture, (2,): lateral from the frame's middle, depth from its top edge, m.
+        tilt_rad: rotation of the eye, with the surface's normal, in the picture (see `Pose`).
         oct_study: size of the frame.
     """
     depth_m, lateral_m = oct_study.depth_m / oct_study.rows, oct_study.width_m / oct_study.columns
@@ -99,6 +98,11 @@ def _signed_distances(shaft: NeedleShaft, across: Vector, down: Vector, tilt_rad
     return side_m, end_m
 
 
+def _columns_m(oct_study: OctStudy) -> Vector:
+    """Return the lateral place of each column from the frame's middle, m."""
+    return (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+
+
 @dataclass(frozen=True)
 class Bscan:
     """A raw frame and the truth: `frame` uint16 (rows, columns), `truth_mask` uint8 (rows, columns), 255 = wall."""
@@ -109,10 +113,7 @@ class Bscan:
 
 @dataclass(frozen=True, eq=False)
 class _Over:
-    """A conjunctiva in the frame: the filled fraction of each pixel, and where light meets the wall below it.
-
-    `wall_row` (column,) counts from the top edge, NaN where there is no wall.
-    """
+    """A conjunctiva: the filled fraction of each pixel; the row of the wall's surface below it, (column,)."""
 
     optics: Conjunctiva
     filled: Float
@@ -121,11 +122,10 @@ class _Over:
 
 @dataclass(frozen=True)
 class _Tissue:
-    """What lies in each pixel: all (rows, columns) but `surface_row` (column,), NaN where there is no tissue.
+    """The tissue in each pixel, (rows, columns), and `surface_row` (column,) from the top edge, NaN without tissue.
 
-    `wall` and `choroid` are the filled fractions of the pixel, `tissue_path_m` (of the wall and of what is over it) and
-    `choroid_path_m` the lengths of tissue that light has passed, one way, down to the pixel's middle. `surface_row`
-    counts from the top edge, in rows. `over`: the conjunctiva, None without one.
+    `wall` and `choroid` are filled fractions; `tissue_path_m` (wall and conjunctiva) and `choroid_path_m` the lengths
+    that light has passed, one way, down to the pixel's middle.
     """
 
     wall: Float
@@ -146,15 +146,11 @@ def render_bscan(
     """Form one raw frame of a section.
 
     Args:
-        section: the wall in the frame's coordinates (see `Pose.place`): lateral from the middle of the frame, depth
-            from its top edge, in m. It may fold over and may leave the frame.
+        section: the wall in the frame's coordinates (see `Pose.place`), m. It may fold over and may leave the frame.
         oct_study: size, pixels, bits and refractive index of the frame.
         optics: the optics of this frame.
         rng: source of the speckle and the noise.
-        shaft: the needle's, where one crosses the frame.
-
-    Returns:
-        The frame (`bits` used of 16) and the mask of the wall, in the frame's optical depth, 0 in the bands.
+        shaft: the needle, if one crosses the frame.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
     tissue = _fill_columns(section, oct_study, optics)
@@ -171,7 +167,8 @@ def render_bscan(
         _add_reflection(field, tissue.over.wall_row, oct_study, below, sigma_rows, rng, shaft)
     _add_lines(field, tissue.surface_row, oct_study, optics, rng)
     field += circular_gaussian(field.shape, rng)
-    frame = _counts(field, oct_study.bits, optics)
+    counts = optics.counts(np.square(field.real) + np.square(field.imag), 2**oct_study.bits - 1)
+    frame = np.rint(counts).astype(np.uint16)
     mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
     band = round(optics.band_m / oct_study.width_m * oct_study.columns)
     for image in (frame, mask):
@@ -181,17 +178,17 @@ def render_bscan(
 
 
 def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64]) -> Float:
-    """Return where vertical lines enter and leave, by turns, the region that a curve encloses.
+    """Return the depths at which vertical lines enter and leave, by turns, the region that a curve encloses.
 
     The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines.
 
     Args:
-        curve: (points, 2) lateral and depth, closed, or open with ends outside of the lines: then it bounds what lies
+        curve: (points, 2) lateral and depth, closed, or open with ends outside of the lines: then it bounds the region
             below it.
         columns_m: increasing, evenly spaced lateral positions.
 
     Returns:
-        Depths, sorted, shape (crossings, columns), inf where there are none.
+        Depths, sorted, shape (crossings, columns), padded with inf.
 
     >>> column_crossings(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([-0.5, 0.5, 1.5]))
     array([[inf, 1.5, 2.5]], dtype=float32)
@@ -226,13 +223,16 @@ def _curve_crossings(
 
 
 def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) -> _Tissue:
-    """Return what lies in each pixel of the frame, from the exact crossings of every column with the contour."""
+    """Return the tissue in each pixel, from the exact crossings of every column with the contour."""
     pixel_m = oct_study.depth_m / oct_study.rows
-    columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+    columns_m = _columns_m(oct_study)
     wall_m = column_crossings(np.concatenate([section.contour, section.outer[:1]]), columns_m)
     inside_m = column_crossings(section.inner, columns_m)
     layer = optics.conjunctiva
-    tissue_m = wall_m if layer is None else _crossings_with(layer, section, columns_m)
+    tissue_m = wall_m
+    if layer is not None:
+        surface = layer.surface(section.outer)
+        tissue_m = column_crossings(np.concatenate([surface, section.inner[::-1], surface[:1]]), columns_m)
     surface_m = tissue_m[0] if len(tissue_m) else np.full(oct_study.columns, np.inf, dtype=np.float32)
     # Light needs n times the depth below the surface: the row edges of the image, back in geometric depth.
     edges_m = np.arange(oct_study.rows + 1, dtype=np.float32)[:, None] * np.float32(pixel_m)
@@ -260,14 +260,8 @@ def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) ->
     )
 
 
-def _crossings_with(layer: Conjunctiva, section: Section, columns_m: NDArray[np.float64]) -> Float:
-    """Return where columns enter and leave a conjunctiva and the wall below it, together."""
-    surface = layer.surface(section.outer)
-    return column_crossings(np.concatenate([surface, section.inner[::-1], surface[:1]]), columns_m)
-
-
 def _filled(part_m: Float, row_m: Float) -> Float:
-    """Return which fraction of each pixel is filled, of the length that is and of its own."""
+    """Return the filled fraction of each pixel."""
     hair_m = 1e-4 * row_m.max()  # what rounding leaves
     return _as_float32(np.where(part_m > hair_m, part_m, 0.0) / row_m)
 
@@ -300,15 +294,9 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
     scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
     if tissue.over is not None:
         scatter = scatter + decibel(tissue.over.optics.level_db) * tissue.over.filled
-    light = decibel(optics.snr_db) * _transmission(oct_study, optics)
+    light = decibel(optics.snr_db) * transmission(optics.shadows, _columns_m(oct_study))
     intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
     return intensity
-
-
-def _transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
-    """Return the share of the light that the shadows leave in each column, shape (columns,)."""
-    columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
-    return transmission(optics.shadows, columns_m)
 
 
 def _add_reflection(
@@ -324,7 +312,8 @@ def _add_reflection(
     pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
     slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
     share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
-    intensity = decibel(optics.snr_db + optics.reflection_db) * share * _transmission(oct_study, optics)
+    light = transmission(optics.shadows, _columns_m(oct_study))
+    intensity = decibel(optics.snr_db + optics.reflection_db) * share * light
     if shaft is not None:
         row = np.clip(np.nan_to_num(surface_row), 0, oct_study.rows - 1).astype(np.intp)
         intensity = intensity * shaft.light[row, np.arange(len(row))]
@@ -336,7 +325,7 @@ def _add_lines(
 ) -> None:
     """Add the horizontal reflection lines, and the covers above the tissue, to the field."""
     pixel_m = oct_study.depth_m / oct_study.rows
-    lateral_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+    lateral_m = _columns_m(oct_study)
     ones = np.ones(oct_study.columns)
     for line in optics.lines:
         sigma_rows = amplitude_sigma(line.thickness_m) / pixel_m
@@ -346,10 +335,3 @@ def _add_lines(
         rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * lateral_m) / pixel_m
         sigma_rows = amplitude_sigma(cover.thickness_m) / pixel_m
         add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
-
-
-def _counts(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
-    """Return the counts of a field on the display's scale."""
-    counts = optics.counts(np.square(field.real) + np.square(field.imag), 2**bits - 1)
-    frame: NDArray[np.uint16] = np.rint(counts).astype(np.uint16)
-    return frame

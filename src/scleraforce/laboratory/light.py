@@ -1,12 +1,10 @@
-"""The light of drawn B-scans: their optics, speckle, thin bright curves, shadows, and counts on a display.
-
-`bscan`, `reduced_bscans` and `scenes` all draw with it.
-"""
+"""The core of light that `bscan`, `reduced_bscans` and `scenes` draw with: optics, speckle, thin curves, displays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import lru_cache
 from math import ceil, cos, log, sin, sqrt
+from typing import TYPE_CHECKING, TypeVar
 
 import cv2
 import numpy as np
@@ -15,6 +13,12 @@ from numpy.typing import NDArray
 from scleraforce.mechanics.contact import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Complex = NDArray[np.complex64]
+Drawn = TypeVar("Drawn", bound="DataclassInstance")
 
 POWERS = {"root": 0.5, "linear": 1.0}  # of the intensity, with which the counts of a display grow
 
@@ -63,12 +67,17 @@ class Conjunctiva:
     level_db: float
     interface_db: float
 
+    def thicknesses(self, lateral_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the thickness along the wall's normal at lateral places, m."""
+        wave = np.cos(2.0 * np.pi * lateral_m / self.wave_length_m + self.phase_rad)
+        thicknesses: NDArray[np.float64] = self.thickness_m * (1.0 + self.wave_fraction * wave)
+        return thicknesses
+
     def surface(self, outer: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return its surface over that of a wall, both (point, 2) in m: lateral, and depth, which grows downwards."""
+        """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
         along = np.gradient(outer, axis=0)
         upward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
-        wave = np.cos(2.0 * np.pi * outer[:, 0] / self.wave_length_m + self.phase_rad)
-        over: NDArray[np.float64] = outer + (self.thickness_m * (1.0 + self.wave_fraction * wave))[:, None] * upward
+        over: NDArray[np.float64] = outer + self.thicknesses(outer[:, 0])[:, None] * upward
         return over
 
 
@@ -76,11 +85,11 @@ class Conjunctiva:
 class NeedleShaft:
     """A needle that may cross the B-scan.
 
-    `gap_m` is the distance of the plane from the contact. `angle_rad` is that between the shaft and the surface's
-    normal in the picture (above 0: going up, it leans to the side of growing columns), `lean_rad` the angle by which it
-    leans out of the picture, away from the plane. `bevel_rad` lies between the cut of its end and its axis: pi/2 is
-    straight. `above_m`: so far above the frame the shaft still takes light. `loss_fraction` of the light is lost below
-    it: 1 is steel. `level_db`: its upper edge over the mean noise; `far_edge_db`: the other edge over that.
+    `gap_m`: distance of the plane from the contact. `angle_rad`: between the shaft and the surface's normal in the
+    picture (above 0 it leans to growing columns); `lean_rad`: out of the picture, away from the plane. `bevel_rad`:
+    between the cut of its end and its axis (pi/2: straight). `above_m`: length above the frame that still takes light.
+    `loss_fraction`: share of the light lost below it (1: steel). `level_db`: its upper edge over the mean noise;
+    `far_edge_db`: its other edge over the upper one.
     """
 
     diameter_m: float
@@ -98,17 +107,14 @@ class NeedleShaft:
 class BscanOptics:
     """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
 
-    `snr_db`: mean speckle intensity at the wall's surface over the mean noise. `attenuation_per_m` (mu) is the wall's
-    attenuation coefficient; light passes twice, so the detected intensity falls as exp(-2 mu z).
-    `axial_resolution_m` and `lateral_resolution_m`: full width at half maximum of the intensity point spread function;
-    axially, a Gaussian source of 840 nm and 80 nm width has a coherence length of 2 ln 2/pi lambda^2/width = 3.9 um.
-    `reflection_db`: mirror reflection of the surface at normal incidence over the speckle there, which falls with the
-    slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall; its level is the backscatter against
-    the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from there to the
-    largest count; `display`: in between, counts grow with the logarithm of the intensity, its "root" or, "linear", with
-    itself.
-    `band_m`: width of the black band on each side. `needle`: what may cross the picture, None: nothing;
-    `conjunctiva`: over the wall, None: none.
+    `snr_db`: mean speckle intensity at the wall's surface over the mean noise. `attenuation_per_m` (mu): light passes
+    twice, so the detected intensity falls as exp(-2 mu z). `axial_resolution_m`, `lateral_resolution_m`: full width at
+    half maximum of the intensity point spread function; axially, a Gaussian source of 840 nm and 80 nm width has a
+    coherence length of 2 ln 2/pi lambda^2/width = 3.9 um. `reflection_db`: mirror reflection at normal incidence over
+    the speckle there; it falls with the slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall,
+    its level against the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from
+    there to the largest count; in between, counts grow with the intensity's logarithm, its "root" or, "linear", with
+    itself. `band_m`: width of the black band on each side.
     """
 
     snr_db: float
@@ -131,12 +137,7 @@ class BscanOptics:
     display: str = "logarithmic"
 
     def counts(self, intensity: Float, largest: float) -> Float:
-        """Return the counts, not yet whole, that the display has for intensities over the mean noise.
-
-        Args:
-            intensity: of each pixel.
-            largest: count; what is brighter saturates.
-        """
+        """Return the counts, not yet whole, of intensities over the mean noise; brighter than `largest` saturates."""
         if self.display in POWERS:
             power = POWERS[self.display]
             darkest, brightest = (10.0 ** (db / 10.0) for db in (self.display_floor_db, power * self.display_range_db))
@@ -151,7 +152,7 @@ class BscanOptics:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where the section's origin lies in the frame: from the middle column, below the top edge; and its rotation."""
+    """Place of the section's origin in the frame: from the middle column, below the top edge; and its rotation."""
 
     lateral_m: float
     depth_m: float
@@ -159,66 +160,46 @@ class Pose:
 
     def place(self, section: Section) -> Section:
         """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
-        turn = self._turn()
-        return Section(section.outer @ turn, section.inner @ turn).shifted(self.lateral_m, self.depth_m)
+        return Section(self.place_points(section.outer), self.place_points(section.inner))
 
     def place_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points (point, 2), m, in the frame's own coordinates."""
-        placed: NDArray[np.float64] = points @ self._turn() + np.array([self.lateral_m, self.depth_m])
+        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
+        placed: NDArray[np.float64] = points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
         return placed
 
-    def _turn(self) -> NDArray[np.float64]:
-        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
-        return np.array([[c, s], [-s, c]])
+
+def drawn(
+    kind: type[Drawn], ranges: PhantomStudy, rng: np.random.Generator, prefix: str = "", **given: object
+) -> Drawn:
+    """Draw a record: each field that is not given, and has no default, from the range of `prefix` + its name."""
+    names = [item.name for item in fields(kind) if item.name not in given and item.default is MISSING]
+    return kind(**given, **{name: draw(getattr(ranges, prefix + name), rng) for name in names})
 
 
 def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:
     """Draw the optics of one frame, every effect independently."""
     half_width_m = oct_study.width_m / 2
-    return BscanOptics(
-        snr_db=draw(phantom.snr_db, rng),
-        attenuation_per_m=draw(phantom.attenuation_per_m, rng),
-        axial_resolution_m=draw(phantom.axial_resolution_m, rng),
-        lateral_resolution_m=draw(phantom.lateral_resolution_m, rng),
-        reflection_db=draw(phantom.reflection_db, rng),
-        reflection_angle_rad=draw(phantom.reflection_angle_rad, rng),
-        choroid_level_db=draw(phantom.choroid_level_db, rng),
-        choroid_attenuation_per_m=draw(phantom.choroid_attenuation_per_m, rng),
-        choroid_thickness_m=draw(phantom.choroid_thickness_m, rng),
-        display_floor_db=draw(phantom.display_floor_db, rng),
-        display_range_db=draw(phantom.display_range_db, rng),
-        display=phantom.display,
-        band_m=draw(phantom.band_m, rng),
-        shadows=tuple(
-            Shadow(
-                centre_m=float(rng.uniform(-half_width_m, half_width_m)),
-                width_m=draw(phantom.shadow_width_m, rng),
-                loss_fraction=draw(phantom.shadow_loss_fraction, rng),
-            )
-            for _ in range(int(draw(phantom.shadow_count, rng)))
-        ),
-        lines=tuple(
-            Line(
-                depth_m=draw(phantom.line_depth_m, rng),
-                level_db=draw(phantom.line_level_db, rng),
-                thickness_m=draw(phantom.line_thickness_m, rng),
-            )
-            for _ in range(int(draw(phantom.line_count, rng)))
-        ),
-        covers=tuple(
-            Cover(
-                height_m=draw(phantom.cover_height_m, rng),
-                level_db=draw(phantom.cover_level_db, rng),
-                thickness_m=draw(phantom.line_thickness_m, rng),
-                tilt_rad=draw(phantom.cover_tilt_rad, rng),
-            )
-            for _ in range(int(draw(phantom.cover_count, rng)))
-        ),
+    optics = drawn(BscanOptics, phantom, rng, display=phantom.display)
+    shadows = tuple(
+        drawn(Shadow, phantom, rng, "shadow_", centre_m=float(rng.uniform(-half_width_m, half_width_m)))
+        for _ in range(int(draw(phantom.shadow_count, rng)))
     )
+    lines = tuple(drawn(Line, phantom, rng, "line_") for _ in range(int(draw(phantom.line_count, rng))))
+    covers = tuple(
+        Cover(
+            height_m=draw(phantom.cover_height_m, rng),
+            level_db=draw(phantom.cover_level_db, rng),
+            thickness_m=draw(phantom.line_thickness_m, rng),
+            tilt_rad=draw(phantom.cover_tilt_rad, rng),
+        )
+        for _ in range(int(draw(phantom.cover_count, rng)))
+    )
+    return replace(optics, shadows=shadows, lines=lines, covers=covers)
 
 
 def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conjunctiva | None:
-    """Draw the conjunctiva of one recording; None where it has none."""
+    """Draw the conjunctiva of one recording; None if its thickness is 0."""
     thickness_m = draw(phantom.conjunctiva_thickness_m, rng)
     if thickness_m == 0.0:
         return None
@@ -235,33 +216,20 @@ def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conju
 def sample_needle(
     phantom: PhantomStudy, diameter_m: float, gap_m: float, rng: np.random.Generator
 ) -> NeedleShaft | None:
-    """Draw the needle of one recording; None where none is asked for."""
+    """Draw the needle of one recording; None if the study has none."""
     if not draw(phantom.needle_count, rng):
         return None
-    return NeedleShaft(
-        diameter_m=diameter_m,
-        gap_m=gap_m,
-        angle_rad=draw(phantom.needle_angle_rad, rng),
-        lean_rad=draw(phantom.needle_lean_rad, rng),
-        bevel_rad=draw(phantom.needle_bevel_rad, rng),
-        above_m=draw(phantom.needle_above_m, rng),
-        loss_fraction=draw(phantom.needle_loss_fraction, rng),
-        level_db=draw(phantom.needle_level_db, rng),
-        far_edge_db=draw(phantom.needle_far_edge_db, rng),
-    )
+    return drawn(NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m)
 
 
 def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
-    """Draw where the eye lies in one frame: the recording's depth and tilt, and the frame's shift, all anew."""
+    """Draw the pose of an eye in one frame, without a recording that the depth and the tilt belong to."""
     depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
     return Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=depth_m, tilt_rad=draw(phantom.eye_tilt_rad, rng))
 
 
-Complex = NDArray[np.complex64]
-
-
 def transmission(shadows: Sequence[Shadow], columns_m: NDArray[np.float64]) -> Float:
-    """Return the share of the light that shadows leave in each column, shape (columns,)."""
+    """Return the share of the light that shadows let through in each column, (column,)."""
     left = np.ones(len(columns_m))
     for shadow in shadows:
         across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
@@ -295,7 +263,7 @@ def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Compl
 
 
 def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
-    """See a field of independent scatterers through a Gaussian point spread function that keeps the mean intensity."""
+    """Filter a field of independent scatterers with a Gaussian point spread function that keeps the mean intensity."""
     parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
     seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
     values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
@@ -320,16 +288,21 @@ def decibel(level_db: float) -> float:
     return float(10.0 ** (level_db / 10.0))
 
 
+def ratios(levels_db: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Return ratios of intensities from levels in dB."""
+    ratio: NDArray[np.float64] = np.power(10.0, np.asarray(levels_db) / 10.0)
+    return ratio
+
+
 NO_LIGHT_DB, TOP_DB, STEP_DB = -15.0, 60.0, 0.25  # levels over the mean noise; the lowest stands for none
 LEVELS = round((TOP_DB - NO_LIGHT_DB) / STEP_DB) + 1
 QUANTILES = 64
 
 
 class Displayed:
-    """Counts of many scanners' displays, over their largest one, by the mean level of what is displayed.
+    """Tables of the counts of several frames' displays, over the largest count, by mean level.
 
-    Built from the optics of some frames; `mean` and `variance` take levels over the mean noise, dB, (frame, row,
-    column), to which the noise is added.
+    `mean` and `moments` take levels over the mean noise, dB, (frame, row, column), to which the noise is added.
     """
 
     def __init__(self, optics: Sequence[BscanOptics]) -> None:
@@ -356,7 +329,7 @@ class Displayed:
 
 @lru_cache(maxsize=1)
 def _intensities() -> Float:
-    """Return quantiles of intensities over the mean noise, (level, quantile); the first level is no light."""
+    """Return quantiles of intensities over the mean noise, (level, quantile); the first level is without light."""
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0
     quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1

@@ -1,7 +1,7 @@
 """The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
 
-Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force, pressure and pose
-of each frame, where the eye is turned to in it, the seed and the versions.
+`truth.json` beside the recording's own files has every drawn parameter, the true force, pressure, pose and turn of each
+frame, the seed and the versions.
 """
 
 import json
@@ -68,9 +68,9 @@ DRIFT_S = 1.0  # in which a living eye moves from one place to another: between 
 
 
 def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
-    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt.
+    """Draw the constants of a recording: the optics, and the eye's depth and tilt.
 
-    Numbers of the needle and of the conjunctiva are streams of their own: all else is as without them.
+    The needle and the conjunctiva have random streams of their own: without them everything else is the same.
     """
     phantom, rng = study.phantom, stream(eye, seed, OPTICS)
     scanner = replace(
@@ -83,12 +83,12 @@ def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptic
 
 
 def slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
-    """Return a conjunctiva that has moved over the wall: its waves lie elsewhere."""
+    """Return a conjunctiva that has moved over the wall: its waves have another phase."""
     return None if layer is None else replace(layer, phase_rad=float(rng.uniform(-np.pi, np.pi)))
 
 
 def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
-    """Return what changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
+    """Draw the changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
 
     Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
     """
@@ -107,7 +107,7 @@ def stream_key(eye: PhantomEye, seed: int, *numbers: int) -> tuple[int, ...]:
 
 
 def stream(eye: PhantomEye, seed: int, *numbers: int) -> np.random.Generator:
-    """Return the stream of random numbers of an eye with these numbers: its kind first."""
+    """Return the random stream of an eye with these numbers, its kind first."""
     return np.random.default_rng(stream_key(eye, seed, *numbers))
 
 
@@ -119,10 +119,7 @@ FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samp
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, where the eye lies in it, its optics, the key of its random numbers.
-
-    Its push, if it has one; where the eye is turned to, if it turns.
-    """
+    """One frame: time, pose, optics, the key of its random numbers, its push and its turn, if any."""
 
     file: str
     time_s: float
@@ -135,7 +132,7 @@ class PhantomFrame:
 
 @dataclass(frozen=True)
 class PhantomPlan:
-    """A virtual acquisition, before anything is computed: all that was drawn."""
+    """A virtual acquisition with everything drawn and nothing computed."""
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
@@ -151,7 +148,7 @@ class PhantomPlan:
 
     @property
     def turns(self) -> list[EyeTurn]:
-        """Where the eye is turned to in each frame; empty where it stands still."""
+        """The eye's turn in each frame; empty if it keeps still."""
         return [frame.turn for frame in self.frames if frame.turn is not None]
 
 
@@ -163,7 +160,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     anew.
 
     Raises:
-        RecordingError: no force is given, or one is not a force that can be simulated.
+        RecordingError: no force is given, or one cannot be simulated.
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
@@ -200,20 +197,21 @@ def plan_moving_phantom(
 ) -> PhantomPlan:
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
 
-    Drawn once: all that `plan_phantom` draws once, the shadows, and how long the needle stays off at first. Place of
-    the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to the next.
+    Everything that `plan_phantom` draws once is drawn once, and so are the shadows and the time before the first
+    contact. Place of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from
+    one to the next.
 
     Args:
         eye: the eye.
         forces_n: turning points of the force, N; it begins at 0.
-        study: ranges that are drawn from.
-        seed: of all that is drawn.
+        study: ranges.
+        seed: of everything that is drawn.
         rate_hz: frames a second.
-        ramp_n_per_s: how fast the force changes between the turning points.
-        hold_s: how long it stays at each.
+        ramp_n_per_s: rate of the force between the turning points.
+        hold_s: time at each turning point.
 
     Raises:
-        RecordingError: no force is given, or one that cannot be simulated; a rate, ramp or hold that is none.
+        RecordingError: no force is given, or one cannot be simulated; an impossible rate, ramp or hold.
     """
     _check_forces(eye, forces_n)
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
@@ -254,7 +252,7 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
 
 
 def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed: int) -> tuple[PhantomFrame, ...]:
-    """Return frames with where the eye is turned to; as they are where it stands still."""
+    """Return frames with the eye's turns; unchanged if it keeps still."""
     if farthest_turn_rad(study.phantom) == 0.0:
         return tuple(frames)
     times_s = np.array([frame.time_s for frame in frames])
@@ -263,7 +261,7 @@ def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
-    """Return where the needle's tip lies in a frame: lateral from its middle, depth from its top edge, m.
+    """Return the place of the needle's tip in a frame: lateral from its middle, depth from its top edge, m.
 
     It touches the section's surface at the contact; at no force it is about to.
     """
@@ -273,11 +271,7 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
 
 
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
-    """Return the section in each frame of a plan; `sections_at` as in `write_phantom`.
-
-    Raises:
-        RecordingError: the eye turns, and the sections are those of one contact.
-    """
+    """Return the section in each frame of a plan; raise a RecordingError if the eye turns and the sections cannot."""
     if not plan.turns:
         return sections_at(plan.forces_n)
     if not isinstance(sections_at, TurnedSections):
@@ -306,9 +300,9 @@ def write_phantom(
 
     Args:
         out: the folder; it appears when it is complete, and must not exist yet (an empty one may).
-        plan: what to acquire.
+        plan: the acquisition.
         sections_at: the eye's sections for needle forces in N (`study_sections`).
-        study: frame size, classes, needle; the one that the plan was drawn from.
+        study: the plan's, with frame size, classes and needle.
         progress: called with 1 after each frame.
         tell_globe: whether `recording.toml` says that the globe is open or sealed; `truth.json` always does.
 
@@ -367,7 +361,7 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
 
 
 def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> dict[str, Any]:
-    """Return what `truth.json` has of a plan; of the frames the pressures, which are computed."""
+    """Return the content of `truth.json` for a plan and the computed pressures of its frames."""
     versions = {
         "scleraforce": __version__,
         "numpy": np.__version__,
@@ -407,7 +401,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
 
 
 def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
-    """Return where the eye is turned to, and what the needle pushes there."""
+    """Return a turn of the eye and the needle's contact there."""
     contact = turned_plane(eye.plane, turn).contact
     return {**asdict(turn), **asdict(contact), "thickness_at_contact_m": _thickness_at(eye, contact, study)}
 

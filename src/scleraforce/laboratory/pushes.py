@@ -1,4 +1,4 @@
-"""A virtual force log: what a needle does, in pushes or without a pause, and what a force sensor makes of it."""
+"""A virtual force log: a needle's motion, in pushes or continuous, and its reading by a force sensor."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 class Push:
     """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
 
-    While it holds, the force relaxes by `relaxation_fraction` with the time constant `relaxation_time_s`; it is
-    `force_n` when the frame is taken, at `frame_s`.
+    Meanwhile the force relaxes by `relaxation_fraction` with the time constant `relaxation_time_s`; it is `force_n` at
+    the frame, at `frame_s`.
     """
 
     force_n: float
@@ -31,16 +31,13 @@ class Push:
 
     @property
     def end_s(self) -> float:
-        """When the needle is off again."""
+        """Time at which the needle is off again."""
         return self.start_s + 2 * self.ramp_s + self.hold_s
 
 
 @dataclass(frozen=True)
 class ForcePath:
-    """The force of a robot that holds it: straight lines between turning points, both in order, (points,) each.
-
-    It is that of the first point before, and that of the last one after.
-    """
+    """The force that a robot holds: straight lines between turning points, (points,) each; constant beyond them."""
 
     times_s: tuple[float, ...]
     forces_n: tuple[float, ...]
@@ -94,7 +91,7 @@ def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.rand
 def plan_path(
     forces_n: tuple[float, ...], ramp_n_per_s: float, hold_s: float, phantom: PhantomStudy, rng: np.random.Generator
 ) -> ForcePath:
-    """Lay a path through forces: off the eye for a time that is drawn, then by turns a ramp to each and a hold there.
+    """Lay a path through forces: off the eye for a drawn time, then by turns a ramp to each and a hold there.
 
     The robot holds the force, so the tissue's relaxation does not show in it.
     """
@@ -107,7 +104,7 @@ def plan_path(
 
 
 def motion_end_s(motion: Motion) -> float:
-    """Return when the last push is over, or the path at its last point."""
+    """Return the time at which the last push, or the path, ends."""
     return motion.times_s[-1] if isinstance(motion, ForcePath) else motion[-1].end_s
 
 
@@ -149,13 +146,7 @@ def sense(
 ) -> Samples:
     """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
 
-    Args:
-        motion: what the needle does.
-        sensor: what is measured with.
-        axis: 0, 1 or 2: the force axis along the needle.
-        sign: of this axis in contact, 1 or -1.
-        stop_s: when the log ends; it starts at 0.
-        rng: source of the noise.
+    `axis` (0, 1 or 2) is the force axis along the needle, `sign` its sign in contact; the log runs from 0 to `stop_s`.
     """
     time_s = np.arange(round(stop_s * sensor.rate_hz)) / sensor.rate_hz
     force_n = true_force(motion, time_s)
@@ -180,5 +171,5 @@ def format_log(log: Samples) -> str:
 
 
 def _relaxed(push: Push, held_s: Samples) -> Samples:
-    """Return the share of the first force that is left after holding for a time."""
+    """Return the share of the first force that is left after a hold."""
     return 1.0 - push.relaxation_fraction * (1.0 - np.exp(-held_s / push.relaxation_time_s))

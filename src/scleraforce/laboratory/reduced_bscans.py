@@ -1,11 +1,11 @@
-"""Raw B-scans as a network sees them, reduced: drawn at their size, many at once (NumPy only).
+"""Raw B-scans drawn at the reduced size that a network sees, many at once (NumPy only).
 
 The picture is that of `bscan.render_bscan`, averaged over the cells of a `FrameWindow`: a cell shows the mean count of
-the speckle in each layer that it holds, and varies as the mean of so many independent speckles and pixels. A frame
-takes a millisecond or two instead of fifty.
+the speckle in each layer that it holds, and varies as the mean of n independent speckles and pixels. A frame takes a
+millisecond or two instead of fifty.
 
-Simplifications beside those of `bscan`: boundaries do not fold over, the speckle of neighbouring cells is independent,
-and thin bright lines have none.
+Further simplifications: boundaries do not fold over, the speckle of neighbouring cells is independent, and thin bright
+lines have none.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.bscan import DrawnShaft
-from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Conjunctiva, Displayed, amplitude_sigma, transmission
+from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.reduced import FrameWindow
@@ -33,10 +33,10 @@ BEYOND_EDGE = 0.23
 
 @dataclass(frozen=True, eq=False)
 class DrawnFrames:
-    """Reduced frames, and where the wall is in them.
+    """Reduced frames and their walls.
 
-    `frames` float32 (frame, row, column), as of `FrameWindow.levels`; `boundary_rows` (frame, boundary, column): of the
-    wall, in rows of the window, whose centres are whole numbers; NaN in columns without wall or image.
+    `frames` float32 (frame, row, column), levels of `FrameWindow.levels`; `boundary_rows` (frame, boundary, column):
+    rows of the window, whose centres are whole numbers; NaN in columns without wall or image.
     """
 
     frames: Float
@@ -47,7 +47,7 @@ class DrawnFrames:
 class _Layer:
     """Tissue from one depth to another (frame, column), m in the picture.
 
-    `level_db` (frame, column): of its light at its upper edge, over the noise; it falls by `falls_db_per_m` (frame, 1).
+    `level_db` (frame, column): at its upper edge, over the noise; it falls by `falls_db_per_m` (frame, 1).
     """
 
     top_m: Floats
@@ -76,11 +76,10 @@ def draw_reduced(
     """Draw reduced frames of walls.
 
     Args:
-        depth_sbc: boundaries (frame, boundary, column of the window), m below the frame's upper edge, as they are: the
-            picture stretches what lies below the surface. NaN where there is none.
+        depth_sbc: true boundaries (frame, boundary, column of the window), m below the frame's top edge; NaN: no wall.
         optics: of each frame.
         oct_study: the scanner's frame.
-        window: what of it is seen.
+        window: the visible part of it.
         rng: source of the speckle and the noise.
         shafts: each frame's needle, drawn in the window's cells; empty: no frame has one.
     """
@@ -105,20 +104,13 @@ def draw_reduced(
 
 
 def _surface(outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
-    """Return the first surface that light meets (frame, column): the conjunctiva's, or the wall's where it has none."""
+    """Return the first surface that light meets (frame, column): the conjunctiva's, or the bare wall's."""
     slope = np.gradient(outer_m, window.column_m, axis=1)
-    over_m = np.stack([_thickness(each.conjunctiva, window) for each in optics])
+    bare = np.zeros(window.columns)
+    layers = [each.conjunctiva for each in optics]
+    over_m = np.stack([bare if layer is None else layer.thicknesses(window.laterals_m) for layer in layers])
     surface: Floats = outer_m - over_m * np.hypot(1.0, slope)
     return surface
-
-
-def _thickness(layer: Conjunctiva | None, window: FrameWindow) -> Floats:
-    """Return the thickness of a conjunctiva along the normal (column,), m; 0 where there is none."""
-    if layer is None:
-        return np.zeros(window.columns)
-    waves = np.cos(2.0 * pi * window.laterals_m / layer.wave_length_m + layer.phase_rad)
-    thickness: Floats = layer.thickness_m * (1.0 + layer.wave_fraction * waves)
-    return thickness
 
 
 def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
@@ -131,7 +123,7 @@ def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
 def _layers(
     surface_m: Floats, wall_m: Floats, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
 ) -> tuple[_Layer, ...]:
-    """Return what lies over the wall (at least the light beyond its edge), the wall and the choroid."""
+    """Return the layer over the wall (at least the light beyond its edge), the wall and the choroid."""
     outer_m, inner_m = wall_m[:, OUTER], wall_m[:, INNER]
     index, light = oct_study.refractive_index, _light(optics, window)
     falls, choroid_falls = (
@@ -151,7 +143,7 @@ def _layers(
 
 
 def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Floats, float]:
-    """Return how many independent values a cell averages: of speckle (frame, 1, 1), and of noise."""
+    """Return the number of independent values that a cell averages: of speckle (frame, 1, 1), and of noise."""
     speckles, pixels = np.ones((len(optics), 1, 1)), 1.0
     for name, cell_m, pixel_m in (
         ("axial_resolution_m", window.row_m, oct_study.depth_m / oct_study.rows),
@@ -190,9 +182,9 @@ def _speckled(
 
 
 def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Float, Float]:
-    """Return which share of each cell lies between two depths (frame, column), and how far below the first it does.
+    """Return the share of each cell between two depths (frame, column), and its distance below the first, m.
 
-    Both (frame, row, column), the distance in m; 0 in columns without these depths.
+    Both (frame, row, column); 0 in columns without these depths.
     """
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
     top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
@@ -203,12 +195,12 @@ def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Floa
 
 
 def _there(level_db: Floats) -> Float:
-    """Return levels (frame, column) for each row (frame, 1, column), without light where there is none."""
+    """Return levels (frame, column) for each row (frame, 1, column); NaN becomes no light."""
     return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
 
 def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
-    """Return the mirror reflections of the surface and of a wall below a conjunctiva, and the lines of the frames."""
+    """Return the mirror reflections of the surface and of a wall below a conjunctiva, and the frames' lines."""
     light, two_sigmas_m = _light(optics, window), 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
     interface = [-np.inf if each.conjunctiva is None else each.conjunctiva.interface_db for each in optics]
     found = []
@@ -223,7 +215,7 @@ def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], wi
 
 
 def _across(surface_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
-    """Return the horizontal lines and the covers of frames, as many lines as the frame with most of them has."""
+    """Return the horizontal lines and the covers of frames: one line per frame for each of the largest number."""
     highest_m = np.nanmin(np.minimum(surface_m, window.rows * window.row_m), axis=1)
     curves = [
         [(np.full(window.columns, line.depth_m), line.thickness_m, line.level_db) for line in each.lines]
@@ -241,7 +233,7 @@ def _across(surface_m: Floats, optics: Sequence[BscanOptics], window: FrameWindo
 
 
 def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Float, Float]:
-    """Return which share of each row (row, 1) and of each column (frame, column) the frame shows between its bands."""
+    """Return the visible share of each row (row, 1) and of each column (frame, column) between the bands."""
     down = oct_study.depth_m / window.row_m - np.arange(window.rows)
     half_m = 0.5 * oct_study.width_m - _each(optics, "band_m")
     along = (half_m - np.abs(window.laterals_m)) / window.column_m + 0.5
@@ -254,6 +246,6 @@ def _each(optics: Sequence[BscanOptics], name: str) -> Floats:
 
 
 def _decibel(share: Floats) -> Float:
-    """Return a ratio of intensities in dB; one without light as that of hardly any."""
+    """Return a ratio of intensities in dB, at least that of `DARKEST`."""
     level: Float = (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)
     return level

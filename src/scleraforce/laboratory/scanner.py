@@ -1,4 +1,4 @@
-"""All that is measured on a scanner's frames: frame by frame, then as ranges over the frames."""
+"""A scanner measured on its frames: frame by frame, then as ranges over the frames, then as a study."""
 
 import json
 from collections import Counter
@@ -46,7 +46,7 @@ from scleraforce.study.fields import field_key, field_unit
 MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
 QUANTILES = (0.05, 0.95)
 MOST_COUNTS = 100  # entries of a list of counts
-# Fields of `PhantomStudy` that are measured; those of NOT_DRAWN are no fields: it draws nothing of the kind.
+# Measured fields of `PhantomStudy`; the names in NOT_DRAWN are not fields: it draws nothing of the kind.
 MEASURED = (
     "snr_db", "axial_resolution_m", "lateral_resolution_m", "display_floor_db", "display_range_db", "band_m",
     "attenuation_per_m", "reflection_db", "reflection_angle_rad", "choroid_level_db", "choroid_attenuation_per_m",
@@ -63,7 +63,7 @@ OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
 
 @dataclass(frozen=True, eq=False)
 class MeasuredFrame:
-    """What one frame says: `values` by the field's name, in SI; the shadows and lines that are seen in it."""
+    """One frame's results: `values` by the field's name, in SI; the visible shadows and lines."""
 
     eye: ImagedEye
     display: Display
@@ -74,9 +74,9 @@ class MeasuredFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredRange:
-    """A value over all frames, in SI: `median`, from `low` to `high`; of how many frames or things (`seen`) it is.
+    """A value over all frames, in SI: `median`, from `low` to `high`; the number of frames or things it was `seen` in.
 
-    `at_most`: it is an upper bound, in all of them.
+    `at_most`: an upper bound, in all of them.
     """
 
     median: float
@@ -88,9 +88,9 @@ class MeasuredRange:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredScanner:
-    """A scanner: its `display`; ranges by the field's name, in SI, or why there is none; counts of each frame; frames.
+    """A scanner: its `display`; ranges, or reasons, by the field's name, in SI; counts of each frame; frames.
 
-    A display that could not be told (`spread_slope` has no range) is taken for a logarithmic one.
+    A display that could not be measured (`spread_slope` has no range) is taken for a logarithmic one.
     """
 
     display: DisplayKind
@@ -99,7 +99,7 @@ class MeasuredScanner:
     frames: tuple[MeasuredFrame, ...]
 
     def phantom(self) -> PhantomStudy:
-        """Return the section of a study that draws what was measured; what was not keeps its default."""
+        """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
         measured: dict[str, Choice | Range] = {}
         for name in MEASURED:
             found = self.ranges[name]
@@ -114,10 +114,7 @@ class MeasuredScanner:
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
-    """Measure a scanner on frames of an eye at rest.
-
-    Args:
-        eyes: the frames, at least one, each with its wall.
+    """Measure a scanner on frames of an eye at rest, at least one.
 
     Raises:
         FrameError: a frame shows too little to be measured, or nothing that a study could draw.
@@ -155,7 +152,7 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
 
 
 def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) -> tuple[MeasuredFrame, SurfaceLight]:
-    """Measure one frame, all but its reflection, which is told from all frames together."""
+    """Measure one frame, except its reflection, which is fitted to all frames together."""
     display = fit_display(eye, kind)
     tissue = light_in_wall(eye, display)
     spread, skew = _speckle_spread(tissue, display)
@@ -186,12 +183,12 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) ->
 
 
 def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimate | Unmeasured]:
-    """Return how far the wall's speckle spreads on the display, over what the noise says, and its skew.
+    """Return the spread of the wall's speckle over that of one look on the noise's scale, and its skew.
 
-    The spread is 1 where nothing is averaged, more where the noise is, or where the display is not logarithmic; it is 1
-    where it cannot be told. The skew is that of octiles: -0.20 of one look, in dB.
+    The spread is 1 without averaging or if unknown, larger if the noise is averaged or the display is not logarithmic.
+    The skew is an octile skew: -0.20 for one look, in dB.
     """
-    expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
+    expected_db = tissue.expected_db
     chosen = tissue.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)
     if np.count_nonzero(chosen) < LEAST_PIXELS:
         return 1.0, Unmeasured("too little of the wall lies within the display")
@@ -201,7 +198,7 @@ def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimat
 
 
 def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured:
-    """Return the range of a value over frames; of one frame, its standard error to both sides."""
+    """Return the range of a value over frames; for one frame, its standard error to both sides."""
     known = [each for each in found if isinstance(each, Estimate)]
     if not known:
         reasons = Counter(each.reason for each in found if isinstance(each, Unmeasured))
@@ -219,7 +216,7 @@ def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured
 def _of_things(
     things: Sequence[SeenShadow | SeenLine], names: tuple[str, ...], prefix: str, reason: str
 ) -> dict[str, MeasuredRange | Unmeasured]:
-    """Return the ranges of what shadows or lines have, over all of them."""
+    """Return the ranges of the values of shadows or lines, over all of them."""
     return {
         prefix + name: _range(
             [Estimate(value=float(getattr(thing, name)), error=0.0) for thing in things] or [Unmeasured(reason)]
@@ -229,7 +226,7 @@ def _of_things(
 
 
 def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRange | Unmeasured:
-    """Return a range within what a study takes for that key; one that lies outside is none."""
+    """Return a range within the bounds of the study's key; one that lies outside is unmeasured."""
     items = {item.name: item for item in fields(PhantomStudy)}
     if isinstance(found, Unmeasured) or name not in items:
         return found
@@ -251,7 +248,7 @@ def _sampled(name: str, found: MeasuredRange) -> Choice | Range:
 
 
 BINS = 64
-BEYOND_M = 5e-3  # a wall that is seen up to the picture's edge goes on
+BEYOND_M = 5e-3  # of a wall that is seen up to the picture's edge
 
 
 def oct_of(eye: ImagedEye) -> OctStudy:
@@ -268,16 +265,7 @@ def oct_of(eye: ImagedEye) -> OctStudy:
 
 
 def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator) -> Pixels:
-    """Draw a frame with the values that were measured on one, and its wall.
-
-    Args:
-        frame: the measured one.
-        phantom: what its scanner's other values are drawn from.
-        rng: source of the speckle and the noise.
-
-    Returns:
-        Counts of the frame's shape and type.
-    """
+    """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
     eye = frame.eye
     scanner = oct_of(eye)
     optics = _optics(frame, sample_optics(phantom, scanner, rng), scanner)
@@ -337,14 +325,7 @@ OCT_KEYS = ("width_mm", "depth_mm", "columns", "rows", "bits", "refractive_index
 
 
 def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, version: str) -> str:
-    """Return the file's text.
-
-    Args:
-        scanner: what was measured.
-        names: of the frames.
-        date: of the measurement.
-        version: of scleraforce.
-    """
+    """Return the text of the study file, with the frames' names, the date and the version of scleraforce."""
     study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom())
     sections = _sections(format_study(study))
     keys = {item.name: field_key(item) for item in fields(PhantomStudy)}

@@ -1,4 +1,15 @@
-"""One frame of an eye at rest, as it is measured: its pixels, their scale, and the wall that was found in it."""
+"""A measured frame of an eye at rest, and its display: from counts back to light, by the noise above the tissue.
+
+Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: its quantiles lie at -ln(1 -
+p) over the mean noise, and in dB they have a standard deviation of 5.57 dB. A line through the quantiles of the counts,
+over their values on a display of a known kind (`display_kind`), gives its gain and its offset. Quantiles also hold
+where the display cuts off darker pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
+
+Scanners average frames. That takes the noise's spread away, but not the speckle's, which is the same in every frame of
+an eye at rest. Where the wall's speckle spreads farther than the noise on a logarithmic display, the scale comes from
+it instead, by the quartiles of an exponential intensity, and the noise gives the number of averaged looks. On other
+displays averaged noise looks like an offset: a display with an offset is refused.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,13 +39,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Unmeasured:
-    """Why a value could not be measured."""
+    """The reason why a value could not be measured."""
 
     reason: str
 
 
 def fitted(value: float, error: float, most: float, reason: str) -> Estimate | Unmeasured:
-    """Return what a fit found, where its standard error is at most so large; else why that is no measurement."""
+    """Return a fit's value if its standard error is small enough, else the reason."""
     if isfinite(value) and isfinite(error) and error <= most:
         return Estimate(value=float(value), error=float(error))
     return Unmeasured(reason)
@@ -55,9 +66,9 @@ UNSEEN_M = 0.4e-3  # below the surface there is wall, where the inner boundary i
 
 @dataclass(frozen=True, eq=False)
 class ImagedEye:
-    """A frame, `pixels` (row, column), of so many `bits`; `wall`: its boundaries; `inner_found`: the inner one is seen.
+    """A frame, `pixels` (row, column) of `bits` bits, and its `wall`; `inner_found`: its inner boundary is seen.
 
-    Rows are those of pixel centres, as of the boundaries.
+    Rows are counted by pixel centres, as in the boundaries.
     """
 
     name: str
@@ -92,7 +103,7 @@ class ImagedEye:
 
     @cached_property
     def walled(self) -> NDArray[np.bool_]:
-        """Which columns show the wall, (column,)."""
+        """The columns that show the wall, (column,)."""
         there: NDArray[np.bool_] = np.isfinite(self.wall.outer_row) & np.isfinite(self.wall.inner_row)
         return there
 
@@ -123,7 +134,7 @@ class ImagedEye:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Which pixels are wall, away from its boundaries, (row, column)."""
+        """The pixels in the wall, away from its boundaries, (row, column)."""
         inside: NDArray[np.bool_] = (self.below_surface_rows >= self.edge_rows) & (
             self.below_inner_rows < -self.edge_rows
         )
@@ -148,7 +159,7 @@ QUARTILES = (0.25, 0.5, 0.75)
 
 @dataclass(frozen=True, kw_only=True)
 class DisplayKind:
-    """What counts grow with: `shown` of an intensity, and `level_db` of what is shown, the intensity's level."""
+    """A display's law: counts grow with `shown` of an intensity; `level_db` of that is the intensity's level."""
 
     name: str
     shown: Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -156,7 +167,7 @@ class DisplayKind:
 
     @property
     def spread_slope(self) -> float:
-        """By how much the quartiles of one look part where its median grows by one count."""
+        """The growth of one look's interquartile range for each count of its median."""
         low, middle, high = self.shown(-np.log1p(-np.array(QUARTILES)))
         twice = self.shown(-2.0 * np.log1p(-np.array(QUARTILES)))
         return float((twice[2] - twice[0] - (high - low)) / (twice[1] - middle))
@@ -175,9 +186,9 @@ MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from
 
 
 def spread_slope(eye: ImagedEye) -> Estimate | Unmeasured:
-    """Return how much farther the quartiles of a frame's speckle part, in counts, where its median is one count higher.
+    """Return the growth of the speckle's interquartile range, in counts, for each count of its median.
 
-    Of one look it is 0 on a logarithmic display, 0.77 on one of roots, 1.58 on a linear one.
+    For one look it is 0 on a logarithmic display, 0.77 on one of roots, 1.58 on a linear one.
     """
     blocks = [block for block in _blocks(eye) if np.quantile(block, 0.1) > 0.0 and np.quantile(block, 0.9) < eye.top]
     if len(blocks) < LEAST_BLOCKS:
@@ -188,7 +199,7 @@ def spread_slope(eye: ImagedEye) -> Estimate | Unmeasured:
 
 
 def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
-    """Return the kind of the display whose frames have these slopes: a logarithmic one where none could be told."""
+    """Return the kind of the display of frames with these slopes; logarithmic if no slope was measured."""
     known = [slope.value for slope in slopes if isinstance(slope, Estimate)]
     if not known:
         return LOGARITHMIC
@@ -197,7 +208,7 @@ def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
 
 
 def dithered(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return whole counts, half a count spread evenly about each: their quantiles are no steps."""
+    """Return whole counts spread evenly over half a count to each side, so that their quantiles have no steps."""
     spread: NDArray[np.float64] = counts + (np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32)
     return spread
 
@@ -218,15 +229,15 @@ def _blocks(eye: ImagedEye) -> list[NDArray[np.float64]]:
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
 QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
-CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are no noise
+CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are not noise
 LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
 MOST_CUT = 0.8  # of the noise may lie below the display
-BLACK_SHARE = 0.98  # a block with so many zeros, where others have light, is none of the picture
+BLACK_SHARE = 0.98  # of a block is black: it lies outside of the picture
 GROUPS = 4  # of columns, whose differences tell how sure the scale is
 LEAST_PIXELS = 1000
 LOOKS = (0.05, 1e7)  # of the noise: what is looked for
-LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
-DARKEST_DB = -30.0  # stands for no light, where count 0 is none
+LEAST_COUNTS = 2  # between the quartiles of the noise: less may be rounding
+DARKEST_DB = -30.0  # stands for darkness at count 0
 MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: where no light at all has more, it is no offset
 
 
@@ -234,9 +245,8 @@ MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: where no light
 class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
-    `kind`: what counts grow with in between. `misfit`: of the noise to an exponential intensity on such a scale,
-    standard deviation in dB where that of the noise is 5.57 dB; below about 0.3 the scale is one. `cut_share`: of the
-    noise that is at count 0. `looks`: of the noise that were averaged.
+    `misfit_db`: of the noise to an exponential intensity on such a scale (the noise has 5.57 dB; below about 0.3 the
+    scale is right). `cut_share`: of the noise at count 0. `looks`: number of averaged looks in the noise.
     """
 
     kind: DisplayKind
@@ -260,10 +270,10 @@ class Display:
 
 
 def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
-    """Return a frame's noise: its counts, (row, column), NaN but in the blocks above the tissue that show nothing.
+    """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks above the tissue.
 
     Raises:
-        FrameError: there is too little of it.
+        FrameError: there are too few of them.
     """
     rows, columns = BLOCK
     left, right = eye.bands
@@ -294,7 +304,7 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
     """Find the scale of a frame's display of a kind.
 
     Raises:
-        FrameError: no noise is seen, it has no spread, or no light at all has a count of its own.
+        FrameError: the noise is invisible or has no spread, or no light at all has a count of its own.
     """
     noise = air_counts(eye)
     lit = noise[:, np.isfinite(noise).any(axis=0)]
@@ -325,13 +335,7 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
 
 
 def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
-    """Return a logarithmic scale on which the wall's speckle spreads so many times less than on that of the noise.
-
-    It then spreads as one look.
-
-    Raises:
-        FrameError: as of `fit_display`.
-    """
+    """Return a logarithmic scale on which the wall's speckle spreads `spread` times less, as one look does."""
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
     low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], (0.25, 0.5, 0.75)) * (range_db / eye.top)
@@ -347,7 +351,7 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
 
 
 def _quartiles_db(looks: float) -> float:
-    """Return how far the quartiles of the mean intensity of so many looks lie apart, dB."""
+    """Return the interquartile range, dB, of the mean intensity of a number of looks."""
     return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks)))
 
 
@@ -359,7 +363,7 @@ def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple
 
 
 def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float, float]:
-    """Return counts for each unit of what is shown, the count of none, the misfit, dB, and the noise's share at 0."""
+    """Return counts for each unit of shown intensity, the count of darkness, the misfit, dB, the noise's share at 0."""
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
     if cut > MOST_CUT:

@@ -1,4 +1,4 @@
-"""What a scanner shows of tissue: the wall's light and its fall, the layer below the wall, shadows."""
+"""The light that a scanner shows: of the wall, the layer below, shadows, reflection, speckle, lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ from scleraforce.library.placement import robust_spread
 BIN_M = 15e-6  # of depth
 LEAST_BINS, LEAST_IN_BIN = 5, 50
 OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light
-SHADED_DB, SHADED_SDS = 0.7, 3.0  # a column that gets so much less, and by so many of its deviations, is left out
+SHADED_DB, SHADED_SDS = 0.7, 3.0  # less light than this, and by this number of deviations: a shaded column
 SMOOTH_M = 60e-6  # of the columns' light
-BASE_M = 2.5e-3  # of what its slow changes are: they are none of a shadow
+BASE_M = 2.5e-3  # of its slow changes, wider than a shadow
 MOST_ATTENUATION_SHARE = 0.3
 FACING_RAD = 0.35  # up to this slope columns tell a roll-off
 LEAST_REACH_M = 0.3e-3  # of depths of the surface
@@ -42,9 +42,9 @@ MOST_ROLL_OFF_ERROR = 2e3  # dB/m
 class WallLight:
     """Light in the wall of a frame.
 
-    `levels` (row, column): the frame in dB over the mean noise; `inside`: what of it is wall, away from its boundaries.
-    `expected` (row, column): mean intensity of the wall over the noise, the columns' own light left out.
-    `column_db` (column,): light of a column against the typical one, NaN without a wall; `clear`: no shadow is on it.
+    `levels` (row, column): the frame in dB over the mean noise; `inside`: its pixels in the wall, away from the
+    boundaries. `expected` (row, column): mean intensity of the wall over the noise, without the columns' own light.
+    `column_db` (column,): light of a column against the typical one, NaN without a wall; `clear`: unshaded columns.
     """
 
     levels: NDArray[np.float64]
@@ -55,11 +55,17 @@ class WallLight:
     snr_db: Estimate
     attenuation_per_m: Estimate | Unmeasured
 
+    @property
+    def expected_db(self) -> NDArray[np.float64]:
+        """Mean level of the wall and the noise over the noise, (row, column)."""
+        levels: NDArray[np.float64] = 10.0 * np.log10(self.expected + 1.0) + np.nan_to_num(self.column_db)
+        return levels
+
 
 def depth_profile(
     levels: NDArray[np.float64], depth_m: NDArray[np.float64], chosen: NDArray[np.bool_], bin_m: float
 ) -> tuple[Trace, Trace, Trace]:
-    """Return each bin's mean depth, the mean level in dB there as its median tells it, and how many pixels it has."""
+    """Return each bin's mean depth, its mean level in dB (from the median), and its number of pixels."""
     number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
     order = np.argsort(number, kind="stable")
     bins, start = np.unique(number[order], return_index=True)
@@ -72,10 +78,10 @@ def depth_profile(
 
 
 def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
-    """Fit the light in the wall; columns in a shadow are left out, in a second pass.
+    """Fit the light in the wall, in a second pass without shaded columns.
 
     Raises:
-        FrameError: too little of the wall can be seen to tell its light.
+        FrameError: too little of the wall is visible.
     """
     levels = display.levels(eye.pixels)
     depth_m = eye.below_surface_rows * eye.row_m
@@ -86,7 +92,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
         fall = np.exp(-2.0 * value[1] * np.maximum(depth_m, 0.0))
         expected = 10.0 ** (value[0] / 10.0) * np.nan_to_num(fall)
         column_db = _column_light(eye, levels - level_db(expected + 1.0), inside)
-        dips = column_db - _slow(eye, column_db)
+        dips = _dips(eye, column_db)
         least = max(SHADED_DB, SHADED_SDS * robust_spread(np.abs(dips[np.isfinite(dips)])))
         clear = np.nan_to_num(dips, nan=-np.inf) > -least
     snr = Estimate(value=float(value[0]), error=float(error[0]))
@@ -131,7 +137,7 @@ def _seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
 
 
 def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Trace:
-    """Return how much more light each column gets than the typical one, dB."""
+    """Return the light of each column over the typical one, dB."""
     light = np.full(inside.shape[1], np.nan)
     enough = inside.sum(axis=0) >= LEAST_BINS
     if enough.any():
@@ -142,25 +148,20 @@ def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDAr
     return light
 
 
-def _slow(eye: ImagedEye, column_db: Trace) -> Trace:
-    """Return the slow changes of the columns' light: a median over what is wider than shadows are."""
+def _dips(eye: ImagedEye, column_db: Trace) -> Trace:
+    """Return the columns' light without its slow changes, a median over more than a shadow's width, dB."""
     slow, columns = np.full(len(column_db), np.nan), np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
     slow[columns] = median_filter(column_db[columns], min(width, len(columns) | 1), mode="nearest")
-    return slow
-
-
-def typical(eye: ImagedEye, column_db: Trace) -> Trace:
-    """Return the columns' light without its slow changes: what shadows do, dB."""
-    dips: Trace = column_db - _slow(eye, column_db)
+    dips: Trace = column_db - slow
     return dips
 
 
 def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
-    """Return how fast the light of the wall's columns falls with the depth of their surface in the frame, dB/m.
+    """Return the fall of the light of the wall's columns with the depth of their surface in the frame, dB/m.
 
-    This is the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame does not tell them
-    apart. Steep columns are left out.
+    It mixes the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame cannot separate
+    them.
     """
     used = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FACING_RAD)
     depth_m = eye.surface_row[used] * eye.scale.depth_m
@@ -249,7 +250,7 @@ class SeenShadow:
 
 def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
     """Return the shadows on a frame's wall."""
-    light_db = typical(eye, tissue.column_db)
+    light_db = _dips(eye, tissue.column_db)
     known = np.isfinite(light_db)
     deviation = robust_spread(np.abs(light_db[known]))
     dark, _ = label(np.nan_to_num(light_db) < -max(SHADOW_DB, SHADOW_SDS * deviation))
@@ -258,7 +259,7 @@ def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
 
 
 def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, ...]:
-    """Return shadows without those that lie in another one: parts of it that speckle has cut off."""
+    """Return the shadows that lie in no wider one: speckle cuts parts off."""
     kept: list[SeenShadow] = []
     for shadow in sorted(shadows, key=lambda each: -each.width_m):
         if all(abs(shadow.column - other.column) * lateral_m > other.width_m / 2 for other in kept):
@@ -267,7 +268,7 @@ def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, 
 
 
 def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow | None:
-    """Return the shadow that lies about a run of dark columns; None: none fits."""
+    """Return the shadow about a run of dark columns; None: no fit."""
     columns = place.stop - place.start
     if columns < SHADOW_COLUMNS:
         return None
@@ -306,7 +307,7 @@ def resolutions(
     eye: ImagedEye, display: Display, tissue: WallLight
 ) -> tuple[Estimate | Unmeasured, Estimate | Unmeasured]:
     """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
-    expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
+    expected_db = tissue.expected_db
     chosen = (
         tissue.inside & tissue.clear & (expected_db > SPECKLE_DB) & (expected_db < display.highest_db - UNDER_TOP_DB)
     )
@@ -331,12 +332,7 @@ def resolutions(
 
 
 def drawn_correlation(sigma: float, lags: int) -> Trace:
-    """Return how intensities of drawn speckle correlate at lags of 0, 1, ... pixels.
-
-    Args:
-        sigma: standard deviation of the Gaussian amplitude, pixels.
-        lags: how many.
-    """
+    """Return the correlation of drawn intensities at `lags` lags from 0; `sigma`: of the amplitude, pixels."""
     reach = int(np.ceil(3.5 * sigma))
     kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
     field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
@@ -380,7 +376,7 @@ def _width(correlation: Trace, share: float, pixels: int) -> Estimate | Unmeasur
 
 
 def _of_logarithms(rho: Trace) -> Trace:
-    """Return how logarithms of exponential intensities correlate that correlate by rho themselves."""
+    """Return the correlation of the logarithms of exponential intensities with correlation rho."""
     correlated: Trace = spence(1.0 - rho) / spence(0.0)
     return correlated
 
@@ -413,7 +409,7 @@ class SurfaceLight:
     """Pixels about a frame's surface, (pixel,).
 
     `slope_rad` of the surface, rows `below` it, and the `light` over the speckle of the column. `sigma_rows`: of the
-    amplitude along the depth; `noise`: over the speckle; `fault`: why the reflection cannot be told.
+    amplitude along the depth; `noise`: over the speckle; `fault`: why the reflection cannot be measured.
     """
 
     slope_rad: Trace
@@ -453,9 +449,9 @@ def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Es
 
 
 def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasured], Estimate | Unmeasured]:
-    """Return each frame's reflection at normal incidence over its speckle, dB, and the angle of all, rad.
+    """Return each frame's reflection at normal incidence over its speckle, dB, and the common angle, rad.
 
-    The angle is the slope at which the reflection has fallen to 1/e.
+    At that slope the reflection has fallen to 1/e.
     """
     usable = [frame for frame in frames if not frame.fault]
     if not usable:
@@ -485,16 +481,16 @@ def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
 # Gain, angle, deviation, and the offsets at KNOTS_RAD.
 LOW = np.array([0.0, 0.01, 0.05] + [-3.0] * len(KNOTS_RAD))
 HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
-NEAR_END = 0.95  # of the largest angle that is looked for: a fit that runs there has found none
+NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 
 
 def _fit_reflection(
     frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
 ) -> tuple[Trace, Trace] | None:
-    """Fit the light of frames' pixels; return the values and standard errors, None where none fit.
+    """Fit the light of frames' pixels; return the values and standard errors, or None.
 
-    Values: the reflection over the speckle; its angle, rad; the deviation of the surface that was found, rows, and how
-    many rows the true one lies below it, at KNOTS_RAD. Those `held` are the start.
+    Values: the reflection over the speckle; its angle, rad; the deviation of the found surface, rows, and the depth of
+    the true one below it, rows, at KNOTS_RAD. Parameters that are `held` keep their start.
     """
     slope, below, light = (
         np.concatenate([getattr(frame, name) for frame in frames]) for name in ("slope_rad", "below", "light")
@@ -552,7 +548,7 @@ class SeenLine:
 
 
 def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
-    """Return the lines across a frame, in rows in which some columns show the air above the tissue."""
+    """Return the lines across a frame, in rows with enough columns of air."""
     air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
     imaged = air.shape[1] - sum(eye.bands)
     rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
@@ -589,7 +585,7 @@ def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int
 
 
 def _mirrored(level_db: Trace) -> Trace:
-    """Return the light of mirrors over the mean noise, by the level of the median over that of the noise."""
+    """Return the light of mirrors over the mean noise, from the median's level over the noise's."""
     light = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])
     median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * light) / 2.0) - MEDIAN_DB
     mirrored: Trace = np.interp(level_db, median_db, light)

@@ -1,4 +1,4 @@
-"""The frame of a scene, and the wall in it: a meridian that bends as cornea and sclera do, its dents, its pose."""
+"""The frame of a scene and the wall in it: a meridian that bends as cornea and sclera do, its dents, its pose."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,8 +12,8 @@ from scleraforce.study.fields import Sampled
 
 Curve = NDArray[np.float64]
 
-ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, for what is mirrored from there
-BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it, at so many places
+ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, and mirrored from there
+BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it; points of their grid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Window:
 
     @cached_property
     def grid_m(self) -> Curve:
-        """Evenly spaced lateral positions that curves are kept at, m; they reach beyond the frame."""
+        """Evenly spaced lateral positions of stored curves, m; they reach beyond the frame."""
         half_m = self.width_m * (0.5 + BEYOND_SHARE)
         grid_m: Curve = np.linspace(-half_m, half_m, GRID_POINTS)
         return grid_m
@@ -82,7 +82,7 @@ def draw_even_logarithm(values: Sampled, rng: np.random.Generator) -> float:
 
 Points = NDArray[np.float64]
 
-STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and how far it goes to each side
+STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and its reach to each side
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
 WAVES = 3
 SPUR_M = 0.2e-3  # half width of the scleral spur along the surface
@@ -92,9 +92,9 @@ CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
 
 @dataclass(frozen=True, kw_only=True)
 class Limbus:
-    """Where cornea and sclera meet: `arc_m` along the surface from the apex, `spur_m` at the scleral spur.
+    """The border of cornea and sclera: `arc_m` along the surface from the apex, `spur_m` at the scleral spur.
 
-    The shape changes over `width_m`, the light over `edge_m`; the study says what slant and wedge are.
+    The shape changes over `width_m`, the light over `edge_m`; the study explains slant and wedge.
     """
 
     arc_m: float
@@ -106,16 +106,16 @@ class Limbus:
     spur_bump_m: float
 
     def shape(self, arc_m: Curve) -> Curve:
-        """Return how far the wall has the cornea's shape (1) or the sclera's (0)."""
+        """Return the part of the cornea (1; 0: of the sclera) in the wall's shape."""
         return _falling(np.abs(arc_m) - self.arc_m, self.width_m)
 
     def cornea(self, arc_m: Curve, share: float) -> Curve:
-        """Return how far the light is the cornea's (1) or the sclera's (0), at a share of the wall's depth."""
+        """Return the part of the cornea (1; 0: of the sclera) in the light at a share of the wall's depth."""
         reach_m = self.slant_m * (share - 0.5) + self.wedge_m * (1.0 - abs(2.0 * share - 1.0))
         return _falling(np.abs(arc_m) - self.arc_m - reach_m, self.edge_m)
 
     def spur(self, arc_m: Curve) -> Curve:
-        """Return by how much the scleral spur thickens the wall, m."""
+        """Return the thickness that the scleral spur adds, m."""
         bump: Curve = self.spur_bump_m * np.exp(-(((np.abs(arc_m) - self.spur_m) / SPUR_M) ** 2))
         return bump
 
@@ -126,7 +126,7 @@ class DrawnWall:
 
     `outer` (point, 2): lateral and depth, m; `normal` (point, 2): unit vectors into the eye; `thickness_m` along them;
     `arc_m` along the surface from the apex. `pose` takes points of the eye (the apex of the undeformed surface at 0, 0)
-    to the frame. `limbus` is None where there is no cornea; `dent_m` is the lateral place of a dent, None without one.
+    to the frame. `dent_m`: the lateral place of a dent.
     """
 
     outer: Points
@@ -143,13 +143,13 @@ class DrawnWall:
         return self.offset(self.thickness_m)
 
     def offset(self, depth_m: Curve) -> Points:
-        """Return the curve that lies so deep below the surface along its normal, shape (point, 2), m."""
+        """Return the curve at depths below the surface along its normal, (point, 2), m."""
         curve: Points = self.outer + depth_m[:, None] * self.normal
         return curve
 
 
 def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, rng: np.random.Generator) -> DrawnWall:
-    """Draw a wall and how it lies in a frame."""
+    """Draw a wall and its pose in a frame."""
     arc_m = np.arange(-REACH_M, REACH_M + STEP_M / 2, STEP_M)
     limbus = _limbus(eye, rng)
     cornea = np.zeros(len(arc_m)) if limbus is None else limbus.shape(arc_m)
@@ -182,7 +182,7 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
 
 
 def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
-    """Return where cornea and sclera meet; None: no cornea."""
+    """Draw the limbus; None: the eye has no cornea."""
     arc_m = draw(eye.limbus_m, rng)
     limbus = Limbus(
         arc_m=arc_m,
@@ -197,7 +197,7 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
 
 
 def _falling(beyond_m: Curve, width_m: float) -> Curve:
-    """Return what falls from 1 to 0 over a width, about 0."""
+    """Return a curve that falls from 1 to 0 over a width, about 0."""
     falling: Curve = 1.0 / (1.0 + np.exp(np.clip(beyond_m / (width_m / 4), -50.0, 50.0)))
     return falling
 
@@ -234,7 +234,7 @@ def _integrated(slope: Curve) -> Points:
 def _dented(
     eye: SceneEyeStudy, outer: Points, slope: Curve, arc_m: Curve, view_m: float, rng: np.random.Generator
 ) -> tuple[float | None, Points]:
-    """Push a needle into the meridian, near the place that is looked at; return the dent's arc and the meridian."""
+    """Push a needle into the meridian, near the middle of the view; return the dent's arc and the meridian."""
     if rng.random() >= eye.dent_share:
         return None, outer
     width_m = draw(eye.dent_width_m, rng)
@@ -248,7 +248,7 @@ def _dented(
 
 
 def _pose(outer: Points, at: int, turn_rad: float, surface_share: float, window: Window) -> Pose:
-    """Return how the eye is turned and moved: the place looked at in the middle, the surface at its depth."""
+    """Return the pose that puts the point of the view in the middle and the surface at its depth."""
     turned = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=turn_rad).place_points(outer)
     lateral_m = -float(turned[at, 0])
     inside = np.abs(turned[:, 0] + lateral_m) < window.width_m / 2

@@ -1,4 +1,7 @@
-"""What lies over the wall of a scene: lid, lens, coverslip, drape, needle; and shadows, those of vessels too."""
+"""Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale and the true wall.
+
+Lids, lenses, coverslips, drapes, needles and shadows lie over the tissue (`scene_tissue`); a scanner shows the result.
+"""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -13,16 +16,17 @@ from scleraforce.laboratory.light import (
     add_ridge,
     amplitude_sigma,
     circular_gaussian,
+    ratios,
     seen_through,
     transmission,
 )
-from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture, level
+from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture
 from scleraforce.laboratory.scene_wall import Curve, Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneOverStudy, SceneScannerStudy, ScenesStudy, draw
 
-OPAQUE_PER_M = 40e3  # attenuation of metal and of what is as thick
+OPAQUE_PER_M = 40e3  # attenuation of metal
 LINE_ROWS = (0.5, 1.4)  # half widths of bright curves
 NEEDLE_LENGTH_M = 20e-3
 AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
@@ -30,7 +34,7 @@ AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 
 @dataclass(frozen=True)
 class _Over:
-    """What is drawn over the tissue, and what of: the places of columns are in m."""
+    """The drawing that things over the tissue are added to; places of columns are in m."""
 
     study: SceneOverStudy
     picture: Picture
@@ -53,32 +57,24 @@ class _Over:
         return float(self.rng.uniform(self.lateral_m[0], self.lateral_m[-1]))
 
     def from_side(self, left: bool) -> Curve:
-        """Return how far columns lie from the frame's left or right edge, m."""
+        """Return the distance of columns from the frame's left or right edge, m."""
         half_m = self.picture.window.width_m / 2
         return self.lateral_m + half_m if left else half_m - self.lateral_m
 
     def line(self, depth_m: Curve, level_db: float | Curve) -> None:
         """Add a thin bright curve."""
-        bright = np.broadcast_to(level(level_db), depth_m.shape)
+        bright = np.broadcast_to(ratios(level_db), depth_m.shape)
         self.picture.ridges.append(Ridge(self.row(depth_m), bright, self.rng.uniform(*LINE_ROWS)))
 
     def body(self, top_m: Curve, bottom_m: Curve, level_db: float, attenuation_per_m: float) -> None:
-        """Fill what lies between two curves, in front of what was there."""
-        self.picture.fill(self.row(top_m), self.row(bottom_m), level(level_db), attenuation_per_m, 1.0)
+        """Replace the picture between two curves."""
+        self.picture.fill(self.row(top_m), self.row(bottom_m), ratios(level_db), attenuation_per_m, 1.0)
 
 
 def draw_over(
     study: SceneOverStudy, tissue: Tissue, dent_m: float | None, picture: Picture, rng: np.random.Generator
 ) -> None:
-    """Draw what lies over the tissue, and the shadows of vessels in it.
-
-    Args:
-        study: ranges and shares.
-        tissue: as drawn into the picture.
-        dent_m: lateral place of a dent, where the needle is then; None where there is none.
-        picture: drawn into.
-        rng: source of all that is drawn.
-    """
+    """Draw things over the tissue and vessels in it; a needle is put into a dent (`dent_m`, lateral)."""
     over = _Over(study, picture, tissue, rng)
     _vessels(over)
     for share, thing in (
@@ -146,7 +142,7 @@ def _specks(over: _Over, top_m: Curve) -> None:
     depth_m = top_m[column] + over.rng.random(count) * (over.surface_m - top_m)[column]
     row = np.nan_to_num(over.row(depth_m), nan=-1.0, posinf=-1.0, neginf=-1.0).astype(np.intp)
     inside = (row >= 0) & (row < len(over.picture.scatter))
-    bright = level(draw(over.study.speck_db, over.rng) - 6.0 * over.rng.random(count))
+    bright = ratios(draw(over.study.speck_db, over.rng) - 6.0 * over.rng.random(count))
     over.picture.scatter[row[inside], column[inside]] = bright[inside]
 
 
@@ -239,27 +235,20 @@ def _needle(over: _Over, tip_m: float) -> None:
 
 
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
-SAMPLE = 7  # every so many pixels tell what is bright
+SAMPLE = 7  # every 7th pixel tells the brightness
 LEAST_LIGHT = 1e-3  # over the noise
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A frame, and which of its columns are imaged (column,): not the black bands at its sides."""
+    """A frame and its imaged columns (column,), outside of the black bands."""
 
     frame: Pixels
     imaged: NDArray[np.bool_]
 
 
 def scanned(study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator) -> Shown:
-    """Return the frame that a scanner shows.
-
-    Args:
-        study: ranges and shares.
-        picture: what light meets.
-        apex_column: where the surface lies across the light; None where it does nowhere.
-        rng: source of all that is drawn.
-    """
+    """Return the frame that a scanner shows of a picture; `apex_column`: the surface lies across the light there."""
     lines = _lines(study, picture.window, rng)
     field = _field(study, picture, lines, rng)
     light = _folded(study, field, picture.window, rng)
@@ -278,15 +267,17 @@ def _lines(study: SceneScannerStudy, window: Window, rng: np.random.Generator) -
     lines = []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
-        bright = np.full(window.columns, level(draw(study.line_db, rng)))
+        bright = np.full(window.columns, ratios(draw(study.line_db, rng)))
         lines.append(Ridge(row, bright, amplitude_sigma(draw(study.line_m, rng)) / window.pixel_m, shadowed=False))
     return lines
 
 
 def _field(study: SceneScannerStudy, picture: Picture, lines: list[Ridge], rng: np.random.Generator) -> Complex:
-    """Return the field of the light that comes back, seen with the scanner's speckle, without its noise."""
+    """Return the field of the returning light, seen with the scanner's speckle, without its noise."""
     depth = np.maximum(picture.rows - picture.window.above, 0.0) / picture.window.rows
-    reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * level(-draw(study.rolloff_db, rng) * depth).astype(np.float32)
+    reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * ratios(-draw(study.rolloff_db, rng) * depth).astype(
+        np.float32
+    )
     field = np.sqrt(picture.scatter * reaching) * circular_gaussian(picture.scatter.shape, rng)
     sigmas = (amplitude_sigma(draw(width, rng)) for width in (study.speckle_rows, study.speckle_columns))
     field = seen_through(field, *sigmas)
@@ -296,7 +287,7 @@ def _field(study: SceneScannerStudy, picture: Picture, lines: list[Ridge], rng: 
 
 
 def _reaching(ridge: Ridge, reaching: Float) -> Curve | float:
-    """Return the share of the light that reaches a bright curve and comes back, (column,)."""
+    """Return the share of the light that reaches a bright curve and returns, (column,)."""
     if not ridge.shadowed:
         return 1.0
     row = np.clip(np.nan_to_num(ridge.row, nan=0.0) - 1.0, 0, len(reaching) - 1).astype(np.intp)
@@ -305,14 +296,16 @@ def _reaching(ridge: Ridge, reaching: Float) -> Curve | float:
 
 
 def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.random.Generator) -> Float:
-    """Return the frame's intensity over the mean noise: what lies above the zero delay is mirrored, noise is added.
+    """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored and noise added.
 
     The intensity of several looks lies between that of one and their mean.
     """
     below, above = field[window.above :], field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
         below[: len(above)] += above
-    noise_level = level(draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below)))[:, None].astype(np.float32)
+    noise_level = ratios(draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below)))[:, None].astype(
+        np.float32
+    )
     mean = np.square(np.abs(below)) + noise_level
     seen = below + np.sqrt(noise_level) * circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
@@ -325,19 +318,19 @@ def _add_flare(
 ) -> None:
     """Add the vertical stripe of the apex' mirror reflection, over the whole depth."""
     across = (np.arange(window.columns) - apex_column) * window.step_m / draw(study.flare_m, rng)
-    stripe = level(draw(study.flare_db, rng)) * np.exp(-(across**2))
+    stripe = ratios(draw(study.flare_db, rng)) * np.exp(-(across**2))
     fades = np.exp(-rng.uniform(0.0, 3.0) * np.linspace(0.0, 1.0, window.rows))
     light += (fades[:, None] * stripe * rng.exponential(1.0, (window.rows, 1))).astype(np.float32)
 
 
 def _add_streaks(study: SceneScannerStudy, light: Float, window: Window, rng: np.random.Generator) -> None:
-    """Add slanted streaks of haze: reflections of what lies outside of the frame."""
+    """Add slanted streaks of haze: reflections from outside of the frame."""
     for _ in range(int(draw(study.streak_count, rng))):
         row = np.arange(window.rows)[:, None] - rng.uniform(-0.2, 0.6) * window.rows
         slanted = np.arange(window.columns) - rng.uniform(0.0, window.columns) - rng.uniform(-1, 1) * STREAK_SLOPE * row
         across = slanted * window.step_m / draw(study.streak_m, rng)
         length = rng.uniform(0.1, 0.4) * window.rows
-        streak = level(draw(study.streak_db, rng)) * np.exp(-(across**2) - (row / length) ** 2)
+        streak = ratios(draw(study.streak_db, rng)) * np.exp(-(across**2) - (row / length) ** 2)
         light += (streak * rng.exponential(1.0, (1, window.columns))).astype(np.float32)
 
 
@@ -352,7 +345,7 @@ def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -
     elif kind < study.linear_share + study.root_share:
         share = np.sqrt(light / np.float32(white))
     else:
-        black = float(level(draw(study.display_floor_db, rng)))
+        black = float(ratios(draw(study.display_floor_db, rng)))
         white = max(white, 2.0 * black)
         share = np.log(light / np.float32(black)) / np.float32(np.log(white / black))
     shown: Float = np.power(np.clip(share, 0.0, 1.0), np.float32(draw(study.gamma, rng)))
@@ -383,7 +376,7 @@ def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -
 
 
 def _mark(share: Float, rng: np.random.Generator) -> None:
-    """Draw what a program writes on a frame: a cursor's line, or a small frame in a corner."""
+    """Draw the mark of a program on a frame: a cursor's line, or a small frame in a corner."""
     rows, columns = share.shape
     bright = np.float32(rng.uniform(0.3, 1.0))
     if rng.random() < 0.4:
@@ -401,7 +394,7 @@ ACROSS_SHARE = 0.04  # of the columns whose mean is looked at
 LEAST_STEP = 0.5  # in standard deviations of a pixel on the boundary's dark side
 LEAST_LEVEL = 0.02  # ... and of the level of bright tissue
 BRIGHT_SHARE = 0.99  # of the pixels are darker than bright tissue
-GAP_SHARE = 0.15  # of the columns: a narrower gap is bridged by what is seen on both sides
+GAP_SHARE = 0.15  # of the columns: a narrower gap is bridged from both sides
 LEAST_RUN = 0.04  # of the columns: fewer side by side are chance
 LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 
@@ -409,9 +402,9 @@ LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 def judged_columns(
     frame: Pixels, surface: Curve, outer: Curve, inner: Curve
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which columns show wall, and for which it is certain whether they do, both (column,).
+    """Return the columns that show wall, and the columns for which it is certain whether they do, both (column,).
 
-    Not certain: the wall is there, but nobody can tell where, or whether it is.
+    Uncertain: the wall is there, but invisible.
 
     Args:
         frame: counts, shape (row, column).
@@ -427,20 +420,14 @@ def judged_columns(
 
 
 def seen_columns(frame: Pixels, surface: Curve, inner: Curve) -> NDArray[np.bool_]:
-    """Return in which columns it is brighter below the tissue's surface than above, or above the wall's end than below.
-
-    Args:
-        frame: counts, shape (row, column).
-        surface: row at which light enters the tissue, (column,), NaN without.
-        inner: lower boundary of the wall.
-    """
+    """Return the columns with a step of brightness at the tissue's surface or at the wall's end, (column,)."""
     rows = max(BAND_ROWS, round(BAND_SHARE * len(frame)))
     least = LEAST_LEVEL * float(np.quantile(frame, BRIGHT_SHARE))
     return _steps(frame, surface, rows, 1, least) | _steps(frame, inner, rows, -1, least)
 
 
 def _steps(frame: Pixels, boundary: Curve, rows: int, bright_side: int, least: float) -> NDArray[np.bool_]:
-    """Return where the frame is brighter on one side of a boundary (1: below it) than on the other, (column,)."""
+    """Return the columns in which the frame is brighter on one side of a boundary (1: below it) than on the other."""
     start = np.nan_to_num(np.ceil(boundary), nan=-1e6, posinf=-1e6, neginf=-1e6)
     off = np.arange(1, rows + 1)[:, None]
     below, above = start + off, start - 1 - off  # a row on each side of the boundary is left out
@@ -492,9 +479,9 @@ class Scene:
     """A drawn frame and its truth.
 
     `frame`: counts (row, column), uint8 or uint16. `outer_row`, `inner_row` (column,): the wall's boundaries in rows of
-    pixel centres, as `segmentation` counts them; they may lie outside of the frame, and are NaN where a column shows
-    no wall. Behind a narrow shadow, or in a lost column, the wall goes on. `judged` (column,) is False where there is
-    wall that nobody can see: such columns are neither right nor wrong.
+    pixel centres, as `segmentation` counts them; they may lie outside of the frame; NaN in columns without wall. Behind
+    a narrow shadow, or in a lost column, the wall continues. `judged` (column,): False for a wall that is invisible:
+    such columns are neither right nor wrong.
     """
 
     frame: Pixels
@@ -513,10 +500,6 @@ class Scene:
 
 def draw_scene(study: ScenesStudy, number: int) -> Scene:
     """Draw a scene: the same for the same study and number.
-
-    Args:
-        study: ranges of all that is drawn, and the seed.
-        number: of the scene, not negative.
 
     >>> scene = draw_scene(ScenesStudy(), 3)
     >>> scene.outer_row.shape == scene.frame.shape[1:]
@@ -538,7 +521,7 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
 
 
 def _apex(tissue: Tissue) -> float | None:
-    """Return the column where the surface lies across the light, None where it does nowhere."""
+    """Return the column where the surface lies across the light, None if it does nowhere."""
     slope = np.abs(tissue.rays.slope_rad)
     if not np.isfinite(slope).any() or np.nanmin(slope) > LEVEL_RAD:
         return None

@@ -1,4 +1,4 @@
-"""One simulated eye under one force: what `simulate` shows, and the deformed mesh of the paper's Fig. 1b."""
+"""One simulated eye under one force, as `simulate` shows it, and the deformed mesh of the paper's Fig. 1b."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -44,18 +44,6 @@ class SimulatedEye:
     window: SliceWindow
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Bent:
-    """A wall without and with the needle: displacements (node, 3) from the unloaded wall, the tip's, the pressure."""
-
-    mesh: HexMesh
-    resting_nc: Floats
-    displacement_nc: Floats
-    tip_m: float
-    dent_m: float
-    pressure_pa: float
-
-
 def simulate_eye(
     study: Study,
     thickness_m: float,
@@ -65,59 +53,59 @@ def simulate_eye(
 ) -> SimulatedEye:
     """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
 
-    `progress` is for a load path: called with the share of it that is done.
+    `progress` is called with the finished share of a load path.
 
     Raises:
-        InputError: the needle or the B-scan plane misses the wall, or linear mechanics does not know such an eye.
+        InputError: the needle or the B-scan plane misses the wall, or linear mechanics does not support such an eye.
         SolverError: the wall deforms too much to be cut, or no equilibrium was found.
     """
     if study.mechanics.kind == "linear":
-        bent = _bend_linearly(study, thickness_m, force_n, contact)
-    else:
-        bent = _bend(study, thickness_m, force_n, contact, progress)
+        return _bent_linearly(study, thickness_m, force_n, contact)
+    bent = bend_eye(
+        study,
+        contact,
+        thickness_m=thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa,
+        max_force_n=force_n,
+        progress=progress,
+    )
+    path = bent.path
+    states = path.displacement_nc(0.0), path.displacement_nc(force_n)
+    numbers = path.travel_m(force_n), path.tip_m(force_n), path.pressure_pa(force_n)
+    return _sliced(study, contact, force_n, bent.mesh, *states, *numbers)
+
+
+def _sliced(
+    study: Study,
+    contact: Contact,
+    force_n: float,
+    mesh: HexMesh,
+    resting_nc: Floats,
+    displacement_nc: Floats,
+    tip_m: float,
+    dent_m: float,
+    pressure_pa: float,
+) -> SimulatedEye:
+    """Return an eye with its slice, from the displacements (node, 3) without and with the needle."""
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
-    modes_knc = np.stack([bent.resting_nc, bent.displacement_nc])
-    resting, loaded = cut_sections(bent.mesh, [plane], modes_knc, np.eye(2)[None])[0]
+    resting, loaded = cut_sections(mesh, [plane], np.stack([resting_nc, displacement_nc]), np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
     return SimulatedEye(
-        mesh=bent.mesh,
+        mesh=mesh,
         contact=contact,
         force_n=force_n,
-        displacement_nc=bent.displacement_nc,
-        needle_nc=bent.displacement_nc - bent.resting_nc,
-        tip_m=bent.tip_m,
-        dent_m=bent.dent_m,
-        pressure_pa=bent.pressure_pa,
+        displacement_nc=displacement_nc,
+        needle_nc=displacement_nc - resting_nc,
+        tip_m=tip_m,
+        dent_m=dent_m,
+        pressure_pa=pressure_pa,
         slice=fill_section(loaded, window),
         window=window,
     )
 
 
-def _bend(
-    study: Study, thickness_m: float, force_n: float, contact: Contact, progress: Callable[[float], object] | None
-) -> _Bent:
-    modulus_pa, iop_pa = study.eye.youngs_modulus_pa, study.eye.iop_pa
-    bent = bend_eye(
-        study,
-        contact,
-        thickness_m=thickness_m,
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=iop_pa,
-        max_force_n=force_n,
-        progress=progress,
-    )
-    path = bent.path
-    return _Bent(
-        mesh=bent.mesh,
-        resting_nc=path.displacement_nc(0.0),
-        displacement_nc=path.displacement_nc(force_n),
-        tip_m=path.travel_m(force_n),
-        dent_m=path.tip_m(force_n),
-        pressure_pa=path.pressure_pa(force_n),
-    )
-
-
-def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
+def _bent_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> SimulatedEye:
     refuse_unused(study, "simulate", "linear")
     eye = study.eye
     mesh = supported_mesh(study, thickness_m, contact)
@@ -135,14 +123,7 @@ def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Co
         for force in (0.0, force_n)
     )
     tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
-    return _Bent(
-        mesh=wall.mesh,
-        resting_nc=resting_nc,
-        displacement_nc=displacement_nc,
-        tip_m=tip_m,
-        dent_m=tip_m,
-        pressure_pa=eye.iop_pa,
-    )
+    return _sliced(study, contact, force_n, mesh, resting_nc, displacement_nc, tip_m, tip_m, eye.iop_pa)
 
 
 CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
@@ -164,10 +145,9 @@ def write_vtu(eye: SimulatedEye, path: Path) -> None:
 
 
 def write_xdmf(eye: SimulatedEye, path: Path) -> None:
-    """Write the same mesh as a series of two states for ParaView: without the needle, and under its force.
+    """Write the mesh as a series of two states for ParaView, without the needle and under its force (the times, in N).
 
-    The times of the series are the force in N; the fields are those of `write_vtu`. Numbers stand in the file as text,
-    so that it needs no HDF5.
+    The fields are the fields of `write_vtu`, as text: no HDF5 is needed.
 
     Raises:
         InputError: the file cannot be written.

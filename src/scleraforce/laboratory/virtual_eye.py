@@ -1,4 +1,4 @@
-"""Virtual eyes: what there is to know about one, its sections under a needle, and the five of the paper's design."""
+"""Virtual eyes: their parameters, their sections under a needle, and the five of the paper's design."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ SACCADE_S = 1.0  # from one saccade to the next
 
 @dataclass(frozen=True, kw_only=True)
 class EyeTurn:
-    """A rotation of the globe, from where it stood at the start, by its vector: about the eye's x and y axes, rad.
+    """A rotation of the globe from its start, as a vector about the eye's x and y axes, rad.
 
     It has no part about the eye's axis: gaze moves so (Listing's law).
     """
@@ -41,7 +41,7 @@ STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
 
 
 def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
-    """Return the plane of the B-scan, and with it the contact, as the turned eye sees them.
+    """Return the plane of the B-scan, and with it the contact, in the turned eye's coordinates.
 
     >>> plane = ScanPlane(Contact(polar_rad=0.6), gap_m=0.5e-3)
     >>> to_the_needle = EyeTurn(about_x_rad=0.0, about_y_rad=0.05)
@@ -56,16 +56,12 @@ def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
 
 
 def farthest_turn_rad(phantom: PhantomStudy) -> float:
-    """Return how far an eye turns at most; 0 where it stands still."""
+    """Return the largest turn of an eye; 0 for one that keeps still."""
     return phantom.eye_drift_rad.bounds[1] + phantom.eye_saccade_rad.bounds[1]
 
 
 def draw_turns(phantom: PhantomStudy, times_s: Floats, rng: np.random.Generator) -> tuple[EyeTurn, ...]:
-    """Draw where the eye is turned to at ascending times (frame,).
-
-    A drift to one side, which grows evenly up to its whole at the last time; off it, to a side that is drawn every
-    `SACCADE_S`, a saccade.
-    """
+    """Draw the turns of an eye at ascending times (frame,): a steady drift, and a saccade every `SACCADE_S`."""
     drift_rad, heading = draw(phantom.eye_drift_rad, rng), _unit_vectors(rng, 1)
     count = int(times_s[-1] / SACCADE_S) + 1
     saccades = phantom.eye_saccade_rad.sample(rng, count)[:, None] * _unit_vectors(rng, count)
@@ -80,23 +76,25 @@ def _unit_vectors(rng: np.random.Generator, count: int) -> Floats:
 
 
 class TurnedSections:
-    """An eye's sections for needle forces in N where it is turned to, from those at a few turns, the knots."""
+    """An eye's sections for needle forces in N at any turn, interpolated from a few turns, the knots."""
 
     def __init__(self, knots: Sequence[Callable[[Sequence[float]], Sequence[Section]]], reach_rad: float) -> None:
         """Take the functions that give the sections at each of `knot_turns(reach_rad)`."""
         self.knots, self.reach_rad = tuple(knots), reach_rad
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
-        """Return the sections of the eye as it stands at the start; the load paths of all knots are then known."""
+        """Return the sections of the eye at its start; the load paths of all knots are then known."""
         return self.turned(forces_n, [STILL] * len(forces_n))
 
     def turned(self, forces_n: Sequence[float], turns: Sequence[EyeTurn]) -> Sequence[Section]:
-        """Return the sections where the eye is turned to at each force."""
+        """Return the sections at each force and turn."""
         at_knots = [knot(forces_n) for knot in self.knots]
-        return [
-            _blend(sections, knot_weights(turn, self.reach_rad))
-            for turn, *sections in zip(turns, *at_knots, strict=True)
-        ]
+        blended = []
+        for turn, *sections in zip(turns, *at_knots, strict=True):
+            weights = knot_weights(turn, self.reach_rad)
+            outer, inner = ([getattr(section, name) for section in sections] for name in ("outer", "inner"))
+            blended.append(Section(_blend_curves(outer, weights), _blend_curves(inner, weights)))
+        return blended
 
 
 def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
@@ -114,15 +112,8 @@ def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     return np.array([1.0 - x - y, x, y])
 
 
-def _blend(sections: Sequence[Section], weights: Floats) -> Section:
-    """Return the weighted sum of sections, point by point along their curves, as far as all of them go."""
-    return Section(
-        _blend_curves([section.outer for section in sections], weights),
-        _blend_curves([section.inner for section in sections], weights),
-    )
-
-
 def _blend_curves(curves: Sequence[Floats], weights: Floats) -> Floats:
+    """Return the weighted sum of curves, point by point along them, as far as all of them reach."""
     along = [_from_needle_m(curve) for curve in curves]
     first_m, last_m = max(distance[0] for distance in along), min(distance[-1] for distance in along)
     shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
@@ -133,7 +124,7 @@ def _blend_curves(curves: Sequence[Floats], weights: Floats) -> Floats:
 
 
 def _from_needle_m(curve: Floats) -> Floats:
-    """Return how far along a curve its points lie from where it passes the needle, at lateral 0; (point,), m."""
+    """Return the distance of a curve's points along it from lateral 0, where it passes the needle; (point,), m."""
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
     nearest = int(np.abs(curve[:, 0]).argmin())
     beside = slice(max(nearest - 1, 0), nearest + 2)
@@ -150,7 +141,7 @@ WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut t
 
 @dataclass(frozen=True, kw_only=True)
 class PhantomEye:
-    """One virtual eye, where the needle pushes it, and where the B-scan plane lies (see `ScanPlane`)."""
+    """One virtual eye, its contact, and the B-scan plane (see `ScanPlane`)."""
 
     id: str
     thickness_m: float
@@ -185,11 +176,11 @@ class PhantomEye:
 def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
 
-    Of an eye that turns (`[phantom]`) it is a `TurnedSections`. `progress` is for load paths: called with the share of
-    them that is done.
+    For an eye that turns (`[phantom]`) it is a `TurnedSections`. `progress` is called with the finished share of the
+    load paths.
 
     Raises:
-        StudyError: linear mechanics for an eye that it does not know.
+        StudyError: linear mechanics does not support such an eye.
     """
     eyes = turned_eyes(eye, study)
     knots = []
@@ -198,7 +189,7 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
             knots.append(linear_sections(turned, own))
         else:
             share = None if progress is None else partial(_report_share, progress, number, len(eyes))
-            knots.append(finite_strain_sections(turned, own, share))
+            knots.append(BentSections(turned, own, share))
     return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(study.phantom))
 
 
@@ -207,7 +198,7 @@ def _report_share(progress: Callable[[float], object], number: int, count: int, 
 
 
 def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
-    """Return an eye as the needle and the scanner meet it at each of `knot_turns`; one that stands still, as it is."""
+    """Return an eye as the needle and the scanner meet it at each of `knot_turns`; unchanged if it keeps still."""
     reach_rad = farthest_turn_rad(study.phantom)
     return [(eye, study), *(_turned(eye, study, turn) for turn in knot_turns(reach_rad)[1:] if reach_rad)]
 
@@ -227,7 +218,12 @@ def _turned(eye: PhantomEye, study: Study, turn: EyeTurn) -> tuple[PhantomEye, S
 
 
 class BentSections:
-    """An eye's sections for needle forces in N, and its pressure under them, from one load path."""
+    """An eye's sections for needle forces in N, and its pressure under them, from one finite-strain load path.
+
+    The first call computes the path, up to the largest given force (some 10 s on one core), and so does a later call
+    with a larger one. Everything but thickness, modulus, pressure and contact is the study's: see `bend_eye`, whose
+    errors calls raise, and the errors of `cut_sections`. Eye and study can be sent to another process.
+    """
 
     def __init__(
         self,
@@ -236,7 +232,7 @@ class BentSections:
         progress: Callable[[float], object] | None = None,
         bent: BentEye | None = None,
     ) -> None:
-        """Take the arguments of `finite_strain_sections`; a path that is not given is computed when it is needed."""
+        """Take the eye, its study, a callable for the path's finished share, and a path if one is computed already."""
         self.eye, self._study, self._progress = eye, study, progress
         self._bent = bent
 
@@ -244,7 +240,11 @@ class BentSections:
         """Return the sections."""
         bent = self._bent_to(forces_n)
         parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
-        return [section for part in parts for section in _cut_states(bent, self.eye.plane, part)]
+        sections = []
+        for part in parts:
+            states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in part])
+            sections += cut_sections(bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None])[0]
+        return sections
 
     def pressures_pa(self, forces_n: Sequence[float]) -> list[float]:
         """Return the eye pressure at each force in Pa."""
@@ -266,30 +266,10 @@ class BentSections:
         return self._bent
 
 
-def finite_strain_sections(
-    eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None
-) -> BentSections:
-    """Return the function that gives an eye's sections for needle forces in N, from finite-strain mechanics.
-
-    Its first call computes the load path, up to the largest force that it is given (some 10 s on one core), and so does
-    a later call with a larger one. All but thickness, modulus, pressure and contact is the study's: see `bend_eye`,
-    whose errors the function raises, and those of `cut_sections`. Eye and study can be sent to another process.
-
-    Args:
-        eye: the eye and the plane of the B-scan.
-        study: its form, needle, mesh, mechanics and globe.
-        progress: called with the share of the largest force that the path has reached.
-    """
-    return BentSections(eye, study, progress)
-
-
 def pressures_pa(
     eye: PhantomEye, sections_at: SectionsAt, forces_n: Sequence[float], turns: Sequence[EyeTurn] = ()
 ) -> list[float]:
-    """Return the pressure of an eye at each force in Pa; only walls bent at finite strain know of sealed globes.
-
-    `turns` are those at each force of an eye that turns.
-    """
+    """Return the pressure of an eye at each force (and turn), Pa; only sealed globes change it."""
     if isinstance(sections_at, TurnedSections) and turns:
         at_knots = [pressures_pa(eye, knot, forces_n) for knot in sections_at.knots]
         weights = [knot_weights(turn, sections_at.reach_rad) for turn in turns]
@@ -299,18 +279,13 @@ def pressures_pa(
     return [eye.iop_pa] * len(forces_n)
 
 
-def _cut_states(bent: BentEye, plane: ScanPlane, forces_n: Sequence[float]) -> list[Section]:
-    states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in forces_n])
-    return cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(forces_n))[None])[0]
-
-
 def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from linear mechanics.
 
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
 
     Raises:
-        StudyError: the study's eye is one that linear mechanics does not know (`study.unused`).
+        StudyError: linear mechanics does not support such an eye (`study.unused`).
     """
     refuse_unused(study, "phantom", "linear")
     plane = eye.plane
@@ -335,8 +310,8 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     45 trials: thicknesses and trials per class of Table 1, moduli of Table 2 and its mean, 0.25 MPa, for the fifth. The
     forces of a class are spread evenly over it, 2 mN clear of its bounds (a label is uncertain by about 1 mN) and from
     0 to 58 mN, and come in an order that mixes the classes. `to_the_bounds`: they are drawn from the whole of each
-    class instead, 0 to 60 mN, with the seed of the study's phantoms. Contact angles, which the paper does not
-    give ("near the limbus"), spread over the study's range; IOP and gap are the study's.
+    class instead, 0 to 60 mN, with the seed of the study's phantoms. Contact angles, which the paper does not give
+    ("near the limbus"), spread over the study's range; IOP and gap are the study's.
     """
     design = (
         ("eye-1", 800e-6, 0.27e6, (0, 11, 14)),

@@ -1,20 +1,21 @@
 """The classifier of the paper (section 2.4): fully connected layers that learn from simulated slices.
 
 The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the gradient noisy, and with random
-framing plain descent stalls. What helps is what Srivastava et al. ("Dropout", 2014, appendix A) recommend, a high rate
-with momentum, made safe by a start scaled for dropout (`build_network`), a warm-up, clipped gradients, and a rate that
-falls to zero along a cosine. Several dropout masks a sample (Inoue, "Multi-sample dropout", 2019) lessen the noise for
-little: the first layer, which is most of the work, is computed once for all of them.
+framing plain descent stalls. Srivastava et al. ("Dropout", 2014, appendix A) recommend a high rate with momentum, made
+safe here by a start scaled for dropout (`build_network`), a warm-up, clipped gradients, and a rate that falls to zero
+along a cosine. Several dropout masks a sample (Inoue, "Multi-sample dropout", 2019) lessen the noise cheaply: the first
+layer, which is most of the work, is computed once for all of them.
 """
 
 import hashlib
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
 from math import ceil, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,14 @@ class Samples:
         """The slices as a view, one row a sample, shape (sample, row * column)."""
         return self.slices.reshape(len(self.slices), -1)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle compressed, to a twentieth of the size: samples go to the workers of a cluster."""
+        return _unpacked, (zlib.compress(self.slices.tobytes(), 1), self.slices.shape, self.target)
+
+
+def _unpacked(packed: bytes, shape: tuple[int, ...], target: NDArray[np.int64]) -> Samples:
+    return Samples(np.frombuffer(zlib.decompress(packed), dtype=np.uint8).reshape(shape), target)
+
 
 def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: ClassesStudy) -> NDArray[np.int64]:
     """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
@@ -56,10 +65,10 @@ def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: Clas
 
 @dataclass(frozen=True)
 class Normalisation:
-    """How pixels enter the network: share of training slices with wall at each pixel, and which pixels vary at all.
+    """The network's input scaling: the share of training slices with wall at each pixel, and the varying pixels.
 
     Both of shape (row * column,). Centred inputs condition the gradient descent far better than 0 and 1 (LeCun et al.,
-    "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies says nothing in training; its weights are zero.
+    "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies teaches nothing; its weights are zero.
     """
 
     mean: NDArray[np.float32]
@@ -81,12 +90,7 @@ def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
 
 
 def mirrored_pixels(norm: Normalisation, columns: int) -> NDArray[np.intp]:
-    """Return, for each varying pixel, the number of the varying pixel on the other side of the slice.
-
-    Args:
-        norm: of samples and their mirror images.
-        columns: of a slice.
-    """
+    """Return the number of the mirror image of each varying pixel, in a slice of `columns` columns."""
     number = np.full(norm.varies.size, -1)
     number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
     across: NDArray[np.intp] = number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
@@ -132,8 +136,8 @@ def build_network(inputs: int, study: NetworkStudy, classes: int) -> torch.nn.Se
     """Build the network with random weights (from PyTorch's generator); dropout follows every hidden layer.
 
     He's initialisation keeps the signal's variance through ReLU layers (He et al. 2015, eq. 10). Inverted dropout
-    multiplies the second moment of what it passes by 1/keep, so the layers behind it start smaller by sqrt(keep):
-    without that, logits start 1/keep = 5 times too large at the paper's dropout and the first steps diverge.
+    multiplies the second moment of its output by 1/keep, so the layers behind it start smaller by sqrt(keep): otherwise
+    logits start 1/keep = 5 times too large at the paper's dropout and the first steps diverge.
     """
     sizes = (inputs, *study.hidden, classes)
     modules: list[torch.nn.Module] = []
@@ -163,7 +167,7 @@ def trained_network(network: torch.nn.Sequential, norm: Normalisation) -> Traine
 
 
 class _Reads(torch.nn.Module):
-    """What the ONNX model does: slices, uint8, in; probabilities out. Matrices are kept in half precision."""
+    """The ONNX model: slices, uint8, to probabilities. Matrices are kept in half precision."""
 
     def __init__(self, network: TrainedNetwork) -> None:
         super().__init__()
@@ -182,9 +186,9 @@ class _Reads(torch.nn.Module):
 
 
 def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
-    """Return a network whose weights are numbers of half precision; biases and mean stay as they are.
+    """Return a network with weights rounded to half precision; biases and mean are unchanged.
 
-    They are rounded before anything is measured on the network: what is measured is what the file says.
+    Rounding comes before every measurement on the network, so that figures belong to the file.
     """
     layers = (replace(layer, weight=layer.weight.astype(np.float16).astype(np.float32)) for layer in network.layers)
     return replace(network, layers=tuple(layers))
@@ -194,11 +198,6 @@ def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Map
     """Return a network of half precision (`with_half_weights`) as an ONNX model, which is nearly all weights.
 
     ONNX Runtime widens them when it loads the model: sums run in single precision.
-
-    Args:
-        network: for slices of the study's size.
-        study: size of the slices.
-        provenance: entries of `metadata_props`.
     """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     return onnx_bytes(_Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False)
@@ -210,26 +209,17 @@ CLASSIFIER_THREADS = 2
 
 @dataclass(frozen=True)
 class Curves:
-    """Cross-entropy and accuracy after each epoch; those of training are taken during it, with dropout (Fig. 8a)."""
+    """Cross-entropy and accuracy after each epoch; in training they are taken during it, with dropout (Fig. 8a)."""
 
     training_loss: tuple[float, ...] = ()
     training_accuracy: tuple[float, ...] = ()
     validation_loss: tuple[float, ...] = ()
     validation_accuracy: tuple[float, ...] = ()
 
-    def extended(self, training: tuple[float, float], validation: tuple[float, float]) -> "Curves":
-        """Return the curves with one more epoch: (loss, accuracy) of training and validation."""
-        return Curves(
-            (*self.training_loss, training[0]),
-            (*self.training_accuracy, training[1]),
-            (*self.validation_loss, validation[0]),
-            (*self.validation_accuracy, validation[1]),
-        )
-
 
 @dataclass(frozen=True)
 class Fitted:
-    """A trained network and how it got there."""
+    """A trained network and its curves."""
 
     network: TrainedNetwork
     curves: Curves
@@ -237,9 +227,9 @@ class Fitted:
 
 @dataclass(frozen=True)
 class _Batches:
-    """Samples as tensors: the varying pixels (bool, shape (sample, pixel)), what to subtract, the classes.
+    """Samples as tensors: the varying pixels (bool, shape (sample, pixel)), their mean, the classes.
 
-    `mirrored` is, for each pixel, the one on the other side of the slice.
+    `mirrored`: the number of each pixel on the other side of the slice.
     """
 
     wall: torch.Tensor
@@ -252,7 +242,7 @@ class _Batches:
         return self.wall[index].float() - self.mean, self.target[index]
 
     def draw(self, index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the same with a random half of the samples mirrored (where there is `mirrored`)."""
+        """Return the same with a random half of the samples mirrored (if `mirrored` is set)."""
         inputs, target = self.take(index)
         if self.mirrored is not None:
             turned = torch.rand(len(index)) < 0.5
@@ -287,15 +277,8 @@ def fit(
 ) -> Fitted:
     """Train a network; the same study and samples give the same weights on the same machine.
 
-    The weights are those after the last epoch, where the rate has come down to zero. None are picked by their
-    validation figures, so these figures stay an honest estimate.
-
-    Args:
-        study: sizes, dropout, rate, momentum, batches, epochs and seed.
-        training: samples to descend on.
-        validation: samples to report on, of other contacts.
-        classes: number of force classes.
-        progress: called with 1 after each epoch.
+    The weights are those after the last epoch, where the rate has come down to zero; none are picked by their
+    validation figures, so these figures stay an honest estimate. `progress` is called with 1 after each epoch.
 
     Raises:
         SolverError: the descent diverged.
@@ -304,17 +287,17 @@ def fit(
     seen, unseen = _batches(training, norm), _batches(validation, norm)
     if study.mirror:
         seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
-    curves, right = Curves(), list[float]()
+    rows, right = list[tuple[float, ...]](), list[float]()
     batches = ceil(len(training) / study.batch_size)
     with repeatable(study.seed, CLASSIFIER_THREADS):
         network = build_network(int(norm.varies.sum()), study, classes)
         optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
         epochs = (_epoch(network, seen, study, batches, right) for _ in range(study.epochs))
         for loss in descend(network, optimiser, epochs, study, study.epochs * batches, "network"):
-            curves = curves.extended((loss, sum(right[-batches:]) / len(training)), _measure(network, unseen))
+            rows.append((loss, sum(right[-batches:]) / len(training), *_measure(network, unseen)))
             if progress:
                 progress(1)
-    return Fitted(trained_network(network, norm), curves)
+    return Fitted(trained_network(network, norm), Curves(*zip(*rows, strict=True)))
 
 
 def cross_entropy(
@@ -340,7 +323,7 @@ def _epoch(
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One size and what it reached; the figures are None where its training diverged."""
+    """One size and its figures, None if its training diverged."""
 
     hidden: tuple[int, ...]
     weights: int
@@ -399,8 +382,8 @@ def search_sizes(
 ) -> Search:
     """Train every size of the grid and keep the best.
 
-    The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same
-    whoever trains, on the same kind of processor.
+    The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same whoever
+    trains, on the same kind of processor.
 
     Args:
         study: training and grid; its own sizes are not used.
@@ -408,7 +391,7 @@ def search_sizes(
         validation: samples to choose by.
         classes: number of force classes.
         progress: called with 1 after each epoch of each size, or with the epochs of a size that workers have trained.
-        workers: processes, or those of a cluster, that train a size each; None: one after the other in this process.
+        workers: processes, or a cluster's, that train a size each; None: one after the other in this process.
 
     Raises:
         SolverError: every size diverged, or a worker died.
@@ -418,11 +401,20 @@ def search_sizes(
     kept: tuple[NetworkStudy, Fitted] | None = None
     tried: Iterable[Fitted | None]
     if workers is None:
-        tried = (_try(replace(study, hidden=hidden), training, validation, classes, progress) for hidden in sizes)
+        tried = (_tried(replace(study, hidden=hidden), training, validation, classes, progress) for hidden in sizes)
     else:
-        tried = _tried_by_workers(study, (training, validation), classes, workers, progress)
+        prepare = partial(_trying, study, training, validation, classes)
+        tried = work_in_order(prepare, range(len(sizes)), workers, ahead=len(sizes))
     for hidden, fitted in zip(sizes, tried, strict=True):
-        candidates = (*candidates, _candidate(hidden, training, classes, fitted))
+        if workers is not None and progress:
+            progress(study.epochs)
+        candidate = Candidate(
+            hidden=hidden,
+            weights=weights(training.pixels.shape[1], hidden, classes),
+            validation_accuracy=fitted.curves.validation_accuracy[-1] if fitted else None,
+            validation_loss=fitted.curves.validation_loss[-1] if fitted else None,
+        )
+        candidates = (*candidates, candidate)
         if fitted and best(candidates) == len(candidates) - 1:
             kept = replace(study, hidden=hidden), fitted
     best(candidates)
@@ -430,77 +422,31 @@ def search_sizes(
     return Search(candidates, *kept)
 
 
-def _try(
+def _tried(
     study: NetworkStudy,
     training: Samples,
     validation: Samples,
     classes: int,
     progress: Callable[[int], object] | None = None,
 ) -> Fitted | None:
-    """Train one size; None where it diverges, which deep and wide ones may do at a rate that suits the others."""
+    """Train one size; None if it diverges: deep and wide ones may do at a rate that suits the others."""
     try:
         return fit(study, training, validation, classes, progress)
     except SolverError:
         return None
 
 
-def _tried_by_workers(
-    study: NetworkStudy,
-    samples: Sequence[Samples],
-    classes: int,
-    workers: int,
-    progress: Callable[[int], object] | None,
-) -> Iterable[Fitted | None]:
-    """Yield what the sizes of the grid reached, in its order."""
-    count = len(grid(study))
-    prepare = partial(_trying, study, [_Packed.of(part) for part in samples], classes)
-    for fitted in work_in_order(prepare, range(count), workers, ahead=count):
-        if progress is not None:
-            progress(study.epochs)
-        yield fitted
-
-
-@dataclass(frozen=True)
-class _Packed:
-    """Samples on the way to a worker: slices are a twentieth of their size."""
-
-    slices: bytes
-    shape: tuple[int, ...]
-    target: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, samples: Samples) -> "_Packed":
-        """Pack samples."""
-        return cls(zlib.compress(samples.slices.tobytes(), 1), samples.slices.shape, samples.target)
-
-    def unpacked(self) -> Samples:
-        """Return the samples."""
-        slices = np.frombuffer(zlib.decompress(self.slices), dtype=np.uint8).reshape(self.shape)
-        return Samples(slices, self.target)
-
-
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
 
 
-def _trying(study: NetworkStudy, packed: Sequence[_Packed], classes: int) -> Callable[[int], Fitted | None]:
-    """Return what trains a size of the grid, in a worker."""
-    training, validation = (part.unpacked() for part in packed)
+def _trying(
+    study: NetworkStudy, training: Samples, validation: Samples, classes: int
+) -> Callable[[int], Fitted | None]:
+    """Return the worker's function from a number of the grid to its trained network."""
     sizes = grid(study)
 
     def work(number: int) -> Fitted | None:
         with _one_training:
-            return _try(replace(study, hidden=sizes[number]), training, validation, classes)
+            return _tried(replace(study, hidden=sizes[number]), training, validation, classes)
 
     return work
-
-
-def _candidate(hidden: tuple[int, ...], training: Samples, classes: int, fitted: Fitted | None) -> Candidate:
-    count = weights(training.pixels.shape[1], hidden, classes)
-    if fitted is None:
-        return Candidate(hidden=hidden, weights=count, validation_accuracy=None, validation_loss=None)
-    return Candidate(
-        hidden=hidden,
-        weights=count,
-        validation_accuracy=fitted.curves.validation_accuracy[-1],
-        validation_loss=fitted.curves.validation_loss[-1],
-    )

@@ -1,4 +1,8 @@
-"""The plan of a data set: what every sample is, before anything is simulated (paper sec. 2.3, 3.3)."""
+"""A data set: the plan of its samples (paper sec. 2.3, 3.3), made before anything is simulated, and the checked store.
+
+The store is written unit by unit and resumable: first the metadata of all samples, then one chunk of `slices` for each
+unit of work. Reading checks that values are possible: forces of the study, their classes, slices of wall and no wall.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -25,7 +29,7 @@ DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth"
 
 @dataclass(frozen=True)
 class DatasetPlan:
-    """Every sample's metadata, each of shape (samples,); the samples of a contact stand together.
+    """Every sample's metadata, each of shape (samples,); the samples of a contact are neighbours.
 
     `contact` numbers the contacts through all groups. `validation` marks the samples of the contacts that training
     never sees. `seed` reproduces a sample's own draws (see `sample_draws`).
@@ -67,18 +71,12 @@ class DatasetPlan:
 
 
 def plan_dataset(study: Study) -> DatasetPlan:
-    """Draw the samples that a study asks for; the same study gives the same plan.
+    """Draw the samples of a study, in the order of groups, contacts, samples; the same study gives the same plan.
 
-    For each group: `contacts` random contacts (fewer where there are fewer images), of which `validation_fraction`,
-    but at least one, is kept for validation; the polar angle is drawn from the needle's range (uniform in angle), the
-    azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own
-    force, uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
-
-    Args:
-        study: the study; `[dataset]`, `[needle]` and `[classes]` matter here.
-
-    Returns:
-        The plan, in the order of groups, contacts, samples.
+    For each group: `contacts` random contacts (fewer where there are fewer images), of which `validation_fraction`, but
+    at least one, is kept for validation; the polar angle is drawn from the needle's range (uniform in angle), the
+    azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own force,
+    uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
 
     >>> plan_dataset(Study()).images
     19200
@@ -89,7 +87,7 @@ def plan_dataset(study: Study) -> DatasetPlan:
 
 @dataclass(frozen=True)
 class PlanDraft:
-    """A plan without what each sample draws for itself: it is made fast, and gives any part of the plan."""
+    """A plan without each sample's own draws: made fast, it gives any part of the plan."""
 
     study: Study
     groups: "tuple[_GroupDraft, ...]"
@@ -202,12 +200,12 @@ def _validation_contacts(study: Study, contacts: int, rng: np.random.Generator) 
 
 
 def _spread(images: int, contacts: int) -> NDArray[np.intp]:
-    """Return the images of each contact: equal, but for one more on the first few where they do not divide."""
+    """Return the images of each contact: equal, but for one more on the first few if they do not divide."""
     return images // contacts + (np.arange(contacts) < images % contacts)
 
 
 def unit_images(study: Study) -> int:
-    """Return the samples in a unit: whole contacts in every group where a common multiple near `UNIT_IMAGES` exists."""
+    """Return the samples in a unit: whole contacts in every group if a common multiple near `UNIT_IMAGES` exists."""
     even = [group.images // _contacts(study, group) for group in study.dataset.group]
     whole = lcm(*even)
     return whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
@@ -271,7 +269,7 @@ class Dataset:
         path: the store.
         study: the study that it was made from.
         youngs_modulus_pa: Young's modulus of the simulated walls.
-        attributes: everything else that the store says about itself (seed, versions, calibration ...).
+        attributes: the store's other attributes (seed, versions, calibration ...).
     """
 
     path: Path
@@ -353,7 +351,7 @@ def _arrays(study: Study) -> tuple[StoredArray, ...]:
 
 
 def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
-    """Return what no sample of a study has; None where all is possible."""
+    """Return a message if values of an array are impossible for a study, else None."""
     if name == SLICES:
         return "a pixel other than 0 (no wall) and 255 (wall)" if (values + np.uint8(1) > 1).any() else None
     if name == "validation":
@@ -378,7 +376,7 @@ def create_dataset(
     plan: DatasetPlan,
     mechanics: str = "linear",
 ) -> None:
-    """Create the store with all metadata and no slices, or take up what a killed run of the same study has left.
+    """Create the store with all metadata and no slices, or continue the store of an interrupted run of the same study.
 
     Raises:
         DatasetError: `path` holds something else, another run, or a complete data set.
@@ -404,7 +402,7 @@ def write_dataset_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, i
 
 
 def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
-    """Mark the store as complete, and clear what killed runs have left beside their chunks.
+    """Mark the store as complete, and remove partial files of interrupted runs.
 
     Raises:
         DatasetError: units are missing.

@@ -1,15 +1,18 @@
-"""PyTorch and ONNX, with one clear line where they are not installed; and networks as ONNX models."""
+"""PyTorch and ONNX, with one clear line if they are missing; the descent of all networks; networks as ONNX models."""
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
 from math import cos, pi
+from typing import TypeVar
 
 import numpy as np
 
 from scleraforce.errors import InputError, SolverError
+from scleraforce.processes import work_in_order
 from scleraforce.study import NetworkStudy, RawReaderStudy, ReaderStudy, WallFinderStudy
 
 # Threads that wait by spinning take the cores from whoever else needs them, and from each other: on a busy machine an
@@ -32,15 +35,15 @@ def onnx_bytes(
     provenance: Mapping[str, str],
     folded: bool = True,
 ) -> bytes:
-    """Return a network as a checked ONNX model, the same bytes for the same network and provenance.
+    """Return a network in evaluation mode as a checked ONNX model, the same bytes for the same network and provenance.
 
     Args:
         network: in its evaluating mode.
         inputs: examples by name, of two samples; the model takes any number.
         outputs: names.
         provenance: entries of `metadata_props`.
-        folded: store what is computed from weights alone, as convolutions with their normalisations, and not the
-            weights. What is not folded here ONNX Runtime folds when it loads the model.
+        folded: store results of weights alone, as convolutions with their normalisations, instead of the weights.
+            Otherwise ONNX Runtime folds them when it loads the model.
     """
     file = BytesIO()
     with warnings.catch_warnings():
@@ -67,6 +70,25 @@ def onnx_bytes(
 Settings = NetworkStudy | ReaderStudy | WallFinderStudy | RawReaderStudy
 
 CURVE_POINTS = 50
+AHEAD = 4  # chunks of samples for each process that are drawn or wait
+Drawn = TypeVar("Drawn")
+
+
+def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
+    """Draw numbered samples in `workers` processes (or a cluster's), a few ahead; yield them in the order of `numbers`.
+
+    The processes end when the generator is closed.
+
+    Raises:
+        InputError: an error of `draw`.
+        SolverError: a worker died.
+    """
+    return work_in_order(partial(_itself, draw), numbers, workers, ahead=AHEAD * workers)
+
+
+def _itself(draw: Callable[[int], Drawn]) -> Callable[[int], Drawn]:
+    """Return the function of a worker, which needs no preparation."""
+    return draw
 
 
 def descend(
@@ -82,7 +104,7 @@ def descend(
     Args:
         network: to train.
         optimiser: of its weights.
-        rounds: in each, mean losses of batches and how many samples they are of; each is computed when it is asked for.
+        rounds: in each, mean losses of batches and their numbers of samples; each is computed lazily.
         study: rate, warm-up and largest norm of the gradient.
         steps: number of batches, for the rate.
         section: of the study, for the message.

@@ -1,9 +1,9 @@
-"""Fingerprints of behaviour: a few numbers that move when what decides a trained model moves.
+"""Fingerprints of behaviour: a few numbers that move when the training of a model would.
 
-What a training works on is computed at small size: load paths and the library that they make, samples of fixed seeds,
-the first steps of the descent, the scores that intervals rest on. Each result is reduced to at most 64 numbers, which
+Parts of a training are computed at small size: load paths and the library that they make, samples of fixed seeds, the
+first steps of the descent, the scores that intervals rest on. Each result is reduced to at most 64 numbers, which
 `model.json` keeps with a tolerance. A model is out of date when today's code computes other numbers; a rename or a
-comment moves none. What only runs in cases that the small size lacks is not seen.
+comment moves none. Code that only runs in cases that the small size lacks is not covered.
 """
 
 from dataclasses import replace
@@ -81,12 +81,7 @@ def _agree(before: dict[str, Any] | None, now: dict[str, Any] | None) -> bool:
 
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
-    """Return the fingerprint of a reader's network: load paths, a small library, samples, the first steps of a descent.
-
-    Args:
-        study: of the reader.
-        library: of the reader, as its folder has it.
-    """
+    """Return the fingerprint of a reader's network: load paths, a small library, samples, first steps of a descent."""
     reader, source = study.reader, Source.of(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
@@ -110,13 +105,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
 
 
 def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fingerprint:
-    """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors.
-
-    Args:
-        study: of the reader.
-        library: of the reader, as its folder has it.
-        network: of the reader, as ONNX.
-    """
+    """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors."""
     scores_of = measuring(study, replace(library, stiffened=None), network)
     scores = next(filter(None, map(scores_of, range(EYE, LAST_EYE))), [])
     rng = np.random.default_rng(0)  # one eye makes no factors: scores of its traits are drawn for many
@@ -243,7 +232,7 @@ def _sample_items(name: str, samples: ReaderSamples) -> Fingerprint:
 
 
 def _slice_items(name: str, slices: NDArray[np.uint8]) -> Fingerprint:
-    """Return entries of how much wall the columns of slices (slice, row, column) show, and how deep it lies."""
+    """Return entries of the amount of wall in the columns of slices (slice, row, column), and of its depth."""
     wall = slices / 255.0
     depth = np.arange(slices.shape[1]) @ wall
     return {name: item(wall.sum(axis=1), PIXELS), f"{name}, depth": item(depth, PIXELS)}

@@ -1,6 +1,10 @@
-"""From the plan to the picture: slices of some samples (paper sec. 2.3), by linear mechanics or from the library."""
+"""From the plan of a data set to its slices (paper sec. 2.3), by linear mechanics or from the library, on all cores.
 
-from collections.abc import Callable, Generator, Sequence
+The store's missing units are simulated on all cores or on a cluster; workers keep their factored wall for the next
+unit.
+"""
+
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -40,7 +44,7 @@ Floats = NDArray[np.float64]
 
 
 class SampleSimulator:
-    """Simulates samples of plans; keeps the factored wall of the thickness that it met last.
+    """Simulates samples of plans; keeps the factored wall of the latest thickness.
 
     The mechanics is linear: displacement = (IOP u_p + rho g u_g)/E + F/E u_n, so a contact is solved once.
     """
@@ -64,7 +68,7 @@ class SampleSimulator:
         """Slices of samples of one thickness."""
         wall = self._wall_of(float(plan.thickness_m[samples[0]]))
         of_contacts = np.split(samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1)
-        contacts = [_contact(plan, of_contact[0]) for of_contact in of_contacts]
+        contacts = [_plane(plan, of_contact[0]).contact for of_contact in of_contacts]
         needles_cnc = wall.needle_cnc(contacts, 0.5 * self._study.needle.outer_diameter_m)
         images = [self._of_one_contact(wall, plan, *pair) for pair in zip(of_contacts, needles_cnc, strict=True)]
         return np.concatenate(images)
@@ -101,13 +105,9 @@ class SampleSimulator:
         return self._wall
 
 
-def _contact(plan: DatasetPlan, sample: int) -> Contact:
-    return Contact(polar_rad=float(plan.polar_rad[sample]), azimuth_rad=float(plan.azimuth_rad[sample]))
-
-
 def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
     return ScanPlane(
-        _contact(plan, sample),
+        Contact(polar_rad=float(plan.polar_rad[sample]), azimuth_rad=float(plan.azimuth_rad[sample])),
         gap_m=float(plan.gap_m[sample]),
         direction_rad=float(plan.direction_rad[sample]),
         tilt_rad=float(plan.tilt_rad[sample]),
@@ -119,32 +119,12 @@ def _weights(forces_pf: Floats) -> Floats:
     return np.stack([np.ones_like(forces_pf), forces_pf], axis=-1)
 
 
-def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
-    """Return what all slices of a plan together may show of a library.
-
-    Args:
-        study: the study.
-        plan: all of its samples.
-        library: of the study's eye and needle.
-
-    Raises:
-        DatasetError: the library is one of another eye or needle.
-    """
-    _check_eye(study, library)
-    return library.within(_reach(study, plan))
-
-
 def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> NDArray[np.uint8]:
     """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
-
-    Args:
-        study: the study; its IOP and its slice matter here.
-        youngs_modulus_pa: Young's modulus.
-        plan: the samples.
-        library: a `near_library` of the whole plan.
+    `library` is a `near_library` of the whole plan.
 
     Raises:
         InputError: a sample lies outside the library; names the value and the range.
@@ -169,21 +149,21 @@ def _drawn(
     return draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice)
 
 
-def _reach(study: Study, plan: DatasetPlan) -> float:
-    """Distance from the needle axis that all slices together may show, m."""
-    lateral_m = 0.5 * study.slice.columns * study.slice.pixel_m + np.abs(plan.framing_lateral_m).max()
-    depth_m = study.slice.rows * study.slice.pixel_m + study.eye.radius_m  # below what any tilt makes of it
-    offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
-    return float(np.hypot(lateral_m, offset_m))
+def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
+    """Return the part of a library that all slices of a plan together may show.
 
-
-def _check_eye(study: Study, library: Library) -> None:
-    """Refuse a library of another eye or needle."""
+    Raises:
+        DatasetError: the library is one of another eye or needle.
+    """
     eye, needle = study.eye, study.needle
     wanted = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
     found = (library.radius_m, library.poisson_ratio, library.needle_radius_m)
     if not np.allclose(found, wanted, rtol=1e-12):
         raise DatasetError(f"library: of radius, nu, needle radius {found}; the study has {wanted}")
+    lateral_m = 0.5 * study.slice.columns * study.slice.pixel_m + np.abs(plan.framing_lateral_m).max()
+    depth_m = study.slice.rows * study.slice.pixel_m + study.eye.radius_m  # below what any tilt makes of it
+    offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
+    return library.within(float(np.hypot(lateral_m, offset_m)))
 
 
 Slices = NDArray[np.uint8]
@@ -191,7 +171,7 @@ Slices = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Generation:
-    """What a run has done: samples in the data set, those of them simulated by this run, its duration."""
+    """The result of a run: samples in the data set, samples simulated by this run, its duration."""
 
     images: int
     simulated: int
@@ -220,16 +200,16 @@ def generate_dataset(
 
     Args:
         study: the study.
-        out: where the store goes; an incomplete store of the same study is completed.
-        youngs_modulus_pa: Young's modulus; None: the study's, or the one of `calibration`.
-        calibration: where the modulus comes from, recorded in the store.
+        out: path of the store; an incomplete store of the same study is completed.
+        youngs_modulus_pa: Young's modulus; by default that of `calibration`, else the study's.
+        calibration: source of the modulus, recorded in the store.
         library: responses at finite strain to draw from; None: linear mechanics.
-        workers: processes of linear mechanics, or the workers of a cluster (`cluster_workers`); None: a process for
-            each core that this one may use. Drawing from a library is done by a cluster or here.
+        workers: processes of linear mechanics, or a cluster's workers (`cluster_workers`); by default a process for
+            each usable core. Drawing from a library is done by a cluster or here.
         progress: called with the number of samples that are newly done (or found done, at the start).
 
     Raises:
-        DatasetError: `out` holds something else, another run, or a complete data set.
+        DatasetError: `out` holds something else, another run, or a complete data set; the library is of another eye.
         StudyError: the study has keys that its mechanics does not use (`study.unused`).
         ScleraforceError: the study cannot be simulated.
     """
@@ -247,11 +227,16 @@ def generate_dataset(
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
     workers = workers or available_cores()
-    with closing(
-        simulate_units(study, modulus, todo, workers)
-        if library is None
-        else draw_units(study, modulus, plan, todo, library, workers)
-    ) as results:
+    if library is None:
+        results = work_units(partial(_simulating, study, modulus), todo, workers)
+    else:
+        prepare = partial(_drawing, study, modulus, near_library(study, plan, library))
+        if isinstance(workers, ClusterWorkers):
+            results = work_units(prepare, todo, workers)
+        else:  # drawing takes less time than processes take to start
+            draw = prepare()
+            results = ((unit, draw(unit)) for unit in todo)
+    with closing(results):
         for unit, images in results:
             write_dataset_unit(out, plan, study, unit, images)
             report(len(images))
@@ -259,42 +244,13 @@ def generate_dataset(
     return Generation(plan.images, missing, perf_counter() - start)
 
 
-def simulate_units(
-    study: Study, youngs_modulus_pa: float, units: Sequence[int], workers: int
-) -> Generator[tuple[int, Slices], None, None]:
-    """Simulate units of the study's plan by workers; yield (unit, slices) as they are done.
-
-    Raises:
-        ScleraforceError: what a worker raised; SolverError where a worker died.
-    """
-    return work_units(partial(_simulating, study, youngs_modulus_pa), units, workers)
-
-
-def draw_units(
-    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, units: Sequence[int], library: Library, workers: int
-) -> Generator[tuple[int, Slices], None, None]:
-    """Draw units of the study's plan from the library; yield (unit, slices) as they are done.
-
-    It is done by the workers of a cluster, or in this process: it takes less time than processes take to start.
-
-    Raises:
-        DatasetError: the library is one of another eye or needle.
-        InputError: a sample lies outside the library; names the value and the range.
-    """
-    prepare = partial(_drawing, study, youngs_modulus_pa, near_library(study, plan, library))
-    if isinstance(workers, ClusterWorkers):
-        return work_units(prepare, units, workers)
-    draw = prepare()
-    return ((unit, draw(unit)) for unit in units)
-
-
 def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
-    """Return what simulates a unit."""
+    """Return the worker's function from a unit's number to its simulated slices."""
     draft, simulator = draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
     return lambda unit: simulator.slices(draft.unit(unit))
 
 
 def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
-    """Return what draws a unit."""
+    """Return the worker's function from a unit's number to its slices, drawn from the library."""
     draft = draft_plan(study)
     return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)

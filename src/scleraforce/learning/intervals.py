@@ -1,11 +1,11 @@
-"""How wide a reader's intervals have to be: its scores (`reader.intervals`) on whole virtual eyes.
+"""The width of a reader's intervals, from its scores (`reader.intervals`) on whole virtual eyes.
 
 The factors of a reading's traits, by which intervals are stretched, come from these scores by quantile regression
-(Koenker and Bassett 1978): the logarithm of what 90 % of the scores stay below is a sum over the traits. At its
-solution 90 % of the scores of each trait stay below, whatever else these readings have (conditional conformal
-prediction over groups that overlap: Gibbs, Cherian and Candes 2023), and few eyes tell it, for a trait is learned from
-all readings that have it. A factor for each combination of traits instead had 4 to 40 eyes; the share for a new eye is
-then 0.92 to 1 of theirs, and intervals were too wide.
+(Koenker and Bassett 1978): the logarithm of the 90 % quantile of the scores is a sum over the traits. At its solution
+90 % of the scores of each trait stay below, whatever other traits these readings have (conditional conformal prediction
+over groups that overlap: Gibbs, Cherian and Candes 2023), and few eyes suffice, for a trait is learned from all
+readings that have it. A factor for each combination of traits instead had 4 to 40 eyes; the share for a new eye is then
+0.92 to 1 of theirs, and intervals were too wide.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -63,43 +63,23 @@ LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 
 def measured_intervals(
-    study: Study,
-    library: Library,
-    network: bytes,
-    workers: int,
-    progress: Callable[[int], object] | None = None,
-) -> dict[str, Any]:
-    """Return `intervals` of `model.json`: factors, and on how many eyes of which kind they rest.
-
-    Args:
-        study: with `[reader]`.
-        library: of responses, whole.
-        network: of the slices, as ONNX.
-        workers: processes.
-        progress: called with 1 after each eye.
-
-    Raises:
-        SolverError: a worker died.
-    """
-    prepare = partial(measuring, study, library, network)
-    return intervals_of(prepare, study.reader.interval_eyes, workers, "virtual eyes of the library's walls", progress)
-
-
-def intervals_of(
     prepare: Callable[[], Callable[[int], list[Score]]],
     eyes: int,
     workers: int,
     source: str,
-    progress: Callable[[int], object] | None,
+    progress: Callable[[int], object] | None = None,
 ) -> dict[str, Any]:
-    """Return `intervals` of `model.json` from the scores of virtual eyes.
+    """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes.
 
     Args:
-        prepare: called once in each process; returns what scores an eye of a number.
-        eyes: how many.
+        prepare: called once in each process; returns the function that scores the eye of a number.
+        eyes: their number.
         workers: processes.
-        source: what the eyes are, in words.
+        source: a description of the eyes.
         progress: called with 1 after each eye.
+
+    Raises:
+        SolverError: a worker died.
     """
     scores: list[Score] = []
     for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
@@ -109,48 +89,48 @@ def intervals_of(
     return intervals_record(scores, trait_factors(scores), source)
 
 
-def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
-    """Return what scores an eye, in its process."""
-    reads_slices = slice_network(network, study)
+ScoresOf = Callable[[int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]]
 
-    def scores_of(number: int) -> list[Score]:
-        rng = np.random.default_rng([study.reader.seed, STREAM + number])
-        drawn = calibrated_eye(study, library, number, rng)
-        if drawn is None:
-            return []
-        eye, known, left = drawn
-        scores = partial(_scores, study, library, eye.wall.polar_rad, reads_slices.read, str(number))
-        found = [*scores(known, left), *scores(of_population(eye, study, rng), left)]
+
+def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int) -> list[Score]:
+    """Return the scores of the virtual eye of a number, which is calibrated first and read on its other frames.
+
+    There are none of an eye in a corner of the ranges that the library does not have.
+    """
+    rng = np.random.default_rng([seed, STREAM + number])
+    try:
+        eye = draw_eye(study, library, number, rng)
+        known, left = calibrated(eye, draw_frames(eye, study, FRAMES, rng), study, library, rng)
+    except CalibrationError:
+        return []
+    return scores_of(number, eye, known, left, rng)
+
+
+def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+    """Return the function that scores an eye, for a process; `network`: of the slices, as ONNX."""
+    read = slice_network(network, study).read
+
+    def scores(
+        number: int, eye: VirtualEye, known: Known, left: tuple[VirtualFrame, ...], rng: np.random.Generator
+    ) -> list[Score]:
+        of_eye = partial(_scores, study, library, eye.wall.polar_rad, read, str(number))
+        found = [*of_eye(known, left), *of_eye(of_population(eye, study, rng), left)]
         if number // len(OPEN_OR_SEALED) % OTHERWISE_EVERY == 0:
             again = np.random.default_rng([study.reader.seed, number, STREAM])
             otherwise = calibrated_otherwise(eye, study, library, again)
-            found += scores(*otherwise) if otherwise else []
+            found += of_eye(*otherwise) if otherwise else []
         return found
 
-    return scores_of
-
-
-def calibrated_eye(
-    study: Study, library: Library, number: int, rng: np.random.Generator
-) -> tuple[VirtualEye, Known, tuple[VirtualFrame, ...]] | None:
-    """Return a virtual eye, what is known of it after its calibration, and the frames that are left.
-
-    None where it lies in a corner of the ranges that the library does not have.
-    """
-    try:
-        eye = draw_eye(study, library, number, rng)
-        return eye, *calibrated(eye, draw_frames(eye, study, FRAMES, rng), study, library, rng)
-    except CalibrationError:
-        return None
+    return partial(eye_scores, study, library, study.reader.seed, scores)
 
 
 def calibrated_otherwise(
     eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
 ) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
-    """Return what is known of an eye after a calibration on a few frames of any forces, and frames that are left.
+    """Return the known values of an eye after a calibration on a few frames of any forces, and the other frames.
 
-    Their number is drawn, how large a force is dared, and the other forces below. None where the eye does not bear
-    enough, or where the library does not have it as it was told.
+    The number of frames, the largest force and the other forces below it are drawn. None if the eye does not bear
+    enough, or the library lacks it with its stated values.
     """
     if eye.largest_n <= LEAST_LARGEST_N:
         return None
@@ -166,7 +146,7 @@ def calibrated_otherwise(
 
 
 def network_score(reading: Reading, known: Known, eye: str, force_n: float) -> Score:
-    """Return the score of what a network read of an eye under a force, N."""
+    """Return the score of a network's reading of an eye under a force, N."""
     return Score("network", traits_of(known, reading.force_n), eye, score(reading, force_n))
 
 
@@ -194,10 +174,10 @@ def _scores(
 
 
 def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
-    """Return the factor of every trait that scores are of, by method and modulus.
+    """Return the factor of every trait in the scores, by method and modulus.
 
-    The factor of what is told of the globe (`interval_traits.GLOBE_TRAITS`) is at least `SMALLEST`, that of any other
-    trait at least 1: these make a reader worse, and what few eyes say to the contrary is chance.
+    The factor of a globe's trait (`GLOBE_TRAITS`) is at least `SMALLEST`, the factor of any other trait at least 1:
+    such traits make a reader worse, and contrary evidence of few eyes is chance.
 
     Raises:
         SolverError: the regression has no solution.
@@ -211,8 +191,8 @@ def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
 def _regression(scores: Sequence[Score]) -> dict[str, float]:
     """Return the factors of the traits of readings with one kind of modulus.
 
-    The linear programme of Koenker and Bassett: of what scores are above and below what is predicted, each eye with the
-    same weight, the least sum of share times above and (1 - share) times below.
+    The linear programme of Koenker and Bassett: of the scores' distances above and below the prediction, each eye with
+    the same weight, the least sum of share times above and (1 - share) times below.
     """
     traits = sorted({trait for entry in scores for trait in entry.traits[1:]})
     has = csr_array(np.array([[trait in entry.traits for trait in traits] for entry in scores], dtype=np.float64))

@@ -1,13 +1,13 @@
-"""The raw reader: from a raw frame and what is known of the eye to the force, with no boundary decided on the way.
+"""The raw reader: from a raw frame and the known values of the eye to the force, without a decision on boundaries.
 
-A network like the wall finder's says for every second column where both boundaries may lie. What it says becomes a
-slice that is not binary: the share of each pixel that is wall, in the mean over all places that the boundaries may
-have. The layers of the slice network read that. So all learns from the force.
+A network like the wall finder's gives distributions of both boundaries' rows for every second column. They make a slice
+that is not binary: the share of each pixel that is wall, in the mean over all places of the boundaries. The layers of
+the slice network read that. So every part learns from the force.
 
-The layers that read slices learn from drawn slices, as the slice reader's do: those are many times cheaper than frames.
-In the first batches of raw frames the wall alone is learned, by the wall finder's loss; then all of it, by the force's
-(`reader_loss`) beside that. The eyes that its intervals are measured on are those of the slice reader
-(`learning.virtual_eyes`), read from raw frames of them, lit as those of the training.
+The layers that read slices learn from drawn slices, as the slice reader does: slices are many times cheaper than
+frames. In the first batches of raw frames the wall alone is learned, by the wall finder's loss; then the force's loss
+(`reader_loss`) is added. Its intervals are measured on the slice reader's eyes (`learning.virtual_eyes`), read from raw
+frames with the light of the training.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import curve, descend, onnx_bytes, repeatable, torch
-from scleraforce.learning.intervals import STREAM, calibrated_eye, intervals_of, network_score
+from scleraforce.learning.descent import curve, descend, drawn_ahead, onnx_bytes, repeatable, torch
+from scleraforce.learning.intervals import eye_scores, network_score
 from scleraforce.learning.reader import (
     READER_THREADS,
     ReaderMetrics,
@@ -33,10 +34,10 @@ from scleraforce.learning.reader import (
     compared,
     fit_reader,
     reader_loss,
+    targets,
 )
 from scleraforce.learning.samples import (
     Source,
-    chunks_ahead,
     concatenated,
     draw_eyes,
     draw_walls,
@@ -62,7 +63,6 @@ from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
-from scleraforce.units import from_si
 
 Floats = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -71,7 +71,7 @@ FRAMES_TOGETHER = 256  # a chunk, from a generator of its own
 
 
 class RawReaderNetwork(torch.nn.Module):
-    """Mixtures of the force's place and places of the contact, as of `ReaderNetwork`; and the logits of the wall.
+    """Mixtures of the force's place and places of the contact, as `ReaderNetwork`'s; and the logits of the wall.
 
     `frames`: reduced, float (n, row, column); `given` (n, len(GIVEN)).
     """
@@ -118,7 +118,7 @@ def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
 
 
 def slice_weights(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
-    """Return the weights (pair of the window's columns, column of the slice) of what lies between two pairs."""
+    """Return the weights (pair of the window's columns, column of the slice) that interpolate between two pairs."""
     pairs_m = window.laterals_m.reshape(-1, 2).mean(axis=1)
     columns_m = (np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m
     unit = np.eye(len(pairs_m))
@@ -127,7 +127,7 @@ def slice_weights(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]
 
 
 class _Reads(torch.nn.Module):
-    """What the ONNX model does: reduced frames and given values in; histogram and contact's place out."""
+    """The ONNX model: reduced frames and given values to histogram and contact's place."""
 
     def __init__(self, network: RawReaderNetwork) -> None:
         super().__init__()
@@ -138,24 +138,21 @@ class _Reads(torch.nn.Module):
 
 
 def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model; `reader.networks` says what goes in and comes out."""
+    """Return the network as an ONNX model; `reader.networks` describes its inputs and outputs."""
     sees = network.sees_wall
     inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
     return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 
 def largest_needle_gap(raw: RawReaderStudy) -> float:
-    """Return how far from a needle's axis a frame still is drawn with it, m."""
+    """Return the largest distance from a needle's axis at which a frame is still drawn with it, m."""
     return raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
 
 
 def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generator) -> BscanOptics:
     """Draw the optics of one frame: of the scanner of `[phantom]`, or another one within `[raw_reader]`.
 
-    Args:
-        study: with both.
-        needle_gap_m: from the axis of a needle that crosses the frame; None: none does.
-        rng: source of all randomness.
+    `needle_gap_m`: distance from the axis of a needle that crosses the frame; None: no needle.
     """
     raw, phantom = study.raw_reader, study.phantom
     optics, coarser = sample_optics(phantom, study.oct, rng), draw(raw.speckle_factor, rng)
@@ -183,7 +180,7 @@ def draw_shafts(
     study: Study,
     window: FrameWindow,
 ) -> list[DrawnShaft]:
-    """Return the needles of frames in a window's cells; none where the optics have none.
+    """Return the needles of frames in a window's cells; frames without a needle in their optics give none.
 
     Args:
         optics: of the frames.
@@ -191,7 +188,7 @@ def draw_shafts(
         contact_m: lateral place of the contact (frame,), m from the middle.
         rotation_rad: of the sections in their frames (frame,).
         study: with the scanner's `[oct]`.
-        window: what is seen.
+        window: the visible part.
     """
     cells = replace(
         study.oct,
@@ -210,11 +207,11 @@ def draw_shafts(
 
 @dataclass(frozen=True)
 class RawSamples:
-    """What the raw reader learns from.
+    """Samples of the raw reader.
 
     `frames` float32 (sample, row, column), reduced; `boundary_rows` float32 (sample, boundary, column / 2): of the
-    wall, in rows, kept inside the window, NaN where there is none; `given`, `force_n`, `modulus_pa` and `lateral_m` as
-    of `ReaderSamples`.
+    wall, in rows, kept inside the window, NaN without wall; `given`, `force_n`, `modulus_pa` and `lateral_m` as in
+    `ReaderSamples`.
     """
 
     frames: Float
@@ -234,19 +231,19 @@ class RawSamples:
 
 @dataclass(frozen=True)
 class RawSource:
-    """What samples are drawn from: the same chunk for the same seed and number."""
+    """A source of samples: the same chunk for the same seed and number."""
 
     library: Library
     study: Study
 
     @classmethod
     def of(cls, library: Library, study: Study) -> "RawSource":
-        """Keep of a library what frames can show: it is quicker."""
+        """Keep only the part of a library that frames can show: it is quicker."""
         columns = window_columns(FrameWindow.of(study.raw_reader))
         return cls(Source.of(library, study.reader, columns).library, study)
 
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
-        """Draw a chunk of samples, those that a needle crosses among the others."""
+        """Draw a chunk of samples, shuffled: a share of them is crossed by a needle."""
         raw = self.study.raw_reader
         rng = np.random.default_rng([raw.seed, number])
         crossed = int((rng.random(count) < raw.needle_share).sum())
@@ -258,7 +255,7 @@ class RawSource:
         )
 
     def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
-        """Draw samples that a needle crosses, or none does, with eyes of a reader's study."""
+        """Draw samples of a reader's study, all with a needle or all without."""
         study, window = self.study, FrameWindow.of(self.study.raw_reader)
         library = library_of_tissue(self.library, reader, rng)
         eyes = draw_eyes(library, reader, count, rng)
@@ -343,7 +340,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
     """Yield the training's batches, each of frames of its own."""
     frames = raw.batches * raw.batch_size
     left: RawSamples | None = None
-    with closing(chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers)) as chunks:
+    with closing(drawn_ahead(source.chunk, range(-(-frames // FRAMES_TOGETHER)), workers)) as chunks:
         for _ in range(raw.batches):
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)
@@ -360,17 +357,12 @@ def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_al
     loss = finder_loss(row_logits, wall_logits, boundaries, judged, study.raw_reader.target_rows)
     if wall_alone:
         return loss
-    share = batch.force_n / batch.modulus_pa / study.reader.max_force_ratio
-    place_mm = from_si(batch.lateral_m, "mm")
-    return loss + reader_loss(mixtures, places, _tensor(np.sqrt(share)), _tensor(place_mm))
-
-
-def _tensor(values: NDArray[np.float64]) -> torch.Tensor:
-    return torch.from_numpy(values.astype(np.float32))
+    force, place_mm = targets(batch.force_n, batch.modulus_pa, batch.lateral_m, study.reader)
+    return loss + reader_loss(mixtures, places, force, place_mm)
 
 
 def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> ReaderMetrics:
-    """Compare a network's answers with the truth of `[raw_reader] validation_frames` frames that no training saw."""
+    """Compare a network's answers with the truth of `[raw_reader] validation_frames` new frames."""
     parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
     with torch.inference_mode():
         read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]
@@ -380,49 +372,24 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
     return compared(answers, samples.force_n, samples.lateral_m, study)
 
 
-def measured_raw_intervals(
-    study: Study, library: Library, network: bytes, workers: int, progress: Callable[[int], object] | None = None
-) -> dict[str, Any]:
-    """Return `intervals` of `model.json`: factors, and on how many eyes of which kind they rest.
-
-    Args:
-        study: with `[raw_reader]`.
-        library: of responses, whole.
-        network: of the frames, as ONNX.
-        workers: processes.
-        progress: called with 1 after each eye.
-
-    Raises:
-        SolverError: a worker died.
-    """
-    prepare = partial(_measuring, study, library, network)
-    source = "virtual eyes of the library's walls, drawn as raw frames"
-    return intervals_of(prepare, study.raw_reader.interval_eyes, workers, source, progress)
-
-
-def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
-    """Return what scores an eye, in its process."""
+def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+    """Return the function that scores an eye, for a process; `network`: of the frames, as ONNX."""
     reads_frames = ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
 
-    def scores_of(number: int) -> list[Score]:
-        rng = np.random.default_rng([study.raw_reader.seed, STREAM + number])
-        drawn = calibrated_eye(study, library, number, rng)
-        if drawn is None:
-            return []
-        eye, known, _ = drawn
+    def scores(number: int, eye: VirtualEye, known: Known, _: object, rng: np.random.Generator) -> list[Score]:
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            network_score(reads_frames.read(frame[None], told), told, str(number), float(force_n))
-            for told in (known, of_population(eye, study, rng))
+            network_score(reads_frames.read(frame[None], given), given, str(number), float(force_n))
+            for given in (known, of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]
 
-    return scores_of
+    return partial(eye_scores, study, library, study.raw_reader.seed, scores)
 
 
 def _frames(eye: VirtualEye, forces_n: NDArray[np.float64], study: Study, rng: np.random.Generator) -> Float:
-    """Return reduced frames of an eye under forces (frame, row, column), each in a place and light of its own."""
+    """Return reduced frames of an eye under forces (frame, row, column), each with a pose and light of its own."""
     reader, window = study.reader, FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad
     poses = (np.array([*(draw(values, rng) for values in framing), 0.0, 0.0]) for _ in forces_n)

@@ -1,11 +1,11 @@
-"""The reader's network and its training: a slice and what is known of the eye in; a histogram of F/E and a place out.
+"""The reader's network and its training: from a slice and the eye's known values to a histogram of F/E and a place.
 
-A column of a slice is wall from one depth to another, so three numbers say all of it: whether there is wall, how much,
-and its mean depth. The depth enters as the distance from the undeformed circle of the eye, so that what varies is the
-dent and the framing. Convolutions along the columns follow, then layers that also see what is known of the eye.
+A column of a slice is wall from one depth to another, so three numbers describe it: whether there is wall, its amount,
+and its mean depth. The depth enters as the distance from the undeformed circle of the eye, so that only the dent and
+the framing vary. Convolutions along the columns follow, then layers that also see the known values.
 
 The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
-rules", 2007): least for the true distribution of the force given what the network sees. Plus Huber's loss of the
+rules", 2007): least for the true distribution of the force given the network's inputs. Plus Huber's loss of the
 contact's place. The optimiser is AdamW, on samples that are drawn afresh for every epoch.
 """
 
@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.descent import descend, onnx_bytes, repeatable, torch
-from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, chunks_ahead, concatenated, validation_chunks
+from scleraforce.learning.descent import descend, drawn_ahead, onnx_bytes, repeatable, torch
+from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import (
     CONTACT,
@@ -49,8 +49,8 @@ PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
 class ReaderNetwork(torch.nn.Module):
     """A mixture of logistic distributions of the force's place, and the contact's place in mm (sample,).
 
-    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A few numbers say where the force is
-    and how sure that is; a network that has to say as much by the height of 128 bins learns slowly to be sure.
+    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A few numbers give the force and its
+    uncertainty; a network that has to give the heights of 128 bins learns slowly to be certain.
 
     `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample, len(GIVEN)).
     """
@@ -97,7 +97,7 @@ class ReaderNetwork(torch.nn.Module):
         return self.force(signal), self.place(signal)[:, 0]
 
     def features(self, slices: torch.Tensor) -> torch.Tensor:
-        """Return the numbers that say what a column shows (sample, FEATURES, column)."""
+        """Return the three numbers that describe a column (sample, FEATURES, column)."""
         amount, moment = torch.nn.functional.conv1d(slices, self.projection).unbind(1)
         there = amount.clamp(max=1.0)
         below_circle = moment / amount.clamp(min=1.0) - self.circle * there
@@ -113,7 +113,7 @@ def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
 
 
 def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
-    """Return the mixture's share in each bin (sample, bin); the end bins have all that lies beyond."""
+    """Return the mixture's share in each bin (sample, bin); the end bins have everything beyond."""
     return shares_between(torch.from_numpy(bin_ends(bins)), mixture)
 
 
@@ -146,7 +146,7 @@ def circle_depth(slice_study: SliceStudy, radius_m: float) -> NDArray[np.float64
 
 
 class ReadForces(torch.nn.Module):
-    """What an ONNX model does with the outputs of a network: histogram and contact's place, m."""
+    """The last step of an ONNX model, from a network's outputs to histogram and contact's place, m."""
 
     def __init__(self, bins: int) -> None:
         super().__init__()
@@ -159,7 +159,7 @@ class ReadForces(torch.nn.Module):
 
 
 class _Reads(torch.nn.Module):
-    """What the ONNX model does: slices, uint8, and given values in; histogram and contact's place out."""
+    """The ONNX model: slices, uint8, and given values to histogram and contact's place."""
 
     def __init__(self, network: ReaderNetwork) -> None:
         super().__init__()
@@ -181,18 +181,8 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
 
 
 @dataclass(frozen=True)
-class _Batch:
-    """Samples as tensors: slices (0 or 1), given values, place of the force in the histogram, contact's place in mm."""
-
-    slices: torch.Tensor
-    given: torch.Tensor
-    force: torch.Tensor
-    place_mm: torch.Tensor
-
-
-@dataclass(frozen=True)
 class Answers:
-    """What a network says of samples: the force's distribution, and the contact's place (sample,), m."""
+    """A network's answers on samples: the force's distribution, and the contact's place (sample,), m."""
 
     forces: ForceDistribution
     lateral_m: Floats
@@ -200,7 +190,7 @@ class Answers:
 
 @dataclass(frozen=True, kw_only=True)
 class ReaderMetrics:
-    """How answers agree with the truth.
+    """The agreement of answers with the truth.
 
     `accuracy` and `interval` (95 %, Wilson) of the classes, `mae_n` of the median, `coverage` of the 90 % intervals,
     `lateral_mae_m` of the contact's place; `confusion` has a row for each true class.
@@ -216,7 +206,7 @@ class ReaderMetrics:
 
 @dataclass(frozen=True)
 class FittedReader:
-    """A trained network, the mean loss of each epoch, and how it does on samples that it never saw."""
+    """A trained network, the mean loss of each epoch, and its metrics on new samples."""
 
     network: ReaderNetwork
     training_loss: tuple[float, ...]
@@ -228,18 +218,14 @@ def fit_reader(
 ) -> FittedReader:
     """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
 
-    Args:
-        study: the study with its `[reader]`.
-        source: what samples are drawn from.
-        workers: processes that draw them.
-        progress: called with 1 after each epoch.
+    `workers` processes draw samples from `source`; `progress` is called with 1 after each epoch.
 
     Raises:
         SolverError: the descent diverged.
     """
     reader = study.reader
     chunks = range(reader.epochs * _chunks(reader))
-    with closing(chunks_ahead(source, chunks, workers)) as drawn:
+    with closing(drawn_ahead(source.chunk, chunks, workers)) as drawn:
         network, training_loss = descend_reader(study, drawn, progress)
     with repeatable(reader.seed, READER_THREADS):
         unseen = concatenated(validation_chunks(source.chunk, reader.validation_samples, CHUNK))
@@ -249,17 +235,9 @@ def fit_reader(
 def descend_reader(
     study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
 ) -> tuple[ReaderNetwork, tuple[float, ...]]:
-    """Train a new network on the chunks of all epochs; return it with the mean loss of each epoch's samples.
+    """Train a new network on the chunks of all epochs, in order; return it with the mean loss of each epoch's samples.
 
     Losses are taken before the samples are learned from; no sample is seen twice.
-
-    Args:
-        study: the study with its `[reader]`.
-        drawn: the chunks of samples, in order.
-        progress: called with 1 after each epoch.
-
-    Raises:
-        SolverError: the descent diverged.
     """
     reader, chunks = study.reader, _chunks(study.reader)
     steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
@@ -285,10 +263,11 @@ def _chunks(reader: ReaderStudy) -> int:
 
 def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:
     """Yield the mean losses of the batches of samples, and their sizes."""
-    batch = _batch(samples, reader)
+    slices, given = _tensors(samples)
+    force, place_mm = targets(samples.force_n, samples.modulus_pa, samples.lateral_m, reader)
     for index in torch.split(torch.arange(len(samples)), reader.batch_size):
-        mixtures, places = network(batch.slices[index], batch.given[index])
-        yield reader_loss(mixtures, places, batch.force[index], batch.place_mm[index]), len(index)
+        mixtures, places = network(slices[index], given[index])
+        yield reader_loss(mixtures, places, force[index], place_mm[index]), len(index)
 
 
 def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
@@ -319,15 +298,15 @@ def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study)
 def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Answers:
     """Return a network's answers."""
     network.eval()
-    batch = _batch(samples, reader)
+    slices, given = _tensors(samples)
     with torch.inference_mode():
-        parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
+        parts = [network(slices[i], given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
     mixtures, places_mm = (torch.cat(values) for values in zip(*parts, strict=True))
     return answers_of(mixtures, places_mm, samples.modulus_pa, reader)
 
 
 def answers_of(mixtures: torch.Tensor, places_mm: torch.Tensor, modulus_pa: Floats, reader: ReaderStudy) -> Answers:
-    """Return the answers that a network's outputs are, with the moduli that it was told (sample,), Pa."""
+    """Return a network's answers from its outputs and the moduli that it was given (sample,), Pa."""
     edges = ratio_edges(reader.bins, reader.max_force_ratio)
     probabilities = histogram(mixtures, reader.bins).double().numpy()
     return Answers(force_distribution(probabilities, edges, modulus_pa), to_si(places_mm.double().numpy(), "mm"))
@@ -348,11 +327,12 @@ def reader_loss(
     return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
 
 
-def _batch(samples: ReaderSamples, reader: ReaderStudy) -> _Batch:
-    share = samples.force_n / samples.modulus_pa / reader.max_force_ratio
-    return _Batch(
-        torch.from_numpy((samples.slices > 0).astype(np.float32)),
-        torch.from_numpy(samples.given),
-        torch.from_numpy(np.sqrt(share).astype(np.float32)),
-        torch.from_numpy(from_si(samples.lateral_m, "mm").astype(np.float32)),
-    )
+def targets(force_n: Floats, modulus_pa: Floats, lateral_m: Floats, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
+    """Return the true places of forces in the histogram, 0 to 1, and of the contact, mm, (sample,)."""
+    places = np.sqrt(force_n / modulus_pa / reader.max_force_ratio), from_si(lateral_m, "mm")
+    return tuple(torch.from_numpy(values.astype(np.float32)) for values in places)
+
+
+def _tensors(samples: ReaderSamples) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return the network's inputs: slices of 0 and 1, and given values."""
+    return torch.from_numpy((samples.slices > 0).astype(np.float32)), torch.from_numpy(samples.given)

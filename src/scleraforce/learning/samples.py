@@ -1,12 +1,11 @@
-"""Samples for the reader, drawn from the response library: any number, each of an eye of its own.
+"""Samples for the reader, drawn from the response library: any number, each of another eye.
 
-They are drawn ahead in other processes, and are the same whatever the number of these.
+They are drawn ahead in other processes, and are the same for any number of these.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.mechanics.globe import Globe, sealed_globe
-from scleraforce.processes import work_in_order
 from scleraforce.reader.networks import GivenEyes, given_inputs, given_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Samples = TypeVar("Samples", bound="DataclassInstance")
-Drawn = TypeVar("Drawn", covariant=True)
 
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
@@ -39,17 +36,16 @@ TISSUES = 8  # stiffenings of tissue that does: what lies between them is learne
 TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
-AHEAD = 4  # chunks for each process that are drawn or wait
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
 BEYOND_SLICE_M = 0.5e-3  # of the wall that is kept: a tilted or turned section reaches a little farther
 
 
 @dataclass(frozen=True)
 class Eyes:
-    """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI.
+    """Eyes under a needle, the B-scan's tilt and the section's rotation, and their known values; (sample,), SI.
 
-    `polar_rad` is the contact's polar angle, `direction_rad` that of the section from the meridian. `rigidity` is k of
-    the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
+    `polar_rad` is the contact's polar angle, `direction_rad` the section's from the meridian. `rigidity` is k of the
+    globe, 0 if it is open; `iop_ratio` the pressure under the needle over E.
     """
 
     told: GivenEyes
@@ -69,10 +65,10 @@ class Eyes:
 
 @dataclass(frozen=True)
 class ReaderSamples:
-    """What the reader learns from.
+    """Samples of the reader.
 
     `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)); `force_n` (sample,);
-    `modulus_pa`: that the network is told (sample,); `lateral_m`: of the needle axis from the slice's middle (sample,).
+    `modulus_pa`: given to the network (sample,); `lateral_m`: of the needle axis from the slice's middle (sample,).
     """
 
     slices: NDArray[np.uint8]
@@ -104,14 +100,9 @@ def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Gene
 def draw_samples(
     library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
 ) -> ReaderSamples:
-    """Draw samples: eyes, forces, framings, and boundary errors like those of the segmentation.
+    """Draw samples: eyes, forces, framings, and boundary errors like the segmentation's.
 
-    Args:
-        library: of responses; `within` the slices' reach is enough, and quicker.
-        reader: the ranges.
-        slice_study: size of the slices.
-        count: of samples.
-        rng: source of all randomness.
+    A `library` `within` the slices' reach is enough, and quicker.
 
     Raises:
         InputError: the library does not hold such eyes.
@@ -125,10 +116,7 @@ def draw_samples(
 def draw_seen(
     library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
 ) -> tuple[Eyes, Framing, Floats]:
-    """Draw the eyes of samples, where they lie in the slices, and the boundaries seen (sample, boundary, column), m.
-
-    Arguments and errors as of `draw_samples`.
-    """
+    """Draw the eyes of samples, their places in the slices, and the boundaries seen (sample, boundary, column), m."""
     eyes = draw_eyes(library, reader, count, rng)
     framing = Framing(
         reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
@@ -140,11 +128,7 @@ def draw_seen(
 def draw_walls(
     library: Library, reader: ReaderStudy, eyes: Eyes, framing: Framing, columns: SliceStudy, rng: np.random.Generator
 ) -> Floats:
-    """Return the boundaries of eyes' walls, each of a form of its own, at columns (eye, boundary, column), m.
-
-    Raises:
-        InputError: the library does not hold such eyes.
-    """
+    """Return the boundaries of eyes' walls, each of another form, at columns (eye, boundary, column), m."""
     gap_m = eyes.gap_m / eyes.size
     place = eyes.thickness_m / eyes.size, eyes.iop_ratio
     walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
@@ -157,13 +141,13 @@ def draw_walls(
 
 
 def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
-    """Return how far slices show a section, from the needle axis, in the library's size, m."""
+    """Return the reach of slices along a section, from the needle axis, in the library's size, m."""
     beside_m = max(abs(end) for end in reader.lateral_m.bounds)
     return (0.5 * slice_study.columns * slice_study.pixel_m + beside_m) / reader.size.bounds[0]
 
 
 def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator) -> Eyes:
-    """Draw eyes that the library holds, with forces up to the largest that it holds for each.
+    """Draw eyes that the library holds, with forces up to its largest for each.
 
     Raises:
         InputError: the library holds hardly any such eye.
@@ -207,7 +191,7 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
 def _poles(
     reader: ReaderStudy, count: int, rng: np.random.Generator
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Return polar angles of contacts and directions of sections, and both as they are told, (sample,) each."""
+    """Return polar angles of contacts and directions of sections, and their given values, (sample,) each."""
     pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
     told = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
     missing = reader.polar_missing_fraction, reader.direction_missing_fraction
@@ -220,14 +204,9 @@ def _poles(
 def _pressures(
     library: Library, eye: tuple[Floats, ...], rigidity: Floats, force_n: Floats, rng: np.random.Generator
 ) -> Floats:
-    """Return the pressure under the needle over E (sample,); a force that drives it beyond the library is drawn less.
+    """Return the pressure under the needle over E (sample,) of eyes (thickness, IOP, modulus, size).
 
-    Args:
-        library: of responses.
-        eye: thickness, IOP, modulus and size (sample,).
-        rigidity: of the globe (sample,).
-        force_n: (sample,); changed where the pressure would leave the library.
-        rng: source of all randomness.
+    A force (in `force_n`) that drives it beyond the library is replaced by a smaller one.
     """
     thickness_m, iop_pa, modulus_pa, size = eye
     thickness, globe = thickness_m / size, sealed_globe(rigidity * size**3).over(modulus_pa)  # volumes go as size^3
@@ -248,7 +227,7 @@ def _pressures(
 
 
 def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """Return rigidities of globes and the ends of the band that is told of each, (sample,) in Pa^(1/3)/m^3."""
+    """Return rigidities of globes and the ends of the given band of each, (sample,) in Pa^(1/3)/m^3."""
     rigidity, low, high = np.zeros(count), np.zeros(count), np.zeros(count)
     drawn, missing = rng.random(count), rng.random(count) < reader.rigidity_missing_fraction
     sealed = drawn >= reader.globe_open_fraction + reader.globe_missing_fraction
@@ -267,9 +246,10 @@ def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
 
 
 def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """Return moduli that are told, their relative standard deviations (NaN: missing), and the eyes' own (sample,).
+    """Return given moduli, their relative standard deviations (NaN: missing), and the eyes' true moduli (sample,).
 
-    The eye's own is drawn from what is told, so that it means what it says; where nothing is, evenly from the range.
+    The true modulus is drawn from the given distribution, so that this means what it says; without one, evenly from the
+    range.
     """
     middle_pa = reader.youngs_modulus_pa.sample(rng, count)
     sd = log_even(reader.modulus_sd_fraction, count, rng)
@@ -280,10 +260,10 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
 
 
 def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
-    """Return by how much a calibrated modulus is off where it was fitted with thickness and IOP that are off.
+    """Return the error of a calibrated modulus that was fitted with a wrong thickness and IOP, as a factor.
 
     It is fitted to dents and forces, and at a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): so the product
-    stays. A factor is NaN where nothing was told.
+    stays. A factor is NaN for a missing value.
     """
     t, p = (np.nan_to_num(factor, nan=1.0) for factor in (thickness_factor, iop_factor))
     return 1.0 / (t**2 * np.cbrt(p))
@@ -298,7 +278,7 @@ def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) ->
 
 
 def _told(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:
-    """Return values as they are told: off by relative noise, NaN where they are missing."""
+    """Return given values: off by relative noise, NaN if they are missing."""
     told = values * (1.0 + noise * rng.standard_normal(len(values)))
     return np.where(rng.random(len(values)) < missing, np.nan, told)
 
@@ -314,7 +294,7 @@ def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
 
 @dataclass(frozen=True)
 class Source:
-    """What samples are drawn from: the same chunk for the same seed and number."""
+    """A source of samples: the same chunk for the same seed and number."""
 
     library: Library
     reader: ReaderStudy
@@ -322,7 +302,7 @@ class Source:
 
     @classmethod
     def of(cls, library: Library, reader: ReaderStudy, slice_study: SliceStudy) -> "Source":
-        """Keep of a library what slices can show: it is quicker."""
+        """Keep only the part of a library that slices can show: it is quicker."""
         low, high = reader.lateral_m.bounds
         half_width_m = 0.5 * slice_study.columns * slice_study.pixel_m
         reach_m = (half_width_m + max(abs(low), abs(high))) / reader.size.bounds[0] + reader.gap_m.bounds[1]
@@ -340,29 +320,6 @@ class Source:
         return concatenated(drawn)
 
 
-class ChunkSource(Protocol[Drawn]):
-    """What chunks of samples are drawn from."""
-
-    def chunk(self, number: int) -> Drawn:
-        """Draw a chunk: the same for the same number."""
-
-
-def chunks_ahead(source: ChunkSource[Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
-    """Draw chunks in `workers` processes; yield them in the order of `numbers`.
-
-    A few are drawn ahead. The processes end when the generator is closed.
-
-    Raises:
-        InputError: what drawing raises; SolverError where a worker died.
-    """
-    return work_in_order(partial(_drawing, source), numbers, workers, ahead=AHEAD * workers)
-
-
 def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int) -> list[Samples]:
     """Draw samples that no training sees, from streams of their own, in chunks of at most `size`."""
     return [draw(VALIDATION_CHUNK + n, min(size, count - n * size)) for n in range(-(-count // size))]
-
-
-def _drawing(source: ChunkSource[Drawn]) -> Callable[[int], Drawn]:
-    """Return what draws a chunk, in its process."""
-    return source.chunk

@@ -1,8 +1,9 @@
-"""From what a network learns from to its model folder: train, measure on what was never seen, write."""
+"""Train a network, measure it on unseen samples, and write its model folder."""
 
 import platform
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -33,12 +34,12 @@ from scleraforce.learning.fingerprint import (
     interval_fingerprint,
     reader_fingerprint,
 )
-from scleraforce.learning.intervals import measured_intervals
+from scleraforce.learning.intervals import measured_intervals, measuring
 from scleraforce.learning.raw_reader import (
     RawSource,
     fit_raw_reader,
     measure_raw_reader,
-    measured_raw_intervals,
+    measuring_raw,
     raw_reader_bytes,
 )
 from scleraforce.learning.reader import READER_THREADS, ReaderMetrics, fit_reader, reader_bytes
@@ -67,7 +68,7 @@ DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual e
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training reached; `candidates` are those of the grid search (empty without one)."""
+    """A training's result; `candidates`: of the grid search (empty without one)."""
 
     validation_accuracy: float
     validation_interval: tuple[float, float]
@@ -78,7 +79,7 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainedReader:
-    """What a training reached on its validation samples, after how many epochs of how many samples."""
+    """A training's metrics on its validation samples, its number of epochs and of samples."""
 
     metrics: ReaderMetrics
     epochs: int
@@ -87,7 +88,7 @@ class TrainedReader:
 
 @dataclass(frozen=True)
 class TrainedRawReader:
-    """What a training reached on its validation frames, after how many batches of how many frames."""
+    """A training's metrics on its validation frames, its number of batches and of frames."""
 
     metrics: ReaderMetrics
     batches: int
@@ -96,7 +97,7 @@ class TrainedRawReader:
 
 @dataclass(frozen=True)
 class TrainedFinder:
-    """What a training reached on scenes that it never saw, after how many batches of how many scenes."""
+    """A training's metrics on unseen scenes, its number of batches and of scenes."""
 
     metrics: FinderMetrics
     batches: int
@@ -117,7 +118,7 @@ def train_classifier(
     Args:
         dataset: an opened data set.
         out: the folder to make; it must not exist.
-        network: sizes and training, where they are to differ from those in the data set's study.
+        network: sizes and training; by default those in the data set's study.
         search: try every size of the grid instead, and keep the best.
         progress: called with 1 after each epoch (of each size).
         youngs_modulus_pa: label the slices for walls of this modulus (`classes_at_modulus`); None: as simulated.
@@ -176,8 +177,6 @@ def train_classifier(
 def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[Samples, Samples]:
     """Return the training and the validation samples of a data set, labelled for walls of a modulus.
 
-    They share no contact. At the data set's own modulus the labels are those of its forces.
-
     Raises:
         DatasetError: one of them is empty.
     """
@@ -204,16 +203,16 @@ def train_reader(
     """Train the reader on a library and write its model folder.
 
     Args:
-        library: of responses.
-        study: with the `[reader]` to use; the library has to be one of its eyes.
+        library: of responses, of the study's eye.
+        study: with the `[reader]` to use.
         out: the folder to make; it must not exist.
-        workers: processes that draw samples; None: one for each other core that this process may use.
+        workers: processes that draw samples; by default one for each other usable core.
         progress: called with 1 after each epoch.
-        measured: called with 1 after each of the eyes that the intervals are measured on.
+        measured: called with 1 after each eye that the intervals are measured on.
 
     Raises:
         ModelError: `out` exists or cannot be written.
-        InputError: the library is of other eyes than the study, does not hold those of `[reader]`, or is too large.
+        InputError: the library is of other eyes than the study, does not hold the eyes of `[reader]`, or is too large.
         SolverError: the training diverged.
     """
     check_place(out)
@@ -236,7 +235,13 @@ def train_reader(
         "library": asdict(errors),
     }
     if reader.interval_eyes:
-        record["intervals"] = measured_intervals(study, library, graph, workers or available_cores(), measured)
+        record["intervals"] = measured_intervals(
+            partial(measuring, study, library, graph),
+            reader.interval_eyes,
+            workers or available_cores(),
+            "virtual eyes of the library's walls",
+            measured,
+        )
         fingerprint |= interval_fingerprint(study, stored, graph)
     record["fingerprint"] = fingerprint
     write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
@@ -254,19 +259,7 @@ def train_raw_reader(
 ) -> TrainedRawReader:
     """Train the raw reader on a library and write its model folder.
 
-    Args:
-        library: of responses.
-        study: with the `[raw_reader]`, `[reader]` and `[phantom]` to use; the library has to be one of its eyes.
-        out: the folder to make; it must not exist.
-        workers: processes that draw samples; None: one for each other core that this process may use.
-        progress: called with 1 after each epoch of slices.
-        learned: called with 1 after each batch of raw frames.
-        measured: called with 1 after each of the eyes that the intervals are measured on.
-
-    Raises:
-        ModelError: `out` exists or cannot be written.
-        InputError: the library is of other eyes than the study, or does not hold those of `[reader]`.
-        SolverError: the training diverged.
+    Arguments and errors as of `train_reader`; `learned` is called with 1 after each batch of raw frames.
     """
     check_place(out)
     _check_library(library, study)
@@ -288,7 +281,13 @@ def train_raw_reader(
         "curves": {"training_loss": fitted.training_loss},
     }
     if raw.interval_eyes:
-        record["intervals"] = measured_raw_intervals(study, library, graph, workers or available_cores(), measured)
+        record["intervals"] = measured_intervals(
+            partial(measuring_raw, study, library, graph),
+            raw.interval_eyes,
+            workers or available_cores(),
+            "virtual eyes of the library's walls, drawn as raw frames",
+            measured,
+        )
     write_folder(out, graph, format_study(study), raw_reader_card(study, record), record)
     return TrainedRawReader(metrics, raw.batches, frames)
 
@@ -296,11 +295,8 @@ def train_raw_reader(
 def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> TrainedFinder:
     """Train the wall finder on drawn scenes and write its model folder.
 
-    Args:
-        study: with the `[scenes]` and the `[wall_finder]` to use.
-        out: the folder to make; it must not exist.
-        workers: processes, or those of a cluster, that draw; None: a process for each other core that this one may use.
-        progress: called with 1 after each batch.
+    `workers` are processes, or a cluster's, that draw (by default one for each other usable core); `progress` is called
+    with 1 after each batch.
 
     Raises:
         ModelError: `out` exists or cannot be written.
@@ -330,7 +326,7 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
 
 
 def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -> dict[str, str]:
-    """Return what `metadata_props` of a network says: the same for the same study, data and versions."""
+    """Return `metadata_props` of a network: the same for the same study, data and versions."""
     return {
         "kind": kind,
         "study_sha256": study_hash(study),
@@ -346,7 +342,7 @@ def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -
 
 
 def _library_provenance(kind: str, study: Study, seed: int, library: bytes) -> dict[str, str]:
-    """Return the provenance of a network that learned from a library, as this is stored."""
+    """Return the provenance of a network that learned from a library, as it is stored."""
     digest = sha256(library).hexdigest()
     return _provenance(kind, study, seed, READER_THREADS, library_sha256=digest, class_bounds_mn=_bounds_mn(study))
 
@@ -368,7 +364,7 @@ def _check_library(library: Library, study: Study) -> None:
 
 
 def _stored_library(library: Library) -> tuple[bytes, StoredErrors]:
-    """Return a library as a model folder has it, and by how much that differs from what was computed."""
+    """Return a library as a model folder has it, and its largest deviations from the computed one."""
     file = BytesIO()
     errors = save_library(library, file)
     return file.getvalue(), errors

@@ -1,9 +1,9 @@
-"""Whole virtual eyes from library walls, as the intervals of a reader are measured on them: calibrated, then read.
+"""Whole virtual eyes from library walls, for the measurement of a reader's intervals: calibrated, then read.
 
-An eye has a wall, a pressure, a globe and a needle's place of its own. A share of the eyes are uneven: their form is
-not a sphere's (`uneven`), and their forces drift away from those of the library with the dent, as those of uneven eyes
-computed in three dimensions do. What is told of an eye is off by what a study says. Three frames of known force
-calibrate it, as `calibrate --frames 3` does; the others are read.
+An eye has a wall, a pressure, a globe and a contact of its own. A share of the eyes are uneven: their form is not a
+sphere's (`uneven`), and their forces drift away from the library's with the dent, as in uneven eyes computed in three
+dimensions. The stated values of an eye are off by the study's errors. Three frames of known force calibrate it, as
+`calibrate --frames 3` does; the others are read.
 """
 
 from collections.abc import Iterable, Sequence
@@ -55,10 +55,10 @@ OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualEye:
-    """An eye and what is told of it.
+    """An eye and its stated values.
 
-    `model` gives its true sections, `wall` is its state without force, `told` what is said of it, `forms` (1,) its form
-    at rest. `drift`: its forces over those of the library grow by this share up to `largest_n`.
+    `model` gives its true sections, `wall` is its state without force, `told` are its stated values, `forms` (1,) its
+    form at rest. `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
     """
 
     model: LibraryEye
@@ -84,9 +84,9 @@ class VirtualFrame:
 
 
 def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
-    """Draw an eye within the ranges of `[reader]`; every third one is told open, sealed and nothing of its globe.
+    """Draw an eye within the ranges of `[reader]`; globes are stated open, sealed and not at all by turns.
 
-    The direction of its sections is told of half of them.
+    The direction of its sections is stated for half of the eyes.
 
     Raises:
         CalibrationError: the library does not have it.
@@ -142,7 +142,7 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
 
 
 def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
-    """Draw frames of an eye under forces (frame,), N, with errors like those of the segmentation."""
+    """Draw frames of an eye under forces (frame,), N, with errors like the segmentation's."""
     reader = study.reader
     lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
     pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
@@ -161,11 +161,11 @@ def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random
 
 
 def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats) -> Floats:
-    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN where it does not reach.
+    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN beyond the wall.
 
     Args:
-        eye: of whose wall.
-        forces_n: under them (frame,).
+        eye: the eye.
+        forces_n: (frame,).
         poses: of the sections, one for each frame (`calibration.registration.place_section`).
         columns_m: lateral places of a frame's columns from its middle.
     """
@@ -189,20 +189,20 @@ def calibrated(
     rng: np.random.Generator,
     chosen: Sequence[int] | None = None,
 ) -> tuple[Known, tuple[VirtualFrame, ...]]:
-    """Return what is known of an eye after a calibration on some of its frames, and the frames that are left.
+    """Return the known values of an eye after a calibration on some of its frames, and the other frames.
 
-    Those that only said where the eye lies, of light forces, are among these.
+    Frames of light forces, which only showed the place of the eye, are among the others.
 
     Args:
-        eye: whose frames.
+        eye: the eye.
         frames: in the order of the pushes.
         study: of the calibration.
         library: for any contact.
         rng: source of the errors of the forces.
-        chosen: the frames that it is calibrated on; None: three, as `calibrate --frames 3` takes them.
+        chosen: the frames of the calibration; None: three, chosen as by `calibrate --frames 3`.
 
     Raises:
-        CalibrationError: the library does not have the eye as it was told.
+        CalibrationError: the library does not have the eye with its stated values.
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
@@ -224,12 +224,7 @@ def calibrated(
 
 
 def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
-    """Return forces as a log would tell them: noise, and what a line through the rests leaves of the sensor's zero.
-
-    Args:
-        forces_n: the true ones (frame,), in the order of the pushes.
-        rng: source of the errors.
-    """
+    """Return true forces (frame,), in the order of the pushes, with a log's noise and the rest of its sensor's zero."""
     time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
     offset_n, drift_n_per_s = np.sqrt(np.diag(ZERO_PRIOR)) * rng.standard_normal(2)
     rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > PUSH_N]
@@ -248,7 +243,7 @@ def _with_tissue(
     study: Study,
     library: Library,
 ) -> TissueTrial[tuple[Known, int]] | None:
-    """Calibrate an eye with the walls of one tissue: what is known of it, and how many frames were gone through."""
+    """Calibrate an eye with the walls of one tissue: its known values, and the number of frames that were used."""
     try:
         session = begin(study, told, library, zero_covariance=zero_covariance)
     except CalibrationError:
@@ -268,7 +263,7 @@ def _with_tissue(
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
-    """Return what is known of an eye that is read with the modulus of other eyes."""
+    """Return the known values of an eye that is read with the modulus of other eyes."""
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
@@ -285,11 +280,7 @@ def _of_others(eye: VirtualEye, rng: np.random.Generator) -> float:
 
 
 def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
-    """Return the largest force that the library holds for an eye, at most `largest_n`.
-
-    Raises:
-        CalibrationError: the library does not hold the eye at rest.
-    """
+    """Return the largest force that the library holds for an eye, at most `largest_n`; or raise a CalibrationError."""
     if reason := model.outside(wall):
         raise CalibrationError(reason)
     while model.outside(replace(wall, force_n=largest_n)) is not None:

@@ -1,16 +1,16 @@
-"""The wall finder: its network, the drawn scenes that it learns from, its training, and how well it does.
+"""The wall finder: its network, the drawn scenes that it learns from, its training, and its metrics.
 
 Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution: a reduced frame goes in; for
-every second column come out two distributions over the rows, of the wall's upper and lower boundary, and how sure it is
-that there is wall. Rows come back to full resolution in the last step, as two channels that are interleaved: most of
+every second column come out two distributions over the rows, of the wall's upper and lower boundary, and the
+probability of wall. Rows come back to full resolution in the last step, as two channels that are interleaved: most of
 the work is done on a quarter of the pixels.
 
 The loss of a boundary is the cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969),
-which knows how far off a wrong row is; both are proper, so that the spread that is told is the one that is meant.
-Columns without wall count for the third output alone, and a wall that nobody can see for none.
+which includes the distance of a wrong row; both are proper, so the spread is honest. Columns without wall count for the
+third output alone, and an invisible wall does not count.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import curve, descend, onnx_bytes, repeatable, torch
-from scleraforce.processes import work_in_order
+from scleraforce.learning.descent import curve, descend, drawn_ahead, onnx_bytes, repeatable, torch
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, WallFinderStudy
@@ -29,7 +28,6 @@ Float = NDArray[np.float32]
 
 INPUTS_OF_PIXEL = 3  # level, its root, and the row
 BOUNDARIES = 2  # upper and lower
-AHEAD = 6  # batches for each process that are drawn or wait
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
 FINDER_THREADS = 1  # the other core draws; more threads would also sum in another order
 RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
@@ -94,7 +92,7 @@ def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential
 
 
 class _Reads(torch.nn.Module):
-    """What the ONNX model does: reduced frames in; rows of both boundaries and whether there is wall out."""
+    """The ONNX model: reduced frames to rows of both boundaries and the probability of wall."""
 
     def __init__(self, network: WallFinderNetwork) -> None:
         super().__init__()
@@ -106,7 +104,7 @@ class _Reads(torch.nn.Module):
 
 
 def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model; `segmentation.wall_finder` says what goes in and comes out."""
+    """Return the network as an ONNX model; `segmentation.wall_finder` describes its inputs and outputs."""
     frames = torch.zeros(2, network.rows, network.columns)
     return onnx_bytes(_Reads(network).eval(), {FINDER_FRAMES: frames}, [FINDER_ROWS, FINDER_WALL], provenance)
 
@@ -115,7 +113,7 @@ def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> b
 class SceneBatch:
     """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall.
 
-    `judged` (n, column / 2) is False where a wall is that nobody can see.
+    `judged` (n, column / 2): False for an invisible wall.
     """
 
     frames: Float
@@ -124,14 +122,7 @@ class SceneBatch:
 
 
 def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
-    """Draw a batch: the same for the same studies and number.
-
-    Args:
-        scenes: what is drawn.
-        study: size of the reduced frames and of the batch.
-        number: of the batch.
-        first: number of the first scene of batch 0.
-    """
+    """Draw a batch, the same for the same studies and number; `first` is the number of the first scene of batch 0."""
     count = study.batch_size
     drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
     frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
@@ -139,20 +130,8 @@ def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first:
     return SceneBatch(frames, boundaries, np.stack([scene.judged[_columns(scene, study)] for scene in drawn]))
 
 
-def batches_ahead(
-    scenes: ScenesStudy, study: WallFinderStudy, numbers: Sequence[int], workers: int
-) -> Generator[SceneBatch, None, None]:
-    """Draw batches in `workers` processes, a few ahead; yield them in the order of `numbers`."""
-    return work_in_order(partial(_drawing, scenes, study), numbers, workers, ahead=AHEAD * workers)
-
-
-def _drawing(scenes: ScenesStudy, study: WallFinderStudy) -> Callable[[int], SceneBatch]:
-    """Return what draws a batch, in its process."""
-    return partial(scene_batch, scenes, study)
-
-
 def _columns(scene: Scene, study: WallFinderStudy) -> NDArray[np.intp]:
-    """Return the frame's columns that every second column of the reduced frame stands for."""
+    """Return the frame's columns for every second column of the reduced frame."""
     return np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
 
 
@@ -178,23 +157,19 @@ def fit_wall_finder(
 ) -> FittedFinder:
     """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
 
-    Args:
-        scenes: what is drawn.
-        study: the network and its descent.
-        workers: processes that draw.
-        progress: called with 1 after each batch.
+    `workers` processes draw scenes; `progress` is called with 1 after each batch.
 
     Raises:
         SolverError: the descent diverged.
     """
-    with closing(batches_ahead(scenes, study, range(study.batches), workers)) as drawn:
+    with closing(drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers)) as drawn:
         return descend_finder(study, drawn, progress)
 
 
 def descend_finder(
     study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
 ) -> FittedFinder:
-    """Train a new network on batches of scenes, in order; arguments and errors of `fit_wall_finder`."""
+    """Train a new network on batches of scenes, in order."""
     losses: list[float] = []
     with repeatable(study.seed, FINDER_THREADS):
         network = WallFinderNetwork(study)
@@ -231,8 +206,8 @@ def finder_loss(
     Args:
         row_logits: of the boundaries' rows, (n, 2, row, column).
         wall_logits: of there being wall, (n, column).
-        boundaries: true rows (n, 2, column), NaN where there is no wall.
-        judged: False in columns that count for nothing, (n, column).
+        boundaries: true rows (n, 2, column), NaN without wall.
+        judged: False in columns that do not count, (n, column).
         target_rows: standard deviation by which the true row is blurred.
     """
     there = torch.isfinite(boundaries).all(dim=1)
@@ -251,11 +226,10 @@ def finder_loss(
 
 @dataclass(frozen=True, kw_only=True)
 class FinderMetrics:
-    """Of the scenes that show wall, where it can be seen: Dice in the mean, its median and its 5th percentile.
+    """Metrics of the scenes that show wall, where it is visible: Dice in the mean, its median and its 5th percentile.
 
-    `outer_rows`, `inner_rows`: median error of the boundaries in rows of the reduced frame, where there is wall;
-    `coverage`: share of both boundaries that lie within 1.645 of their standard deviations; `found`: share of columns
-    for which it is right whether there is wall.
+    `outer_rows`, `inner_rows`: median error of the boundaries in rows of the reduced frame; `coverage`: share of both
+    boundaries within 1.645 of their standard deviations; `found`: share of columns with the right decision on wall.
     """
 
     dice_mean: float
@@ -268,14 +242,7 @@ class FinderMetrics:
 
 
 def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: int) -> FinderMetrics:
-    """Compare a wall finder's answers with the truth of scenes.
-
-    Args:
-        finder: to measure.
-        scenes: what is drawn.
-        count: of scenes.
-        rows: of its reduced frame.
-    """
+    """Compare a wall finder's answers with the truth of `count` scenes; `rows`: of its reduced frame."""
     shares, errors, right = [], [], []
     for number in range(count):
         scene = draw_scene(scenes, VALIDATION_SCENES + number)

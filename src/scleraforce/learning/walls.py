@@ -1,10 +1,10 @@
-"""What drawn walls show: forms that are no even spheres, and the errors of a segmentation (NumPy only).
+"""The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy only).
 
 An ellipsoid curves otherwise than a sphere, and more on one side of the contact than on the other; at the limbus the
 surface turns up to the cornea, which curves more (7.8 mm instead of 12); and the wall's thickness changes along the
-section. This is the form at rest: it lies on the dented wall as it is.
+section. This is the form at rest: it is added to the dented wall unchanged.
 
-The errors are those that `benchmarks/bench_boundary_errors.py` measures on rendered frames, made anew: the surface is
+The errors imitate the errors that `benchmarks/bench_boundary_errors.py` measures on rendered frames: the surface is
 smoothed, which moves it where it bends; where it faces the light its mirror reflection moves it up; on it lies a small
 error that neighbouring columns share. The thickness seen in a column is off by a scale of the whole frame, by an error
 that reaches farther along the columns and grows with the slope, now and then by a bump on a steep flank, and seldom by
@@ -39,10 +39,10 @@ WEDGE_SD, BOW_SD = 0.12, 0.12
 class Forms:
     """Forms of walls, each (sample,).
 
-    `curvature` and `skew`, 1/m: what the surface curves more, to both sides and to the right (to the left less).
-    `limbus_m`: where the cornea begins, from the contact; to the left below 0, far away where it is not in view.
-    `limbus_rad`: by how much the surface turns up there, softly over `soft_m`.
-    `wedge` and `bow`: how the thickness grows, m a metre along the section and m a square metre.
+    `curvature` and `skew`, 1/m: the surface's additional curvature, on both sides and to the right (to the left less).
+    `limbus_m`: start of the cornea, from the contact; negative to the left, far away if it is not in view.
+    `limbus_rad`: turn of the surface there, softly over `soft_m`. `wedge` and `bow`: growth of the thickness, m a metre
+    along the section and m a square metre.
     """
 
     curvature: Floats
@@ -55,7 +55,7 @@ class Forms:
 
 
 def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: NDArray[np.bool_], rng: np.random.Generator) -> Forms:
-    """Draw forms (sample,): even spheres but for those that are to be uneven."""
+    """Draw forms (sample,): even spheres, but for the `uneven` ones."""
     count = len(thickness_m)
     numbers = rng.standard_normal((4, count)) * uneven
     side = rng.choice([-1.0, 1.0], count)
@@ -72,7 +72,7 @@ def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: NDArray[np.bool_],
 
 
 def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
-    """Return what forms add to the depths of both boundaries (sample, boundary, column), m.
+    """Return the depths that forms add to both boundaries (sample, boundary, column), m.
 
     Args:
         forms: of the walls.
@@ -146,17 +146,14 @@ def disturb(
     errors: BoundaryErrors | None = None,
     scale: float = 1.0,
 ) -> Floats:
-    """Return boundaries as a segmentation might have found them.
+    """Return boundaries as a segmentation might have found them, NaN in columns without a found wall.
 
     Args:
         depth_sbc: true boundaries (sample, boundary, column), m below the frame's upper edge; NaN: no wall.
         study: size of the slice and of its pixel.
         rng: source of the errors.
-        errors: their sizes; by default those of this project's segmentation.
+        errors: their sizes; by default this project's segmentation's.
         scale: times the errors of surface, thickness and scale, and the numbers of bumps and layers.
-
-    Returns:
-        The same shape; NaN in columns where no wall is found.
     """
     errors = errors or BoundaryErrors()
     known: NDArray[np.bool_] = np.all(np.isfinite(depth_sbc), axis=1)
@@ -244,7 +241,7 @@ def _bumps(slope: Floats, errors: BoundaryErrors, scale: float, study: SliceStud
 
 
 def _layers(shape: tuple[int, ...], errors: BoundaryErrors, scale: float, rng: np.random.Generator) -> Floats:
-    """Return what the layer below the wall adds to its thickness, m (sample, column)."""
+    """Return the thickness that a layer taken for wall adds, m (sample, column)."""
     count, columns = shape
     added = rng.uniform(*errors.layer_m, (count, 1)) * (rng.random((count, 1)) < scale * errors.layer_share)
     half = 0.5 * columns * rng.uniform(*errors.layer_stretch, (count, 1))
@@ -255,7 +252,7 @@ def _layers(shape: tuple[int, ...], errors: BoundaryErrors, scale: float, rng: n
 def _within_sides(
     shape: tuple[int, ...], errors: BoundaryErrors, study: SliceStudy, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Return which columns the scan reaches (sample, column)."""
+    """Return the columns that the scan reaches (sample, column)."""
     hit = rng.random((shape[0], 2)) < errors.side_loss_share
     lost = np.where(hit, rng.exponential(errors.side_loss_m, (shape[0], 2)), 0.0) / study.pixel_m
     column = np.arange(shape[1])

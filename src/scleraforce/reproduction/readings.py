@@ -23,7 +23,7 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, calibration_as_json
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, paper_eyes
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, paper_eyes
 from scleraforce.learning.classifier import TrainedNetwork, fit
 from scleraforce.learning.dataset import Dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import split_samples, train_classifier, train_reader
@@ -71,7 +71,7 @@ def _prepared(study: Study, folder: Path) -> Callable[[int], None]:
 def _bend_eye(study: Study, folder: Path, number: int) -> None:
     eye, forces_n = bent_trials(study)[number]
     plan = plan_phantom(eye, forces_n, study, study.phantom.seed)
-    write_phantom(folder / eye.id, plan, finite_strain_sections(eye, study), study)
+    write_phantom(folder / eye.id, plan, BentSections(eye, study), study)
 
 
 def run_library(run: Run, progress: Progress | None = None) -> Library:
