@@ -14,8 +14,7 @@ from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, sti
 from scleraforce.calibration.assimilation import FrameStep, begin, known_after, step
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.calibration.known_forces import settled
-from scleraforce.calibration.stiffening import TissueTrial, search
+from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.library import Library
 from scleraforce.reader.kinds import ForceReader

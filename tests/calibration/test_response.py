@@ -30,8 +30,9 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
         wall.needle_cnc([contact], 0.35e-3)[0], force_n, youngs_modulus_pa=0.27e6, iop_pa=266.0, density_kg_m3=1100.0
     )
     cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=0.5e-3, direction_rad=direction, tilt_rad=tilt), displacement)
-    response = replace(model.at(contact.polar_rad, 0.7e-3), smoothing_m=0.0)
-    outer, inner = response.curves([stated_wall(constants, 0.27e6, force_n, contact.polar_rad)])[0]
+    outer, inner = replace(model, smoothing_m=0.0).curves([stated_wall(constants, 0.27e6, force_n, contact.polar_rad)])[
+        0
+    ]
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
     for mine, other in ((outer, cut.outer), (inner, cut.inner)):
         difference = np.interp(at, *mine.T) - np.interp(at, *other.T)
@@ -42,12 +43,11 @@ def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
     model = laboratory.model(
         EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
     )
-    response = model.at(radians(35), 0.7e-3)
     wall = WallState(
         youngs_modulus_pa=0.2e6, force_n=0.02, iop_pa=200.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35)
     )
-    one = response.curves([wall])
-    heavier = replace(response, weight_pa_m=2 * response.weight_pa_m)
+    one = model.curves([wall])
+    heavier = replace(model, weight_pa_m=2 * model.weight_pa_m)
     other = heavier.curves([replace(wall, youngs_modulus_pa=0.4e6, force_n=0.04, iop_pa=400.0)])
     np.testing.assert_allclose(one, other, atol=1e-15)
 

@@ -10,11 +10,10 @@ import pytest
 from small_models import told_finder
 
 from ideal_boundaries import ideal_boundaries
-from scleraforce.calibration import assimilation, one_tissue
-from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration import assimilation, calibrate
+from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.one_tissue import eye_constants
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
@@ -171,7 +170,7 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
         told.append(more)
         return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(one_tissue, "find_wall", below)
+    monkeypatch.setattr(calibrate, "find_wall", below)
     finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=finder)
@@ -202,7 +201,7 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
         return replace(find_wall(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(one_tissue, "find_wall", shallow)
+    monkeypatch.setattr(calibrate, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts

@@ -12,8 +12,8 @@ from analytic_library import STIFFENINGS, analytic_library, made_up_library, sol
 from small_recordings import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
+from scleraforce.calibration.known_forces import TissueTrial, most_trials, search
 from scleraforce.calibration.result import Calibration, EyeCalibration
-from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, told_globe
+from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, stated_globe
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
     calibrated_modulus,
@@ -118,7 +118,7 @@ def test_an_eye_of_the_population_says_nothing_of_another_globe(summary: Calibra
 def test_a_recordings_globe_is_what_it_says_and_nothing_where_it_says_nothing(
     eye: EyeInfo, kind: str | None, rigidity: float | None
 ) -> None:
-    told = told_globe(eye)
+    told = stated_globe(eye)
     assert (kind, rigidity) == (None, None) if told is None else (told.kind, told.mean) == (kind, rigidity)
 
 

@@ -21,7 +21,7 @@ from scleraforce.known import (
     KnownGlobe,
     known_globe,
     stated_eye,
-    told_globe,
+    stated_globe,
 )
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import ForceInfo
@@ -58,7 +58,7 @@ CALIBRATED = KnownGlobe(
     ],
 )
 def test_a_recording_states_what_was_told_of_the_globe(known: KnownGlobe | None, stated: KnownGlobe | None) -> None:
-    assert told_globe(stated_eye("mine", Known(globe=known))) == stated
+    assert stated_globe(stated_eye("mine", Known(globe=known))) == stated
 
 
 def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are() -> None:

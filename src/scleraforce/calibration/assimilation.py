@@ -1,12 +1,12 @@
 """The filter of one eye, frame by frame: registration, observation, prediction, correction (paper sec. 3.2).
 
 `begin`, then `step` for each frame; every value is a new record, and the posterior can be read at any time. Frames of
-little force say where the eye lies but nothing of its modulus. All at once or one by one, the result is the same.
+little force show where the eye lies but nothing of its modulus. All at once or one by one, the result is the same.
 
-What the frame does not tell about (pose, contact angle, inner boundary, noise of the force) is marginalised: it enters
-the observation noise as J Sigma J^T. What all frames share and no frame tells about (zero of the force, its drift, the
-contact angle, the finite elements' error) would be averaged away by that, wrongly; so its effect on the estimate is
-followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
+Values that a frame does not determine (pose, contact angle, inner boundary, noise of the force) are marginalised: they
+enter the observation noise as J Sigma J^T. That would wrongly average away values that all frames share and none
+determines (zero of the force, its drift, the contact angle, the finite elements' error); so their effect on the
+estimate is followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
 """
 
 from dataclasses import KW_ONLY, dataclass, replace
@@ -71,7 +71,7 @@ SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the colum
 
 @dataclass(frozen=True, eq=False)
 class EyeFilter:
-    """What does not change from frame to frame: the eye, its uncertain parameters, how the filter runs."""
+    """The constant part: the eye, its uncertain parameters, the settings of the filter."""
 
     model: EyeModel
     space: ParameterSpace
@@ -81,7 +81,7 @@ class EyeFilter:
 
 @dataclass(frozen=True, eq=False)
 class EyeState:
-    """What is known after some frames; `sensitivity` (parameter, 4): of the estimate to what frames share, `SHARED`."""
+    """The state after some frames; `sensitivity` (parameter, 4) of the estimate to the `SHARED` values of frames."""
 
     posterior: Posterior
     belief: PoseBelief
@@ -106,7 +106,7 @@ class FrameInput:
 
 @dataclass(frozen=True, eq=False)
 class FrameStep:
-    """One frame's step: the state after it, and what a figure or a report needs of it.
+    """One frame's step: the state after it, and the values that a figure or a report needs.
 
     `before_m` and `after_m` (point,): depths predicted at the observed points, before and after, at the frame's pose.
     """
@@ -123,13 +123,13 @@ class FrameStep:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A frame that cannot be assimilated, and why; it leaves the state as it is."""
+    """The reason why a frame cannot be assimilated; it leaves the state unchanged."""
 
     reason: str
 
 
 def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
-    """Set up the filter of an eye for parameters named as on the command line; a globe's rigidity comes by itself.
+    """Set up the filter of an eye for parameters named as on the command line; a globe's rigidity is added by itself.
 
     Raises:
         ValueError: an unknown or repeated parameter.
@@ -162,15 +162,15 @@ def first_state(eye: EyeFilter) -> EyeState:
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
-    """Return means and standard deviations of the parameters in SI, with what all frames share.
+    """Return means and standard deviations of the parameters in SI, with the effect of the shared values.
 
-    Where the filter has left the bounds of the rigidity, which it does not know, they are those on the bound.
+    If the filter has left the bounds of the rigidity, which it does not know, they are those on the bound.
     """
     return eye.space.moments(*_within_bounds(eye, state))
 
 
 def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
-    """Return mean and covariance in the filter's coordinates, the mean that of a rigidity within its bounds."""
+    """Return mean and covariance in the filter's coordinates, the mean given a rigidity within its bounds."""
     mean, covariance = state.posterior.mean, _total_covariance(eye, state)
     if RIGIDITY not in eye.space.names:
         return mean, covariance
@@ -180,7 +180,7 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
 
 
 def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
-    """Return what is known of the globe after some frames, with its correlation with the modulus."""
+    """Return the known globe after some frames, with its correlation with the modulus."""
     globe = eye.model.constants.globe
     if not globe.can_be_sealed:
         return globe
@@ -196,14 +196,14 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
 
 
 def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
-    """Return the rigidity that a globe is taken to have after some frames, Pa^(1/3)/m^3: 0 for an open one."""
+    """Return the estimated rigidity of the globe, Pa^(1/3)/m^3: 0 for an open one."""
     if RIGIDITY not in eye.space.names:
         return eye.model.constants.globe.mean
     return float(eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)])
 
 
 def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
-    """Return the filter's covariance plus that of what all frames share, in the filter's coordinates (p, p)."""
+    """Return the filter's covariance plus that of the shared values, in the filter's coordinates (p, p)."""
     shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
     shared[:2, :2] = state.zero_covariance
     total: Array = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
@@ -211,9 +211,9 @@ def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
 
 
 def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep | Skipped:
-    """Assimilate one frame; it is skipped where it shows too little, or where the mechanics does not hold.
+    """Assimilate one frame; it is skipped if it shows too little, or if the mechanics does not hold.
 
-    A frame that the model cannot be evaluated for leaves the state as it is, and `result.status` says why.
+    A frame that the model cannot be evaluated for leaves the state unchanged, and `result.status` says why.
     """
     if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
@@ -258,7 +258,7 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
 
 
 def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
-    """Return where a frame's own fit stands in the filter's coordinates (p,); None: E alone is found from anywhere."""
+    """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
     start = state.posterior.mean.copy()
@@ -276,9 +276,9 @@ def _modulus_coordinate(eye: EyeFilter, modulus_pa: float) -> float:
 def _observation_noise(
     eye: EyeFilter, observation: Observation, placed: Placed, by_force: Array, by_polar: Array, prior: PoseBelief
 ) -> Array:
-    """Return the covariance (point, point) of what is observed: segmentation, pose and its kin, force, contact.
+    """Return the covariance (point, point) of the observation: segmentation, nuisances, force, contact.
 
-    A point that the model's section does not reach says nothing.
+    A point that the model's section does not reach has a huge variance.
     """
     sd_m = np.where(placed.seen, observation.sd_m, UNREACHED_SD_M)
     by_nuisance = placed.jacobian[:, :LOG_MODULUS]
@@ -292,16 +292,16 @@ def _observation_noise(
 
 
 def _outside(eye: EyeFilter, posterior: Posterior, force_n: float) -> str | None:
-    """Return why the model does not hold for the eye as it is now known under a force, None where it does."""
+    """Return why the model does not hold for the present estimate of the eye under a force, None if it does."""
     stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
     values = eye.space.values(posterior.mean).tolist()
     return eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
 
 
 def _followed(sensitivity: Array, result: StepResult, by_force: Array, by_polar: Array, frame: FrameInput) -> Array:
-    """Return how far the estimate follows an error of each shared quantity, after one more step (parameter, shared).
+    """Return the effect of an error of each shared value on the estimate, after one more step (parameter, shared).
 
-    The estimate is x+ = x- + G (y - h(x-)); an error d of what the frame depends on moves y by g d.
+    The estimate is x+ = x- + G (y - h(x-)); an error d of a shared value moves y by g d.
     """
     if not result.observations:
         return sensitivity
@@ -311,14 +311,14 @@ def _followed(sensitivity: Array, result: StepResult, by_force: Array, by_polar:
 
 
 def _modulus(eye: EyeFilter, state: EyeState) -> float:
-    """Return the median of the modulus' posterior, from where a frame's own is sought."""
+    """Return the median of the modulus' posterior, from which a frame's own is sought."""
     values = eye.space.values(state.posterior.mean)
     modulus = dict(zip(eye.space.names, values.tolist(), strict=True)).get("youngs_modulus_pa", eye.study.prior_mean_pa)
     return max(float(modulus), 0.01 * eye.study.prior_mean_pa)
 
 
 def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, places: Places) -> Array:
-    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN where there is no such eye."""
+    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN for a row without such an eye."""
     values = eye.space.values(states_rp)
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
@@ -332,7 +332,7 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
 
 @dataclass(frozen=True, eq=False)
 class EyeSession:
-    """An eye after some frames; `last` is what became of the latest one, None before the first.
+    """An eye after some frames; `last` is the result of the latest one, None before the first.
 
     `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all frames share.
     """
@@ -354,7 +354,7 @@ class EyeSession:
 
     @property
     def updates(self) -> int:
-        """How many frames the estimate rests on."""
+        """The number of frames that the estimate rests on."""
         return self.state.posterior.updates
 
     def _modulus(self, moment: int) -> float:
@@ -386,9 +386,9 @@ def begin(
 
     Args:
         study: prior, filter, and for linear mechanics the mesh.
-        constants: what is stated about the eye and the B-scan's plane.
+        constants: stated values of the eye and the B-scan's plane.
         library: finite-strain responses; None: linear mechanics.
-        parameters: what is uncertain, of `e`, `iop`, `thickness`, `gap`; `e` among them.
+        parameters: the uncertain ones, of `e`, `iop`, `thickness`, `gap`; `e` among them.
         zero_covariance: of the forces' zero (N) and drift (N/s), (2, 2).
 
     Raises:
@@ -405,9 +405,9 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
 
     Args:
         session: the eye so far.
-        boundaries: of the frame, see `frames.segmented_boundaries`.
+        boundaries: of the frame, see `segmented_boundaries`.
         force_n: the needle's force under the frame.
-        since_start_s: time of the frame, from where the zero's drift counts.
+        since_start_s: time of the frame since the beginning of the log, for the zero's drift.
     """
     eye = session.filter
     if isinstance(eye.model, LibraryEye):
@@ -418,7 +418,7 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
 
 
 def known_after(session: EyeSession) -> Known:
-    """Return what is known of an eye after its frames; nothing of its modulus where its last one diverged."""
+    """Return the known eye after its frames; without a modulus if its last one diverged."""
     constants = session.filter.model.constants
     diverged = isinstance(session.last, FrameStep) and session.last.result.status != "ok"
     if diverged or not session.updates:
@@ -431,7 +431,7 @@ def known_after(session: EyeSession) -> Known:
 
 
 def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:
-    """Return the eye after a frame that bears enough force to say something of its modulus; arguments of `step`."""
+    """Return the eye after a frame that bears enough force to show its modulus; arguments of `step`."""
     frame = FrameInput(
         boundaries, force_n=force_n, since_start_s=since_start_s, zero_covariance=session.zero_covariance
     )
@@ -440,7 +440,7 @@ def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_s
 
 
 def _refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSession:
-    """Return the eye after a frame that says where it lies, but nothing of its modulus; arguments of `step`."""
+    """Return the eye after a frame that shows where it lies, but nothing of its modulus; arguments of `step`."""
     eye, state = session.filter, session.state
     if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = frame_prior(state.belief, eye.study)

@@ -1,23 +1,108 @@
-"""Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
+"""Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2).
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+The frames of an eye pass the filter one by one, and are then read again (`known_forces`), with the walls of one tissue
+at a time; `known_forces.search` looks for the tissue that explains them best.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scleraforce.calibration.one_tissue import FrameWalls, StepCount, Way, calibrate_eye
-from scleraforce.calibration.result import Calibration, EyeCalibration, rigidity_words
-from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
+from scleraforce.calibration.assimilation import (
+    PARAMETERS,
+    RIGIDITY,
+    EyeFilter,
+    EyeSession,
+    FrameStep,
+    Skipped,
+    begin,
+    known_after,
+    known_globe_after,
+    moments,
+    step,
+)
+from scleraforce.calibration.eye_model import EyeConstants
+from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.known_forces import TissueTrial, most_trials, search, settled
+from scleraforce.calibration.registration import first_belief
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
-from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
+from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
 from scleraforce.library import Library
-from scleraforce.recording.folder import Recording
+from scleraforce.recording.folder import Recording, frame_digest, tables_digest
+from scleraforce.recording.labels import label_frames, label_notes, log_doubts
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries, dent, segmented_boundaries
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
+from scleraforce.units import from_si
+
+Array = NDArray[np.float64]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
-SOUGHT_ON = 6  # frames; where more are wanted, they are calibrated on once it is found
+SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated on once it is found
+FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
+SAME_MODULUS = 0.01  # relative; other stated values of the eye move the mean of a lognormal by less
+
+
+@dataclass
+class _StepCount:
+    """Counts down the steps of an eye's calibration and reports them."""
+
+    left: int
+    progress: Callable[[int], object] | None
+
+    def __call__(self, steps: int) -> None:
+        self.left -= steps
+        if self.progress is not None:
+            self.progress(steps)
+
+
+class _SeenFrame(NamedTuple):
+    sha256: str
+    wall: Boundaries | Skipped
+
+
+@dataclass(frozen=True, eq=False)
+class FrameWalls:
+    """The walls in the frames of a recording, each segmented once; `used`: digests of frames that were used before."""
+
+    recording: Recording
+    finder: WallFinder | None
+    used: frozenset[str]
+    _seen: dict[int, _SeenFrame | None] = field(default_factory=dict)
+
+    def look(self, index: int) -> _SeenFrame | None:
+        """Return the digest and the wall of a frame; None if it was used before."""
+        if index not in self._seen:
+            self._seen[index] = self._look(index)
+        return self._seen[index]
+
+    def _look(self, index: int) -> _SeenFrame | None:
+        pixels, info = self.recording.frame(self.recording.frames[index]), self.recording.info
+        sha256, scale = frame_digest(pixels), PixelScale.of(info.oct)
+        if sha256 in self.used:
+            return None
+        found = find_wall(pixels, scale, info.eye.thickness_m, self.finder)
+        wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
+        return _SeenFrame(sha256, wall)
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """The arguments of `calibrate_recordings`; `parameters` are those of the filter."""
+
+    study: Study
+    library: Library | None
+    parameters: tuple[str, ...]
+    stiffening_sought: bool
+    frames: int | None
+    finder: WallFinder | None
 
 
 def calibrate_recordings(
@@ -38,17 +123,17 @@ def calibrate_recordings(
         study: prior, filter, mesh.
         study_sha256: hash of the study, kept as provenance.
         library: responses of finite strain; None: linear mechanics, as in the paper.
-        parameters: what is uncertain, of `e`, `stiffening`, `iop`, `thickness`, `gap`; `e` among them. None: e, and
-            with a library the stiffening, which is found on the first recording of an eye. If it is not among them, it
+        parameters: the uncertain ones, of `e`, `stiffening`, `iop`, `thickness`, `gap`; `e` among them. By default e,
+            and with a library the stiffening, which is found on the first recording of an eye; otherwise the stiffening
             is the study's.
-        frames: take so many frames of each recording that bear enough force, deep dents among them; None: all.
-        earlier: to go on from; the frames that its eyes have used are left out.
+        frames: the number of frames of each recording that bear enough force, deep dents among them; None: all.
+        earlier: a calibration to continue; frames that its eyes have used are left out.
         progress: called with 1 after each frame, in each of `calibration_passes`.
         finder: checks the walls: a frame in which it sees another one is not used. None: nothing checks them.
 
     Raises:
-        CalibrationError: a recording without force log or wall thickness, or no frame that can be used; an earlier
-            calibration with other mechanics or parameters.
+        CalibrationError: a recording without force log or wall thickness, or without a frame that can be used; an
+            earlier calibration with other mechanics or parameters.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
@@ -63,67 +148,19 @@ def calibrate_recordings(
         )
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
-    way = Way(study, library, of_filter, STIFFENING in parameters, frames, finder)
+    settings = _Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
-        before = eyes.get(eye_id)
-        count = StepCount(passes * len(recording.frames), progress)
-        eyes[eye_id] = _of_eye(recording, way, before, count)
-        count.finish()
+        count = _StepCount(passes * len(recording.frames), progress)
+        eyes[eye_id] = _of_eye(recording, settings, eyes.get(eye_id), count)
+        count(count.left)
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
     return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
 
 
-def _of_eye(recording: Recording, way: Way, before: EyeCalibration | None, count: StepCount) -> EyeCalibration:
-    """Calibrate an eye; where its filter diverges, say what its frames tell of its globe."""
-    told = recording.info.eye.globe
-    used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
-    frames = FrameWalls(recording, way.finder, used)
-    if before is not None and told == before.globe.kind == "open" and before.globe.can_be_sealed:
-        return _as_open(_of_tissue(_untold(recording), way, frames, before, count))
-    found = _of_tissue(recording, way, frames, before, count)
-    if found.status == "ok" or before is not None or way.library is None or told is None:
-        return found
-    other = _of_tissue(_untold(recording), way, frames, None, StepCount(0, None))
-    if other.status != "ok":
-        return found
-    if told == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
-        return _doubted(
-            _as_open(other),
-            f"eye.globe is stated as open, and its walls are none that the model knows: they are read as with "
-            f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
-        )
-    doubt = (
-        f"eye.globe is stated as {told}, and the frames contradict that; of a globe that may be open or sealed "
-        f"they say {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
-    )
-    return _doubted(replace(found, globe=UNKNOWN), doubt)
-
-
-def _untold(recording: Recording) -> Recording:
-    """Return a recording that says nothing of its globe."""
-    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
-    return replace(recording, info=replace(recording.info, eye=eye))
-
-
-def _as_open(eye: EyeCalibration) -> EyeCalibration:
-    """Return an eye that was told open and found with a small rigidity, which stands for what its walls have else.
-
-    So it is no surer than what was told: the band that holds it with 90 % reaches down to 0.
-    """
-    sd = max(eye.globe.sd, eye.globe.mean / NINETY_PERCENT)
-    return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
-
-
-def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
-    """Return an eye whose last recording is doubted."""
-    *others, last = eye.recordings
-    return replace(eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
-
-
 def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
-    """Return how often, at most, every frame of a recording is gone through."""
+    """Return the largest number of passes over the frames of a recording."""
     sought = parameters is None or STIFFENING in parameters
     return most_trials(library) + 1 if sought and library is not None else 1
 
@@ -137,35 +174,80 @@ def stated_tissue(library: Library, study: Study) -> Library:
     return library.for_stiffening(study.tissue.stiffening)
 
 
-def _of_tissue(
-    recording: Recording, way: Way, frames: FrameWalls, earlier: EyeCalibration | None, count: StepCount
+def _of_eye(
+    recording: Recording, settings: _Settings, before: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
-    """Calibrate an eye with the walls of the tissue that explains its frames best, or of the one that is known."""
-    if way.library is None:
-        known = None
-    elif earlier is not None:
-        known = way.library.for_stiffening(earlier.stiffening)
-    elif way.stiffening_sought:
-        return _of_sought_tissue(recording, way, way.library, frames, count)
-    else:
-        known = stated_tissue(way.library, way.study)
-    return calibrate_eye(recording, replace(way, library=known), frames, earlier, count).found
+    """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
+    stated = recording.info.eye.globe
+    used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
+    frames = FrameWalls(recording, settings.finder, used)
+    if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
+        return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
+    found = _of_tissue(recording, settings, frames, before, count)
+    if found.status == "ok" or before is not None or settings.library is None or stated is None:
+        return found
+    other = _of_tissue(_without_globe(recording), settings, frames, None, _StepCount(0, None))
+    if other.status != "ok":
+        return found
+    if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
+        return _doubted(
+            _as_open(other),
+            f"eye.globe is stated as open, and the model does not know its walls: they are read as with "
+            f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
+        )
+    doubt = (
+        f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
+        f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
+    )
+    return _doubted(replace(found, globe=UNKNOWN), doubt)
+
+
+def _without_globe(recording: Recording) -> Recording:
+    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
+    return replace(recording, info=replace(recording.info, eye=eye))
+
+
+def _as_open(eye: EyeCalibration) -> EyeCalibration:
+    """Return an eye that was declared open and found with a small rigidity, which stands for other causes in its walls.
+
+    It is no surer than the declaration: the band that holds it with 90 % reaches down to 0.
+    """
+    sd = max(eye.globe.sd, eye.globe.mean / NINETY_PERCENT)
+    return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
+
+
+def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
+    *others, last = eye.recordings
+    return replace(eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
+
+
+def _of_tissue(
+    recording: Recording, settings: _Settings, frames: FrameWalls, earlier: EyeCalibration | None, count: _StepCount
+) -> EyeCalibration:
+    """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
+    library = settings.library
+    if library is not None and earlier is not None:
+        library = library.for_stiffening(earlier.stiffening)
+    elif library is not None and settings.stiffening_sought:
+        return _of_sought_tissue(recording, settings, library, frames, count)
+    elif library is not None:
+        library = stated_tissue(library, settings.study)
+    return calibrate_eye(recording, replace(settings, library=library), frames, earlier, count).found
 
 
 def _of_sought_tissue(
-    recording: Recording, way: Way, library: Library, frames: FrameWalls, count: StepCount
+    recording: Recording, settings: _Settings, library: Library, frames: FrameWalls, count: _StepCount
 ) -> EyeCalibration:
-    """Calibrate an eye with the walls of the tissue that explains its frames best."""
     faults = list[CalibrationError]()
-    more = len(recording.frames) > SOUGHT_ON and (way.frames is None or way.frames > SOUGHT_ON)
+    more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
 
     def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(way, library=of_tissue, frames=wanted), frames, None, count)
+            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None, count)
 
     def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
-            return calibrate(of_tissue, SOUGHT_ON if more else way.frames)
+            return calibrate(of_tissue, SOUGHT_ON if more else settings.frames)
         except CalibrationError as fault:
             faults.append(fault)
             return None
@@ -174,4 +256,266 @@ def _of_sought_tissue(
     if found is None:
         raise faults[0]
     stiffening, eye = found
-    return calibrate(library.for_stiffening(stiffening), way.frames).found if more else eye
+    return calibrate(library.for_stiffening(stiffening), settings.frames).found if more else eye
+
+
+def calibrate_eye(
+    recording: Recording, settings: _Settings, frames: FrameWalls, earlier: EyeCalibration | None, count: _StepCount
+) -> TissueTrial[EyeCalibration]:
+    """Calibrate an eye with the walls of one tissue."""
+    if recording.forces is None or recording.info.force is None:
+        raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
+    study, library = settings.study, settings.library
+    trials = label_frames(recording, study.classes, study.needle.max_force_n)
+    known = recording.forces.known(recording.info.force.axis)
+    forces = frame_forces(replace(recording, forces=known), trials)
+    session = _begin(recording, settings, forces, earlier)
+    records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
+    least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
+    included = [trial.excluded is None for trial in trials]
+    rising = session.filter.model.constants.globe.can_be_sealed
+    order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
+    shown = [float("nan")] * len(trials)
+    taken: dict[int, Boundaries] = {}
+    refused = 0
+    for index in order:
+        seen = frames.look(index) if left > 0 and included[index] else None
+        if seen is not None:
+            force_n = float(forces.force_n[index])
+            found: FrameStep | Skipped | None
+            if isinstance(seen.wall, Skipped):
+                found = seen.wall
+            else:
+                shown[index] = dent(seen.wall)
+                session = step(session, seen.wall, force_n, float(forces.since_start_s[index]))
+                found = session.last
+                refused += force_n > least_n and isinstance(found, Skipped)
+            assert found is not None  # after a step
+            record = FrameRecord(
+                recording=str(recording.path),
+                file=trials[index].file,
+                sha256=seen.sha256,
+                force_n=force_n,
+                mean_pa=session.mean_pa,
+                sd_pa=session.sd_pa,
+            )
+            if isinstance(found, FrameStep):
+                assert isinstance(seen.wall, Boundaries)  # there was a step
+                taken[len(records)] = seen.wall
+                steps.append(found)
+                left -= 1
+            records.append(_recorded(record, found))
+        count(1)
+    count(len(trials) - len(order))
+    missed_n = [record.force_n for record in records if record.skipped is not None]
+    used_n = [record.force_n for record in records if record.skipped is None]
+    doubts = (
+        *(open_doubts(recording.info.eye.globe) if library is None else ()),
+        *label_notes(recording, trials),
+        *log_doubts(recording, study.classes, shown),
+        *reach_doubts(used_n, missed_n),
+    )
+    if not used_n:
+        reason = next((record.skipped for record in records), "excluded")
+        raise CalibrationError(
+            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
+            f"takes frames with a wall in view and more than {from_si(least_n, 'mn'):g} mN"
+            + "".join(f"; {doubt}" for doubt in doubts)
+        )
+    means, sds = moments(session.filter, session.state)
+    eye = EyeCalibration(
+        id=recording.info.eye.id,
+        names=session.filter.space.names,
+        means=tuple(means.tolist()),
+        sds=tuple(sds.tolist()),
+        stated_thickness_m=session.filter.model.constants.thickness_m,
+        globe=known_globe_after(session.filter, session.state),
+        state=session.state,
+        recordings=_recordings(recording, forces, earlier, doubts),
+        frames=tuple(records),
+        steps=tuple(steps),
+        filter=session.filter,
+        stiffening=0.0 if library is None else library.stiffening,
+    )
+    if library is None or eye.status != "ok":
+        return TissueTrial.diverged(eye, refused)
+    return _settled(eye, known_after(session), taken, refused, library, study)
+
+
+def frame_order(
+    force_n: Array, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
+) -> list[int]:
+    """Return the frames in the order in which they are looked at.
+
+    All in theirs; or, if only some are wanted, the first few that show where the eye lies, then those of the highest
+    force and of even shares of it, which tell modulus and rigidity apart, in rising order, then the others as
+    substitutes. Shallow dents hardly show the rigidity: they give the modulus, and from there the way to both is short.
+    A deep one alone leaves a bent valley of both.
+
+    Args:
+        force_n: of each frame, N; not used where a frame is not included.
+        included: of each frame: it may be used.
+        min_force_n: up to here a frame only shows where the eye lies.
+        frames: the number wanted; None: all.
+        rising: all are taken in rising order as well.
+    """
+    if frames is None and not rising:
+        return list(range(len(included)))
+    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= min_force_n]
+    left = [index for index, inside in enumerate(included) if inside and force_n[index] > min_force_n]
+    left.sort(key=lambda index: -force_n[index])
+    if frames is None:
+        return [*light, *reversed(left), *(index for index, inside in enumerate(included) if not inside)]
+    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
+    for share in np.arange(frames, 0, -1) / frames:
+        if left:
+            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
+            left.remove(nearest)
+            chosen.append(nearest)
+    return [*light[:frames], *reversed(chosen), *left]
+
+
+def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
+    """Return a sentence if forces, N, were missed that lie far above those that were calibrated on.
+
+    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be calibrated on, and shallow
+    dents hardly tell modulus and rigidity of a sealed eye apart.
+
+    >>> reach_doubts([0.011, 0.02], [0.028])
+    ()
+    """
+    highest_n, missed_n = max(used_n, default=0.0), [force_n for force_n in missed_n if np.isfinite(force_n)]
+    if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
+        return ()
+    return (
+        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on, of forces up to "
+        f"{from_si(max(missed_n), 'mn'):.0f} mN; what is read above rests on the library's walls alone",
+    )
+
+
+def eye_constants(recording: Recording, study: Study) -> EyeConstants:
+    """Return what a recording states about its eye, by default the study's values.
+
+    Raises:
+        CalibrationError: the wall's thickness is not stated; nothing in a frame determines E as much.
+    """
+    info = recording.info
+    if info.eye.thickness_m is None:
+        raise CalibrationError(
+            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
+        )
+    low, high = study.needle.polar_angle_rad.bounds
+    stated = info.needle.polar_angle_rad
+    return EyeConstants(
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=(low + high) / 2 if stated is None else stated,
+        polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
+        direction_rad=info.oct.plane_direction_rad,
+        tilt_rad=info.oct.plane_tilt_rad,
+        globe=stated_globe(info.eye) or UNKNOWN,
+    )
+
+
+def _begin(
+    recording: Recording, settings: _Settings, forces: FrameForces, earlier: EyeCalibration | None
+) -> EyeSession:
+    """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
+    constants = eye_constants(recording, settings.study)
+    if settings.library is None:
+        constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
+    session = begin(settings.study, constants, settings.library, settings.parameters, forces.zero_covariance)
+    if earlier is None:
+        return session
+    names = session.filter.space.names
+    if earlier.names != names:
+        raise CalibrationError(
+            f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
+            f"{', '.join(names)}; begin anew or name the same"
+        )
+    _check_state(session.filter, earlier)
+    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
+        return replace(session, state=earlier.state)
+    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
+
+
+def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
+    """Check that the state of an earlier calibration reproduces its moduli."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        means, sds = moments(eye, earlier.state)
+    modulus_pa = means[eye.space.names.index(PARAMETERS["e"])]
+    same = abs(modulus_pa / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
+    if not (same and np.isfinite((means, sds)).all()):
+        raise CalibrationError(
+            f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
+            "anew, or give the study that it was made with"
+        )
+
+
+def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
+    if isinstance(found, Skipped):
+        return replace(record, skipped=found.reason)
+    result = found.result
+    return replace(
+        record,
+        own_modulus_pa=found.registered.youngs_modulus_pa,
+        points=result.observations,
+        gated=result.gated,
+        nis=result.nis,
+        inflation=result.inflation,
+        status=result.status,
+    )
+
+
+def _recordings(
+    recording: Recording, forces: FrameForces, earlier: EyeCalibration | None, doubts: tuple[str, ...]
+) -> tuple[UsedRecording, ...]:
+    """Return the recordings that an eye rests on, this one among them."""
+    zero_n, drift_n_per_s = forces.zero.tolist()
+    used = UsedRecording(
+        path=str(recording.path),
+        sha256=tables_digest(recording),
+        zero_n=zero_n,
+        drift_n_per_s=drift_n_per_s,
+        doubts=doubts,
+    )
+    before = () if earlier is None else earlier.recordings
+    if used.sha256 not in {entry.sha256 for entry in before}:
+        return (*before, used)
+    *others, last = before
+    return (*others, replace(last, doubts=doubts or last.doubts))
+
+
+def _settled(
+    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], refused: int, library: Library, study: Study
+) -> TissueTrial[EyeCalibration]:
+    """Return a calibration after its frames are read again.
+
+    Args:
+        eye: the calibration.
+        known: of the eye after it.
+        taken: boundaries of the frames that were used now, by their place among the eye's; others were read before.
+        refused: the number of frames that the filter did not take.
+        library: for any contact.
+        study: of the calibration.
+    """
+    frames = list(eye.frames)
+    asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
+    earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
+    after = settled(known, asked, earlier, library, study)
+    found = after.known
+    for place, read in zip(taken, after.again, strict=True):
+        frames[place] = replace(frames[place], again=read)
+    assert found.modulus is not None  # as before
+    assert found.globe is not None
+    now = {
+        PARAMETERS["e"]: (found.modulus.mean_pa, found.modulus.sd_pa),
+        RIGIDITY: (found.globe.mean, found.globe.sd),
+    }
+    estimates = zip(eye.names, eye.means, eye.sds, strict=True)
+    means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
+    settled_eye = replace(
+        eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames)
+    )
+    return after.trial(settled_eye, refused)

@@ -1,8 +1,8 @@
-"""The eye that a recording shows, as the filter sees it, and its uncertain parameters.
+"""The eye of a recording as the filter sees it, and its uncertain parameters.
 
 The filter works on coordinates that are Gaussian. A positive parameter is lognormal: its coordinate is
-ln(value / unit), with the moments matched to the prior that is asked for. Unchanged (the paper's choice), the
-coordinate is value / unit; the unit, the prior's mean, only keeps the coordinates of order one.
+ln(value / unit), with the moments of the prior. Otherwise (the paper's choice) the coordinate is value / unit; the
+unit, the prior's mean, only keeps the coordinates of order one.
 """
 
 from collections.abc import Sequence
@@ -16,14 +16,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 
-Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+
+SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One uncertain parameter: its name, the mean and standard deviation of its prior (SI).
 
-    `positive`: it is lognormal. `either_sign`: there are eyes also where it is not above 0.
+    `positive`: it is lognormal. `either_sign`: it may be negative.
     """
 
     name: str
@@ -55,7 +57,7 @@ class ParameterSpace:
         """Names of the parameters."""
         return tuple(entry.name for entry in self.parameters)
 
-    def prior(self) -> tuple[Vector, Vector]:
+    def prior(self) -> tuple[Array, Array]:
         """Return mean (p,) and covariance (p, p) of the prior in the filter's coordinates."""
         means, variances = [], []
         for entry in self.parameters:
@@ -64,17 +66,17 @@ class ParameterSpace:
             variances.append(log(1 + ratio) if entry.positive else ratio)
         return np.array(means), np.diag(variances)
 
-    def values(self, coordinates: Vector) -> Vector:
+    def values(self, coordinates: Array) -> Array:
         """Return the parameters (..., p) in SI for coordinates (..., p)."""
         scaled = np.where(self._positive, np.exp(np.where(self._positive, coordinates, 0.0)), coordinates)
         return scaled * self._units
 
-    def exist(self, values: Vector) -> NDArray[np.bool_]:
-        """Return for which rows of values (..., p), SI, there is such an eye."""
+    def exist(self, values: Array) -> NDArray[np.bool_]:
+        """Return True for each row of values (..., p), SI, that an eye can have."""
         free = np.array([entry.either_sign for entry in self.parameters])
         return np.asarray((np.isfinite(values) & ((values > 0) | free)).all(axis=-1))
 
-    def moments(self, mean: Vector, covariance: Vector) -> tuple[Vector, Vector]:
+    def moments(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""
         variance = np.diag(covariance)
         lognormal_mean = np.exp(np.where(self._positive, mean + variance / 2, 0.0))
@@ -88,26 +90,22 @@ class ParameterSpace:
         return np.array([entry.positive for entry in self.parameters])
 
     @property
-    def _units(self) -> Vector:
+    def _units(self) -> Array:
         return np.array([entry.mean for entry in self.parameters])
 
 
 def spread(values: Sequence[float]) -> tuple[float, float | None]:
-    """Return mean and sample standard deviation; a single value says nothing of a spread: None."""
+    """Return mean and sample standard deviation; a single value has no spread: None."""
     mean = sum(values) / len(values)
     return mean, sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1)) if len(values) > 1 else None
 
 
-Array = NDArray[np.float64]
-
-SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
-
-
 @dataclass(frozen=True, kw_only=True)
 class EyeConstants:
-    """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle.
+    """Stated values of an eye and its plane, SI.
 
-    `direction_rad` is None where it is not stated. `globe` is what is known of it.
+    `polar_sd_rad` is 0 if the recording states the angle, `direction_rad` None if it is not stated. `globe` is the
+    known globe.
     """
 
     iop_pa: float
@@ -121,13 +119,13 @@ class EyeConstants:
 
     @property
     def section_direction_rad(self) -> float:
-        """Direction of the plane for linear mechanics: one that is not stated counts as that of the meridian."""
+        """Direction of the plane for linear mechanics: the meridian's by default."""
         return 0.0 if self.direction_rad is None else self.direction_rad
 
 
 @dataclass(frozen=True, kw_only=True)
 class WallState:
-    """What the section depends on, SI: the modulus and the force, and what may be uncertain of the eye beside them."""
+    """The variables of a section, SI: modulus and force, and values of the eye that may be uncertain."""
 
     youngs_modulus_pa: float
     force_n: float
@@ -144,21 +142,18 @@ class EyeModel(Protocol):
     @property
     def constants(self) -> EyeConstants:
         """What is stated about the eye."""
-        ...
 
     @property
     def polar_ends_rad(self) -> tuple[float, float]:
         """Polar angles between which the section's turning with the angle is taken; equal where it does not turn."""
-        ...
 
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
-        ...
 
     def outside(self, state: WallState) -> str | None:
-        """Return why the model's mechanics does not hold at a state, None where it does.
+        """Return why the model's mechanics does not hold at a state, None if it does.
 
-        `curves` goes on smoothly beyond, so that a search finds its way back; an estimate must not rest on that.
+        `curves` continues smoothly beyond, so that a search finds its way back; an estimate must not rest on that.
         """
         ...
 
@@ -172,7 +167,7 @@ def stated_wall(
 ) -> WallState:
     """Return the state of the eye as stated, at a modulus, a force, the contact's polar angle and a rigidity.
 
-    The rigidity is that in the middle of what is known of the globe where it is None.
+    The rigidity is by default the mean of the known globe's.
     """
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
@@ -186,7 +181,7 @@ def stated_wall(
 
 
 def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) -> Known:
-    """Return what a reader is told of an eye of which this is stated, and its modulus."""
+    """Return a reader's known inputs for an eye with these constants and modulus."""
     return Known(
         modulus=modulus,
         iop_pa=constants.iop_pa,
@@ -224,7 +219,7 @@ def lagrange(nodes: Sequence[float], at: float) -> Array:
 
 
 def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
-    """Return the contact's polar angle, or three over its range where it is not stated; the middle one is stated."""
+    """Return the stated polar angle of the contact, or three over its range, the stated one in the middle."""
     spread = sqrt(3.0) * constants.polar_sd_rad
     return tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
 

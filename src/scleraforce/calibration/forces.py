@@ -48,9 +48,9 @@ ZERO_PRIOR = np.diag([0.25e-3**2, (0.2e-3 / 60) ** 2])
 
 @dataclass(frozen=True)
 class FrameForces:
-    """Forces (frame,) in N, times since the log's beginning (frame,), and the zero that was taken off.
+    """Forces (frame,) in N, times since the log's beginning (frame,), and the zero that was subtracted.
 
-    `zero` (2,): offset in N and drift in N/s; `zero_covariance` (2, 2) of what is left of them in all forces alike.
+    `zero` (2,): offset in N and drift in N/s; `zero_covariance` (2, 2) of their errors, which all forces share.
     """
 
     force_n: Array
@@ -60,7 +60,7 @@ class FrameForces:
 
 
 def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces:
-    """Return the forces of labelled trials, freed of offset and drift; NaN where there is no label."""
+    """Return the forces of labelled trials, without offset and drift; NaN without a label."""
     force_n = np.array([np.nan if trial.measured_force_n is None else trial.measured_force_n for trial in trials])
     time_s = np.array([trial.time_s for trial in trials])
     if recording.forces is None or recording.info.force is None:
@@ -96,7 +96,7 @@ def rest_zeros(contact_n: Array, log_s: Array, frames_s: Array, frames_n: Array)
 def zero_line(time_s: Array, zero_n: Array) -> tuple[Array, Array]:
     """Return offset and drift (2,) with their covariance (2, 2): a line through rests, with the tare as prior.
 
-    The rests' own scatter counts where it is larger than expected.
+    The rests' own scatter counts if it is larger than expected.
     """
     design = np.stack([np.ones_like(time_s), time_s], axis=1)
     prior = np.linalg.inv(ZERO_PRIOR)
@@ -110,7 +110,7 @@ def zero_line(time_s: Array, zero_n: Array) -> tuple[Array, Array]:
 
 
 def _rest(contact_n: Array, rate_hz: float, start: int) -> tuple[int, float] | None:
-    """Return the middle sample of the rest between two frames, and its mean; None where there is hardly any."""
+    """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
     quiet, smooth = (_running_mean(contact_n, round(span * rate_hz)) for span in (QUIET_S, SMOOTH_S))
     if len(quiet) < 2:
         return None
@@ -124,7 +124,7 @@ def _rest(contact_n: Array, rate_hz: float, start: int) -> tuple[int, float] | N
 
 
 def _running_mean(values: Array, length: int) -> Array:
-    """Return the means of all stretches of a length, (samples - length + 1,); empty where there are too few samples."""
+    """Return the means of all windows of a length, (samples - length + 1,); empty with too few samples."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     mean: Array = (total[length:] - total[:-length]) / length
     return mean
@@ -154,12 +154,7 @@ class _Around:
 
 
 def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | None, ...]:
-    """Return the standard deviation of each label's error, N; None for a trial without a label.
-
-    Args:
-        recording: the recording.
-        trials: its labelled frames (`label_frames`), in order.
-    """
+    """Return the standard deviation of the error of each frame's label, N; None without a label."""
     log, info = recording.forces, recording.info.force
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
     if log is None or info is None or not labelled:
@@ -186,7 +181,7 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
 
 
 def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Around:
-    """Lay a parabola through means of 0.1 s about a frame."""
+    """Fit a parabola to means of 0.1 s about a frame."""
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
     since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
@@ -212,13 +207,12 @@ def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Aro
 
 
 def _density(around: Sequence[_Around], raw_n: Array, rate_hz: float) -> float:
-    """Return the density of the noise, N^2 s: the median of frames, or of the samples' differences without any."""
+    """Return the density of the noise, N^2 s: the frames' median, or that of the samples' differences."""
     found = [each.density for each in around if np.isfinite(each.density)]
     return float(np.median(found)) if found else _sample_variance(raw_n) / rate_hz
 
 
 def _motion(around: _Around, density: float) -> float:
-    """Return the mean square that motion adds to a label, N^2."""
     return max(around.motion_n**2 - (SURE * around.motion_gain) ** 2 * density, 0.0)
 
 

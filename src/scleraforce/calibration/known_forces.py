@@ -1,26 +1,29 @@
-"""What an eye's frames of known force say once they are read as a reader would: E, k, and the forces' level and growth.
+"""Frames of known force, read as a reader would: E, k, the forces' level and growth, and the tissue's stiffening.
 
-The filter weighs the frames one after the other, each linearised where it stood then, and takes the library's walls for
-the eye's. In the end the frames are read once more, all with the same E and k; their known forces over those that are
-read tell how far E, k and the forces' level and growth are off (`known_forces`). What the frames tell of the four
-together is far surer than what they tell of each: the discrepancy is known given E and k (`ForceDiscrepancy`), and the
-force at a dent like those of the frames is known best.
+The filter weighs the frames one after the other, each linearised at the state it had then, and takes the library's
+walls for the eye's. In the end all frames are read once more with the same E and k; their known forces over those read
+show how far E, k and the forces' level and growth are off (`KnownForce`). The frames determine the four together far
+better than each: the discrepancy is known given E and k (`ForceDiscrepancy`), and best for forces like the frames'.
 
-`regression` finds the four together. Held are E and k by the filter's posterior, with heavy tails, for it may have been
-led astray; level and growth by what eyes have of them.
+`regression` finds the four together. E and k are held by the filter's posterior, with heavy tails, for it may have been
+led astray; level and growth by their spread among eyes.
+
+Tissue that stiffens bears more at the same dent and dents in another form, the more so the farther it is strained. A
+calibration is therefore made with the walls of each stiffening that the library holds, and then with a few between the
+best ones (`search`). The loss of a stiffening is that of the frames' boundaries, read without their forces, and that of
+the forces read beside the known ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, log
-from typing import Annotated, TypeVar
+from math import exp, inf, log, log1p
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.known import (
     NINETY_PERCENT,
     OPEN,
@@ -35,6 +38,7 @@ from scleraforce.known import (
 )
 from scleraforce.library import Library
 from scleraforce.library.fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
+from scleraforce.library.plan import LITTLE_STIFFENING, stiffening_place
 from scleraforce.library.prior import prior_of
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
@@ -67,11 +71,11 @@ Positive = Annotated[float, Meta(ge=TINY, le=LARGEST)]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownForce:
-    """A frame's force as it is known, what is read in it, and the standard deviation of that, all N.
+    """A frame's known force, the force that is read in it, and the standard deviation of that, all N.
 
     It was read with `modulus_pa` and `rigidity`, Pa^(1/3)/m^3, each taken for certain; `by_modulus` and `by_rigidity`
-    are the slopes of the logarithm of what is read by ln E and by the rigidity over the reference's. `loss` is that of
-    its boundaries (`BoundaryFit.loss`).
+    are the slopes of the logarithm of the read force by ln E and by the rigidity over the reference's. `loss` is that
+    of its boundaries (`BoundaryFit.loss`).
     """
 
     force_n: Positive
@@ -86,10 +90,10 @@ class KnownForce:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Found:
-    """What frames tell of ln E, k over the reference's, level and growth: mean (4,) and covariance (4, 4).
+    """The estimate of ln E, k over the reference's, level and growth: mean (4,) and covariance (4, 4).
 
-    `loss` is that of the E and k which they were read with. `scatter`: how far the frames are left off all of these,
-    in standard deviations of what is expected.
+    `loss` is that of the E and k with which the frames were read. `scatter`: residuals of the frames in standard
+    deviations of their expectation.
     """
 
     mean: Array
@@ -99,7 +103,7 @@ class Found:
 
 
 def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Found:
-    """Return what frames of one eye tell, by reweighted least squares.
+    """Return the estimate from frames of one eye, by reweighted least squares.
 
     Args:
         frames: as they were read again.
@@ -134,15 +138,15 @@ def _reweighted(
     free: NDArray[np.bool_],
     begin: tuple[float, ...],
 ) -> tuple[Array, Array]:
-    """Return mean (4,) and covariance (4, 4) of what is free; the rest stays 0.
+    """Return mean (4,) and covariance (4, 4) of the free unknowns; the rest stays 0.
 
     Args:
         direction: slopes of each frame (frame, 4).
-        left: what they are to explain (frame,).
+        left: residuals to explain (frame,).
         weight: of the frames (frame,).
         scales: inverse squares of the scales of E with k, and of level with growth, (2, 2) each.
-        free: which of the four are sought (4,).
-        begin: where the search begins: what is far off there is hardly held.
+        free: flags of the four (4,).
+        begin: where the search begins: the priors hardly hold what is far off there.
     """
     normal, gradient = direction.T @ (weight[:, None] * direction), direction.T @ (weight * left)
     found, covariance = np.where(free & bool(len(left)), begin, 0.0), np.zeros((4, 4))
@@ -158,7 +162,7 @@ def _reweighted(
 
 
 def _scatter(squares: float, frames: int) -> float:
-    """Return by how much more than expected frames scatter, from the sum of their squares over what is expected.
+    """Return the scatter of frames over the expected one, from the sum of their squares over the expectation.
 
     Before any frame it is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian Data
     Analysis, 3rd ed., section 2.6). It is never less: that a few frames agree does not say that others will.
@@ -167,7 +171,7 @@ def _scatter(squares: float, frames: int) -> float:
 
 
 def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: Array) -> float:
-    """Return the loss of the four: of what they leave of the frames, and of leaving their priors (`_reweighted`)."""
+    """Return the loss of the four: their residuals, and their distance from the priors (`_reweighted`)."""
     rest = left - direction @ found
     of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
     of_eyes = CAUCHY**2 * np.log1p(scales[1] @ found[2:] ** 2 / CAUCHY**2).sum()
@@ -184,7 +188,7 @@ def _filter_covariance(known: Known) -> Array:
 
 
 def globe_of(known: Known) -> KnownGlobe:
-    """Return the globe of an eye; of an unsaid one in linear mechanics, an open one."""
+    """Return the globe of an eye, by default an open one (linear mechanics)."""
     return OPEN if known.globe is None else known.globe
 
 
@@ -194,7 +198,7 @@ def place_of(known: Known) -> Array:
     return np.array([log(known.modulus.mean_pa), globe_of(known).mean / REFERENCE_RIGIDITY])
 
 
-Taken = TypeVar("Taken")
+Trial = TypeVar("Trial")
 
 MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = 0.02, 0.05, 0.1  # of ln E; of k, as a share of it, or of the reference's
 LARGEST_STEP = 0.5  # of ln E, before the frames are read anew
@@ -202,16 +206,54 @@ READINGS = 5  # at most; what moves by less than a step is not read anew
 CERTAIN = 0.001  # of a standard deviation: nothing is left of it
 
 
+DIVERGED = 1_000_000  # frames that a calibration refuses if it explains none
+REFINEMENTS = 3  # stiffenings between the library's that are tried
+ENOUGH = 12.0  # more loss than that of a stiffening that explains the frames: those beyond are not tried
+# Loss of the boundaries of a frame of an even wall. Walls that the library does not have lose more, whatever their
+# tissue, and say less of it: their loss is divided by the ratio.
+EVEN_LOSS = 5.0
+EXPLAINED = 2.0  # times as much: the walls are the frames'
+# Scale of Cauchy's prior of ln(1 + b): tissue counts as none that stiffens unless its frames say so.
+TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
+WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
+NEAR = 0.03  # of the same: what lies so near was tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class TissueTrial(Generic[Trial]):
+    """A calibration with walls of one stiffening.
+
+    `refused` is the number of frames that it could not use, `frames` that of the others, `of_boundaries` and
+    `of_forces` their losses.
+    """
+
+    found: Trial
+    refused: int
+    frames: int
+    of_boundaries: float
+    of_forces: float
+
+    @property
+    def loss(self) -> float:
+        """The whole loss."""
+        return self.of_boundaries + self.of_forces
+
+    @classmethod
+    def diverged(cls, found: Trial, refused: int) -> "TissueTrial[Trial]":
+        """Return a trial that explains none of its frames: any trial that explains some is better."""
+        return cls(found=found, refused=DIVERGED + refused, frames=0, of_boundaries=0.0, of_forces=0.0)
+
+
 @dataclass(frozen=True)
 class Settled:
-    """What is known of an eye, what its frames read (None: cannot be read), and what their forces lose."""
+    """The known eye, the readings of its frames (None: cannot be read), and the loss of their forces."""
 
     known: Known
     again: tuple[KnownForce | None, ...]
     loss: float
 
-    def trial(self, found: Taken, refused: int) -> TissueTrial[Taken]:
-        """Return what `stiffening.search` compares; `refused`: how many frames the filter did not take."""
+    def trial(self, found: Trial, refused: int) -> TissueTrial[Trial]:
+        """Return the trial that `search` compares; `refused`: the number of frames that the filter did not take."""
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
         return TissueTrial(
@@ -230,11 +272,11 @@ def settled(
     library: Library,
     study: Study,
 ) -> Settled:
-    """Return what is known of an eye once its frames are read again.
+    """Return the known eye after its frames are read again.
 
     Args:
         known: of the eye, with its own modulus, after the filter.
-        frames: boundaries, and the force that is known, N.
+        frames: boundaries, and the known force, N.
         earlier: frames that were read again before, and are no longer at hand.
         library: for any contact.
         study: of the calibration.
@@ -264,12 +306,12 @@ def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None])
 def read_again(
     frames: Sequence[tuple[Boundaries, float]], known: Known, library: Library, study: Study
 ) -> list[KnownForce | None]:
-    """Return what an eye's frames read without their forces, each None where it cannot be read.
+    """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
-    What the frames share, E and k, is taken for certain: it is no noise between them.
+    E and k, which the frames share, are taken for certain: they are no noise between them.
 
     Args:
-        frames: boundaries, and the force that is known, N.
+        frames: boundaries, and the known force, N.
         known: of the eye, with its own modulus.
         library: for any contact.
         study: of the calibration.
@@ -313,12 +355,12 @@ def read_again(
 
 
 def _read(fit: BoundaryFit) -> bool:
-    """Return whether a frame was read."""
+    """Return True if a frame was read."""
     return fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
 
 
 def _steps(known: Known) -> Array:
-    """Return the steps of ln E and k over the reference's (2,) by which slopes are found."""
+    """Return the steps of ln E and k over the reference's (2,) for difference quotients."""
     assert known.modulus is not None  # its own
     globe = globe_of(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
@@ -357,13 +399,7 @@ def _moved(known: Known, found: Found) -> Known:
 
 
 def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
-    """Return an eye at its E and k with their uncertainty, and the discrepancy given these.
-
-    Args:
-        known: of the eye.
-        found: what its frames tell.
-        forces_n: of these frames, N.
-    """
+    """Return an eye at its E and k with their uncertainty, and the discrepancy given these; forces in N."""
     assert known.modulus is not None  # its own
     globe, covariance = globe_of(known), found.covariance
     sds = np.sqrt(np.diag(covariance))
@@ -393,3 +429,94 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
     )
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)
+
+
+def most_trials(library: Library) -> int:
+    """Return the largest number of stiffenings that are tried."""
+    held = len(library.stiffenings)
+    return held + REFINEMENTS if held > 1 else 1
+
+
+def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]) -> tuple[float, Trial] | None:
+    """Return the stiffening that explains an eye's frames best, and the calibration with it; None if there is none.
+
+    It begins with those that the library holds walls of, from the lowest, until one explains the frames and the next
+    much worse; it continues beside the best one. A stiffening that refuses frames which others use is ruled out.
+
+    Args:
+        library: for any contact.
+        calibrate: with the library of one stiffening; returns None if such an eye does not exist.
+    """
+    tried = dict[float, TissueTrial[Trial]]()
+
+    def attempt(stiffening: float) -> None:
+        found = calibrate(library.for_stiffening(stiffening))
+        if found is not None:
+            tried[stiffening] = found
+
+    for stiffening in library.stiffenings.tolist():
+        attempt(stiffening)
+        if stiffening in tried and _is_enough(tried):
+            break
+    if not tried:
+        return None
+    for _ in range(REFINEMENTS):
+        between = _between(tried)
+        if between is None:
+            break
+        attempt(between)
+    best, trial = list(tried.items())[int(_losses(tried).argmin())]
+    return best, trial.found
+
+
+def _is_enough(tried: Mapping[float, TissueTrial[Trial]]) -> bool:
+    """Return True if an earlier stiffening explains the frames, and the last one much worse."""
+    losses = _losses(tried)
+    best = list(tried.values())[int(losses.argmin())]
+    explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
+    return explained and losses.min() + ENOUGH < float(losses[-1]) < inf
+
+
+def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> NDArray[np.float64]:
+    """Return the loss of each trial with that of its stiffening by the prior; infinite if it refuses more frames."""
+    fewest = min(trial.refused for trial in tried.values())
+    able = [trial for trial in tried.values() if trial.refused == fewest]
+    least = min(able, key=lambda trial: trial.loss)
+    scale = max(1.0, least.of_boundaries / (EVEN_LOSS * max(least.frames, 1)))
+    return np.array(
+        [
+            trial.loss / scale + TISSUE_CAUCHY**2 * log(1.0 + (log1p(b) / (TISSUE_SCALE * TISSUE_CAUCHY)) ** 2)
+            if trial.refused == fewest
+            else inf
+            for b, trial in tried.items()
+        ]
+    )
+
+
+def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
+    """Return the stiffening to try next, beside the best one; None: no other is likely to be better.
+
+    It is the lowest place of a parabola through the best one and its neighbours; halfway to the other neighbour beside
+    one that is ruled out, below a largest one that is best, and if there is only one other.
+    """
+    order = np.argsort(list(tried))
+    places, losses = stiffening_place(np.array(list(tried)))[order], _losses(tried)[order]
+    best, last = int(losses.argmin()), len(places) - 1
+    lowest, bounded = float(places[best]), 0 < best < last
+    if last >= 2:
+        first = min(max(best - 1, 0), last - 2)
+        near = slice(first, first + 3)
+        if np.isfinite(losses[near]).all():
+            bent, straight, _ = np.polyfit(places[near], losses[near], 2).tolist()
+            if bent > 0.0:
+                lowest = float(np.clip(-0.5 * straight / bent, places[0], places[-1]))
+        elif bounded:
+            beside = best - 1 if np.isfinite(losses[best - 1]) else best + 1
+            lowest = 0.5 * float(places[best] + places[beside]) if np.isfinite(losses[beside]) else lowest
+    unsure = last > 0 and (best == last or last == 1) and lowest == places[best]
+    beside = best - 1 if best == last else best + 1
+    if unsure and np.isfinite(losses[beside]) and abs(places[best] - places[beside]) > WIDE:
+        lowest = 0.5 * float(places[best] + places[beside])
+    if np.abs(places - lowest).min() < NEAR:
+        return None
+    return float(np.clip(LITTLE_STIFFENING * np.expm1(lowest), min(tried), max(tried)))

@@ -3,13 +3,13 @@
 The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). Its
 wall is clamped all around at 90 degrees from the needle; the eye's base is a plane, nearer on one side. Under a needle
 that does not push on the pole the eye gives way less on the near side: the dent moves and turns by up to 0.1 mm. Along
-the section that is a pose, and registration sees to it; across the plane it is a gap that is not the stated one, which
-costs E 3 to 7 %. `mechanics.polar` has that motion, in proportion to the force (`base_moves`); what the pressure adds
-is `library.base`. Gravity is neglected.
+the section that is a pose, which registration finds; across the plane it is a gap that is not the stated one, which
+costs E 3 to 7 %. `mechanics.polar` has that motion, in proportion to the force (`base_moves`), `library.base` the
+pressure's part. Gravity is neglected.
 
-The eye is an even sphere. Where a cornea is in view, or the wall grows thicker along the section, the fit of the frame
-says what that adds to the boundaries, whatever E is; `without_form` takes it off before the filter sees the frame.
-Small forms stay: they may be noise.
+The eye is an even sphere. If a cornea is in view, or the wall grows thicker along the section, the fit of the frame
+shows what that adds to the boundaries, whatever E is; `without_form` removes it before the filter sees the frame. Small
+forms stay: they may be noise.
 """
 
 from collections.abc import Sequence
@@ -56,12 +56,12 @@ _kept_shift = lru_cache(maxsize=SHIFTS)(base_shift)
 def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
     """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
 
-    Gap and thickness are those stated; where they are uncertain the motion, small as it is, is held. It does not grow
-    beyond a polar angle of 55 degrees.
+    Gap and thickness are the stated ones, also if they are uncertain: the motion is small. It does not grow beyond a
+    polar angle of 55 degrees.
 
     Args:
         study: radius, Poisson's ratio and needle.
-        constants: thickness, gap and direction of the plane; nothing moves where that is not stated: the mean.
+        constants: thickness, gap and direction of the plane; without a stated direction nothing moves (the mean).
         polar_rad: polar angle of the contact; 0: nothing moves.
         lateral_m: places of the section (place,), m.
     """
@@ -107,8 +107,8 @@ class LibraryEye:
     """An eye whose sections come from a library, see `EyeModel`.
 
     `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of the polar angles
-    `polar_nodes_rad`. `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard
-    deviation).
+    `polar_nodes_rad`. `smoothing_m`: standard deviation of the Gaussian by which a segmentation smooths the outer
+    curve.
     """
 
     constants: EyeConstants
@@ -126,8 +126,8 @@ class LibraryEye:
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
 
-        Beyond the library (a modulus too low for the force) the section goes on along the slope by ln(F/E) that it has
-        at the end; pressure and thickness are held at the library's ends.
+        Beyond the library (a modulus too low for the force) the section continues along the slope by ln(F/E) at the
+        end; pressure and thickness are held at the library's ends.
         """
         thickness, pressure, force = self._ratios(states)
         polar = np.array([state.polar_rad for state in states])
@@ -141,7 +141,7 @@ class LibraryEye:
         return curves
 
     def outside(self, state: WallState) -> str | None:
-        """Return the sentence that says in what the library does not reach a state, None where it does."""
+        """Return the sentence on the state that the library does not reach, None if it reaches it."""
         thickness, pressure, force = self._ratios([state])
         try:
             self.library.tips(thickness, pressure, force)
@@ -165,14 +165,14 @@ class LibraryEye:
         return thickness, pressure, force
 
     def _held(self, thickness: Array, pressure: Array) -> tuple[Array, Array]:
-        """Return thickness and pressure over E, kept within the library's ends."""
+        """Return thickness and pressure over E, clipped to the library's ends."""
         held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
         return held, np.clip(pressure, *self.library.iop_ratio_ends(held))
 
     def _moved(self, thickness: Array, pressure: Array, force: Array, polar: Array) -> Array:
-        """Return what the base's nearness moves sections by (state, boundary, place, 3), m.
+        """Return the motion of sections by the base's nearness (state, boundary, place, 3), m.
 
-        Nothing, the mean over all directions, where that of the section is not stated.
+        It is 0, the mean over all directions, if the section's is not stated.
         """
         direction_rad = self.constants.direction_rad
         if direction_rad is None:
@@ -184,7 +184,7 @@ class LibraryEye:
         return moved
 
     def _walls(self, thickness: Array, pressure: Array, force: Array) -> Array:
-        """Return the library's curves (state, boundary, node, 2), gone on with where the library ends."""
+        """Return the library's curves (state, boundary, node, 2), continued beyond its end."""
         library = self.library
         thickness, pressure = self._held(thickness, pressure)
         force = np.maximum(force, 0.0)
@@ -206,7 +206,7 @@ class LibraryEye:
 
     @cached_property
     def _reached_force_ratio(self) -> float:
-        """F/E that the stated wall is known to carry at every pressure of the library, m^2."""
+        """F/E that the stated wall carries at every pressure of the library, m^2."""
         pressure = self.library.tension * self.constants.thickness_m / self.library.radius_m
         thickness = np.full(len(pressure), self.constants.thickness_m)
         return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
@@ -259,7 +259,7 @@ def section_depths(
 ) -> Array:
     """Return the depth in the plane at lateral places of surfaces of revolution that moved a little more.
 
-    Of a wall that folds over itself the outermost part counts: it lies on top, where the light comes from.
+    Of a wall that folds over itself the outermost part counts: it is on top, where the light comes from.
 
     Args:
         curves_sbnc: distance from the axis and depth (state, boundary, node, 2), from the axis outwards.
@@ -270,7 +270,7 @@ def section_depths(
         moved_sbxc: further motion of the wall at the places (state, boundary, place, [lateral, across, depth]), m.
 
     Returns:
-        Depths (state, boundary, place): what is seen at a place has come there from where it stood before.
+        Depths (state, boundary, place) of the points that moved to the places.
     """
     square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
     on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
@@ -295,13 +295,7 @@ CLEAR = 4.0  # forms that are smaller than so many times their spread are left
 
 
 def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy) -> Boundaries:
-    """Return the boundaries of a frame without what the eye's form adds, where that is clear.
-
-    Args:
-        eye: the model.
-        boundaries: of the frame.
-        study: the prior of the modulus.
-    """
+    """Return the boundaries of a frame without the part of the eye's form, if that is clear."""
     modulus = Modulus(mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population")
     known = known_of_constants(eye.constants, modulus)
     prior = prior_of(known, ReaderStudy())  # nothing is left for it to say

@@ -30,42 +30,6 @@ LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class WallResponse:
-    """Material points about the plane of one contact and one thickness, and how they move.
-
-    `fields_fblsc` (field, boundary, line, sample, axis): the undeformed position, then the displacements at E = 1 Pa
-    per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the plane
-    (untilted, from the needle axis), depth below the undeformed contact. `weight_pa_m` is density times gravity;
-    `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
-    """
-
-    fields_fblsc: Array
-    weight_pa_m: float
-    tilt_rad: float
-    smoothing_m: float = 0.0
-
-    def curves(self, states: Sequence[WallState]) -> Array:
-        """Return the sections of several states as a segmentation sees them, (state, boundary, sample, 2) in m.
-
-        The last axis is lateral and depth.
-        """
-        curves = self._cut(states)
-        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
-        return curves
-
-    def _cut(self, states: Sequence[WallState]) -> Array:
-        loads = np.array([self._loads(state) for state in states])
-        flat = self.fields_fblsc.reshape(4, -1)
-        points = (loads @ flat).reshape(len(states), *self.fields_fblsc.shape[1:])
-        gap = np.array([state.gap_m for state in states])[:, None, None, None]
-        return _cut_lines(points, gap, self.tilt_rad)
-
-    def _loads(self, state: WallState) -> tuple[float, float, float, float]:
-        compliance = 1.0 / state.youngs_modulus_pa
-        return 1.0, state.iop_pa * compliance, self.weight_pa_m * compliance, state.force_n * compliance
-
-
 def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
     lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
@@ -85,62 +49,30 @@ def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     return cut
 
 
-def response_fields(
-    wall: LinearWall,
-    contact: Contact,
-    needle_radius_m: float,
-    lateral_m: Array,
-    gap_m: float,
-    direction_rad: float = 0.0,
-    tilt_rad: float = 0.0,
-) -> Array:
-    """Return the fields of a wall about the plane of one contact, see `WallResponse`.
-
-    Args:
-        wall: factored wall; one right-hand side is solved.
-        contact: where the needle pushes.
-        needle_radius_m: outer radius of the needle.
-        lateral_m: undeformed lateral positions of the section's points, see `lateral_samples`.
-        gap_m: the gap about which states may lie, to within 0.3 mm or so.
-        direction_rad: direction of the plane, see `ScanPlane`.
-        tilt_rad: tilt of the plane.
-    """
+def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Array) -> Array:
+    """Return the fields of a factored wall about the plane of one contact; one right-hand side is solved."""
     mesh = wall.mesh
-    axes = _plane_axes(contact, direction_rad)
-    solutions = np.stack([wall.pressure_nc, wall.gravity_nc, wall.needle_cnc([contact], needle_radius_m)[0]])
+    axes = _plane_axes(contact, constants.section_direction_rad)
+    needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[0]
+    solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
+    plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
     fields = [
-        _sample_surface(
-            mesh, quads, radius, solutions, axes, _line_points(radius, mesh.radius_m, lateral_m, gap_m, tilt_rad)
-        )
+        _sample_surface(mesh, quads, radius, solutions, axes, _line_points(radius, *plane))
         for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
     ]
     return np.stack(fields, axis=1)
 
 
-def lateral_samples(
-    radius_m: float,
-    thickness_m: float,
-    contacts: Sequence[Contact],
-    gap_m: float,
-    direction_rad: float = 0.0,
-    tilt_rad: float = 0.0,
+def _lateral_samples(
+    radius_m: float, thickness_m: float, contacts: Sequence[Contact], constants: EyeConstants
 ) -> Array:
-    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall lies above the base.
-
-    Args:
-        radius_m: outer radius.
-        thickness_m: of the wall, the largest that is wanted.
-        contacts: where the needle pushes.
-        gap_m: as for `response_fields`, like the rest.
-        direction_rad: direction of the plane.
-        tilt_rad: tilt of the plane.
-    """
+    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall is above the base."""
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
     for contact in contacts:
-        axes = _plane_axes(contact, direction_rad)
-        points = _line_points(radius_m - thickness_m, radius_m, lateral, gap_m, tilt_rad)
+        axes = _plane_axes(contact, constants.section_direction_rad)
+        points = _line_points(radius_m - thickness_m, radius_m, lateral, constants.gap_m, constants.tilt_rad)
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
     return lateral[above]
@@ -175,15 +107,17 @@ def _sample_surface(
     return fields.reshape(4, *points_lsc.shape)
 
 
-THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, where the thickness is uncertain
+THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, if that is uncertain
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearEye:
-    """Responses at nodes of thickness and polar angle.
+    """Material points about the plane, and how they move, at nodes of thickness and polar angle.
 
-    `fields` (thickness, polar, field, boundary, line, sample, axis), see `WallResponse`; so are `weight_pa_m` and
-    `smoothing_m`.
+    `fields` (thickness, polar, field, boundary, line, sample, axis): the undeformed position, then the displacements at
+    E = 1 Pa per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the
+    plane (untilted, from the needle axis), depth below the undeformed contact. `weight_pa_m` is density times gravity;
+    `smoothing_m`: standard deviation of the Gaussian by which a segmentation smooths the outer curve.
     """
 
     constants: EyeConstants
@@ -202,35 +136,40 @@ class LinearEye:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         walls = {(state.polar_rad, state.thickness_m) for state in states}
         if len(walls) == 1:
-            return self.at(*walls.pop()).curves(states)
-        return np.concatenate([self.at(state.polar_rad, state.thickness_m).curves([state]) for state in states])
+            return self._sections(self._fields_at(*walls.pop()), states)
+        each = (self._sections(self._fields_at(state.polar_rad, state.thickness_m), [state]) for state in states)
+        return np.concatenate(list(each))
 
     def outside(self, state: WallState) -> str | None:  # noqa: ARG002
         """Return None: linear mechanics has an answer to every load."""
         return None
 
-    def at(self, polar_rad: float, thickness_m: float) -> WallResponse:
-        """Return the response for a polar angle and a thickness."""
+    def _fields_at(self, polar_rad: float, thickness_m: float) -> Array:
+        """Return the fields (field, boundary, line, sample, axis) for a polar angle and a thickness."""
         if polar_rad in self.polar_nodes_rad and thickness_m in self.thickness_nodes_m:
-            node = self.thickness_nodes_m.index(thickness_m), self.polar_nodes_rad.index(polar_rad)
-            return self._response(self.fields[node])
+            fields: Array = self.fields[
+                self.thickness_nodes_m.index(thickness_m), self.polar_nodes_rad.index(polar_rad)
+            ]
+            return fields
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness_m), lagrange(self.polar_nodes_rad, polar_rad))
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness_m) ** 2
         by_field = np.stack([weights, bent, bent, bent])
-        return self._response(np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields))
+        return np.asarray(np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields), dtype=np.float64)
 
-    def _response(self, fields_fblsc: Array) -> WallResponse:
-        return WallResponse(
-            fields_fblsc=fields_fblsc,
-            weight_pa_m=self.weight_pa_m,
-            tilt_rad=self.constants.tilt_rad,
-            smoothing_m=self.smoothing_m,
-        )
+    def _sections(self, fields_fblsc: Array, states: Sequence[WallState]) -> Array:
+        compliance = np.array([1.0 / state.youngs_modulus_pa for state in states])
+        loads = [[state.iop_pa, self.weight_pa_m, state.force_n] for state in states]
+        loads_sf = np.column_stack([np.ones(len(states)), np.array(loads) * compliance[:, None]])
+        points = (loads_sf @ fields_fblsc.reshape(4, -1)).reshape(len(states), *fields_fblsc.shape[1:])
+        gap = np.array([state.gap_m for state in states])[:, None, None, None]
+        curves = _cut_lines(points, gap, self.constants.tilt_rad)
+        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+        return curves
 
 
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
-    """Solve the walls that a calibration of one eye needs: one, or three where the thickness is uncertain.
+    """Solve the walls that a calibration of one eye needs: one, or three if the thickness is uncertain.
 
     Raises:
         CalibrationError: the thickness or the contact cannot be meshed.
@@ -243,18 +182,15 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)
     contacts = [Contact(polar_rad=polar) for polar in polars]
-    plane = (constants.gap_m, constants.section_direction_rad, constants.tilt_rad)
-    lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
+    lateral = _lateral_samples(study.eye.radius_m, max(thicknesses), contacts, constants)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
-    weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
-    smoothing_m = study.calibration.surface_smoothing_m
     return LinearEye(
         constants=constants,
-        weight_pa_m=weight,
+        weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,
         thickness_nodes_m=thicknesses,
         polar_nodes_rad=polars,
         fields=np.stack(fields),
-        smoothing_m=smoothing_m,
+        smoothing_m=study.calibration.surface_smoothing_m,
     )
 
 
@@ -263,6 +199,4 @@ def _fields(
 ) -> Array:
     mesh = study_mesh(study, thickness_m, contacts[0] if len(contacts) == 1 else None)
     wall = LinearWall(mesh, study.eye.poisson_ratio)
-    radius = study.needle.outer_diameter_m / 2
-    plane = (constants.gap_m, constants.section_direction_rad, constants.tilt_rad)
-    return np.stack([response_fields(wall, contact, radius, lateral_m, *plane) for contact in contacts])
+    return np.stack([_response(wall, contact, study, constants, lateral_m) for contact in contacts])

@@ -1,4 +1,4 @@
-"""Rigid registration: lays the predicted section on a frame (paper sec. 3.2).
+"""Rigid registration: fits the predicted section to a frame (paper sec. 3.2).
 
 Pose and modulus are fitted together, frame by frame, to the whole of both boundaries: at high forces the arc as a whole
 moves, so no part of it is a fixed reference. The pose about which the eye of a recording moves is carried from frame to
@@ -46,7 +46,7 @@ def place_section(curves: Array, nuisance: Array) -> Array:
 
 
 def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
-    """Return how the depths at places turn with the contact's polar angle, (place,) in m/rad; 0 where it is stated."""
+    """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
     low, high = model.polar_ends_rad
     if low == high:
         return np.zeros(len(places.lateral_m))
@@ -57,13 +57,13 @@ def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
 
 
 def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Placed:
-    """Return what a frame shows at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7).
+    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7).
 
     Args:
         model: the eye.
         state: of its wall.
-        nuisance: pose and its kin (5,), in the order of `NUISANCES`; the polar angle counts as the state has it.
-        places: where the frame is looked at.
+        nuisance: pose and its kin (5,), in the order of `NUISANCES`; the state's polar angle takes precedence.
+        places: of the frame.
     """
     states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
@@ -80,7 +80,7 @@ def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Pl
 
 
 def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
-    """Return how the depths at places turn with the force, (place,) in m/N."""
+    """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
     less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
     slope: Array = (more - less) / (2 * FORCE_STEP_N)
@@ -100,7 +100,7 @@ START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, besid
 
 @dataclass(frozen=True, eq=False)
 class PoseBelief:
-    """What is known of what the frames share: mean (5,) and covariance (5, 5) in the order of `NUISANCES`."""
+    """The distribution of the values that frames share: mean (5,) and covariance (5, 5), ordered as `NUISANCES`."""
 
     mean: Array
     covariance: Array
@@ -121,10 +121,10 @@ class Registered:
 
 
 def first_belief(model: EyeModel) -> PoseBelief:
-    """Return the belief before the first frame: hardly anything of the pose.
+    """Return the belief before the first frame: a wide one of the pose.
 
-    The contact's polar angle stays where it is stated, or in the middle of its range: it turns the section by a few um,
-    which a fit could not tell from an uneven segmentation.
+    The contact's polar angle stays as stated, or in the middle of its range: it turns the section by a few um, which a
+    fit could not tell from an uneven segmentation.
     """
     sd = np.zeros(5)
     sd[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = [FIRST_SD[axis] for axis in (BY_LATERAL, BY_DEPTH, BY_ROTATION)]
@@ -134,7 +134,7 @@ def first_belief(model: EyeModel) -> PoseBelief:
 
 
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
-    """Return what is known of the next frame's nuisances: the recording's, and that the eye may have moved."""
+    """Return the prior of the next frame's nuisances: the recording's belief, and that the eye may have moved."""
     moved = np.zeros(5)
     moved[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad)
     moved[BY_INNER] = INNER_FRAMES**0.5 * study.inner_sd_m
@@ -166,9 +166,9 @@ def register(
         model: the eye.
         boundaries: of the frame.
         force_n: force of the needle.
-        modulus_pa: from where the frame's modulus is sought.
-        prior: what is known of the frame's nuisances.
-        rigidity_pa13_per_m3: from where the globe's is sought; None: the middle of what is known of it.
+        modulus_pa: where the search of the frame's modulus begins.
+        prior: of the frame's nuisances.
+        rigidity_pa13_per_m3: where the search of the globe's begins; None: the known globe's mean.
     """
     sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity_pa13_per_m3)
     fit = _Fit(model, _thinned(boundaries), sought, prior)
@@ -177,7 +177,7 @@ def register(
 
 
 def _thinned(boundaries: Boundaries) -> Columns:
-    """Return at most COLUMNS places of each boundary, evenly among the columns that are seen."""
+    """Return at most COLUMNS places of each boundary, evenly among the seen columns."""
     columns = []
     for depth in boundaries.depth_m:
         seen = np.flatnonzero(np.isfinite(depth))
@@ -191,7 +191,7 @@ def _thinned(boundaries: Boundaries) -> Columns:
 
 
 class _Fit:
-    """The least-squares problem of one frame; what is certain stays fixed.
+    """The least-squares problem of one frame; certain values stay fixed.
 
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
@@ -213,7 +213,7 @@ class _Fit:
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
 
     def start(self) -> Array:
-        """Return where to begin: the prior's mean, or the best of a coarse search where the pose is unknown."""
+        """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
         moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
@@ -234,12 +234,11 @@ class _Fit:
         return unknown
 
     def _start_rigidities(self) -> list[float]:
-        """Return the rigidities over the reference to begin from: about a stiff globe an open eye is not found."""
+        """Return the rigidities over the reference to begin from: from a stiff globe an open eye is not found."""
         low, high = self._rigidity_ends
         return sorted({float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
 
     def _state(self, log_modulus: float, rigidity: float) -> WallState:
-        """Return the wall at a modulus and a rigidity over the reference; a frame's polar angle stays where it is."""
         modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
         return replace(self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k)
 
@@ -258,13 +257,12 @@ class _Fit:
         return normal, gradient - self.precision @ (unknown - self.mean)
 
     def inside(self, unknown: Array) -> Array:
-        """Keep the rigidity within its bounds; a section goes on smoothly beyond what the mechanics holds for."""
+        """Keep the rigidity within its bounds; a section continues smoothly beyond the mechanics."""
         unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self._rigidity_ends)
         return unknown
 
     @property
     def _rigidity_ends(self) -> tuple[float, float]:
-        """The bounds of the rigidity over the reference."""
         globe = self.model.constants.globe
         return globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
 

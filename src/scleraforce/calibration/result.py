@@ -1,4 +1,4 @@
-"""What a calibration found of each frame, each eye and the population; in words, and as it is saved."""
+"""The result of a calibration: of each frame, each eye and the population; in words, and as its file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -32,11 +32,11 @@ from scleraforce.units import HumanUnit, from_si
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:
-    """What became of a frame: estimate of E after it, or the reason why it was not used.
+    """The result of a frame: estimate of E after it, or the reason why it was not used.
 
-    `sha256` is the frame's content (`recording.folder.frame_digest`), by which it is known again under any name.
-    `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says;
-    `again`: what is read in it in the end.
+    `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`), which identifies it under any name.
+    `force_n` is the force that the filter used, the label without offset and drift. `own_modulus_pa`: the modulus from
+    the frame alone; `again`: the frame read again in the end.
     """
 
     recording: str
@@ -57,9 +57,9 @@ class FrameRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class UsedRecording:
-    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
+    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force that was subtracted.
 
-    `doubts` are sentences on a log that does not go with the frames (`recording.labels`), and on the globe.
+    `doubts` are sentences on a log that contradicts the frames (`recording.labels`), and on the globe.
     """
 
     path: str
@@ -71,13 +71,12 @@ class UsedRecording:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EyeCalibration:
-    """One eye: what is known after its frames.
+    """One eye after its frames.
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's;
-    `stiffening`: b of the tissue whose walls explain its frames best. With a library, modulus and rigidity are those of
-    the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are kept for figures, and are
-    empty for what was read from a file.
+    `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
+    tissue whose walls explain its frames best. With a library, modulus and rigidity are those of the frames read again
+    (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are empty if read from a file.
     """
 
     id: str
@@ -111,13 +110,13 @@ class EyeCalibration:
 
     @property
     def thickness_m(self) -> float:
-        """The wall's thickness: estimated where it was uncertain, or else as it was stated."""
+        """The wall's thickness: estimated if it was uncertain, otherwise as stated."""
         return dict(zip(self.names, self.means, strict=True)).get("thickness_m", self.stated_thickness_m)
 
     def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
-        """Return the median of what the frames of each force class say of E on their own, in Pa; None where none does.
+        """Return the median modulus, Pa, from the single frames of each force class; None without frames.
 
-        All the same for a wall that bends as the model says; falling with the force for one that bends more.
+        The medians are equal for a wall that bends as the model, and fall with the force for one that bends more.
         """
         classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
         for frame in self.used:
@@ -135,9 +134,7 @@ class EyeCalibration:
 class Calibration:
     """All eyes; the population is the mean of their means, its `sd` their spread (None for one eye).
 
-    Eyes whose filter diverged are none of the population, unless all did.
-
-    `mechanics`: "linear" or "finite-strain", what the wall was taken to do.
+    Eyes whose filter diverged do not count in the population, unless all did. `mechanics`: "linear" or "finite-strain".
     """
 
     eyes: Mapping[str, EyeCalibration]
@@ -156,7 +153,7 @@ class Calibration:
         return float(np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound]))))
 
     def left_out(self, eye_id: str) -> float:
-        """Return the population's mean without one eye, in Pa (that eye's own where it is the only one)."""
+        """Return the population's mean without one eye, in Pa (that eye's own if it is the only one)."""
         others = [eye.mean_pa for eye in self._sound if eye.id != eye_id]
         return spread(others)[0] if others else self.population[0]
 
@@ -180,8 +177,8 @@ MUCH = 2.0  # times what is expected
 def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     """Return mean and standard deviation of each parameter but the modulus, which has a column of its own.
 
-    And how much the tissue stiffens, where it does; by how much the eye's forces lie off the library's, where that is
-    sure: an uneven wall; and how far its frames scatter, where that is much: a wall that is none of the library's.
+    Then the stiffening of the tissue, if any; the discrepancy of the eye's forces from the library's, if that is sure
+    (an uneven wall); and the scatter of its frames, if that is large (a wall that the library does not have).
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
     stiffens = (f"tissue stiffens, b {eye.stiffening:.2g}",) if eye.stiffening > 0.0 else ()
@@ -295,7 +292,7 @@ def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
-    """Return the calibration of a file, to go on from it or to report it.
+    """Return the calibration of a file, to continue it or to report it.
 
     Raises:
         CalibrationError: naming the file and the key.
@@ -328,7 +325,7 @@ class _State(msgspec.Struct):
 
 
 class _Saved(msgspec.Struct):
-    """What `calibration` reads of an entry of `eyes` beside its summary."""
+    """The part of an entry of `eyes` that `calibration` reads beside its summary."""
 
     parameters: dict[str, dict[str, Any]]
     recordings: tuple[UsedRecording, ...]

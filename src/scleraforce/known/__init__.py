@@ -299,11 +299,11 @@ def known_of_recording(info: RecordingInfo) -> Known:
         gap_m=needle.slice_gap_m,
         polar_rad=needle.polar_angle_rad,
         direction_rad=info.oct.plane_direction_rad,
-        globe=told_globe(info.eye),
+        globe=stated_globe(info.eye),
     )
 
 
-def told_globe(eye: EyeInfo) -> KnownGlobe | None:
+def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
     """Return what a recording says of its globe; None: nothing."""
     if eye.globe is None:
         return None

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
+from scleraforce.calibration.calibrate import frame_order
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.forces import (
     LABEL_SD_N,
@@ -23,11 +24,9 @@ from scleraforce.calibration.forces import (
     FrameForces,
     zero_line,
 )
-from scleraforce.calibration.known_forces import settled
+from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.calibration.one_tissue import frame_order
 from scleraforce.calibration.registration import place_section
-from scleraforce.calibration.stiffening import TissueTrial, search
 from scleraforce.errors import CalibrationError
 from scleraforce.known import OPEN, POPULATION_SD, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.learning.samples import library_of_tissue, log_even
