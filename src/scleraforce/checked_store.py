@@ -1,12 +1,11 @@
 """Zarr 3 groups that are written part by part, resumable, and checked when they are read.
 
-Zarr writes a chunk to a temporary name and renames it, so a chunk that exists is whole, and a killed run still has to
-do what is missing. At the end the SHA-256 of every chunk goes into the group's attributes, in the order of the chunks:
-a chunk that stands in the place of another one is found, which its own checksum cannot tell.
+Zarr writes a chunk to a temporary name and renames it, so an existing chunk is whole, and a killed run's missing chunks
+are known. At the end the SHA-256 of every chunk goes into the group's attributes, in the order of the chunks: this
+finds a chunk in the place of another one, which its own checksum (CRC-32C) cannot.
 
-Every chunk ends with its CRC-32C. Zarr itself never reads what somebody gives: files are read as regular ones within a
-size, checked, and then decoded from memory with the codecs that are expected, never with those that a file asks for,
-and only where it says to have the size of a chunk.
+Zarr itself never reads a user's files: they are read as regular ones within a size, checked, and decoded from memory
+with the expected codecs, never with the file's, and only if it states the size of a chunk.
 """
 
 import json
@@ -40,15 +39,7 @@ MAX_ARRAY_SIZE = 8192 * MIB
 
 @dataclass(frozen=True)
 class StoredArray:
-    """What an array of a store is.
-
-    Attributes:
-        name: of its folder.
-        shape: of the array.
-        chunks: shape of a chunk.
-        dtype: NumPy's name of its type.
-        compressed: whether chunks are compressed (Zstandard).
-    """
+    """The properties of an array in a store; `dtype` is NumPy's name, `compressed` chunks are Zstandard."""
 
     name: str
     shape: tuple[int, ...]
@@ -68,7 +59,7 @@ class StoredArray:
 
     @property
     def max_file_size(self) -> int:
-        """A file of more bytes is no chunk of this array."""
+        """The largest size of a chunk's file."""
         return max(MIB, 2 * self.chunk_size)
 
     @property
@@ -82,7 +73,7 @@ class StoredArray:
         return np.ndindex(self.grid)
 
     def file(self, index: tuple[int, ...]) -> str:
-        """Return the file of a chunk within the store; indices that are left out are 0.
+        """Return the file of a chunk within the store; missing indices are 0.
 
         >>> StoredArray("slices", (465, 40, 140), (200, 40, 140), "uint8").file((1,))
         'slices/c/1/0/0'
@@ -90,7 +81,7 @@ class StoredArray:
         return "/".join([self.name, "c", *map(str, index), *["0"] * (len(self.shape) - len(index))])
 
     def create(self, group: zarr.Group) -> zarr.Array[Any]:
-        """Create the array in a group, or replace it; chunks of zeros are written, too: what is missing is not done."""
+        """Create the array in a group, or replace it; chunks of zeros are written, too: a missing chunk is not done."""
         return group.create_array(
             self.name,
             shape=self.shape,
@@ -103,7 +94,7 @@ class StoredArray:
         )
 
     def difference(self, metadata: Any) -> str | None:
-        """Return what in the content of a `zarr.json` is not that of this array; None where all fits."""
+        """Return the difference between the content of a `zarr.json` and this array; None if it fits."""
         if not isinstance(metadata, dict):
             return "not an object"
         for key in FIXED:
@@ -113,11 +104,7 @@ class StoredArray:
         return None
 
     def decode(self, chunks: Mapping[tuple[int, ...], bytes]) -> NDArray[Any]:
-        """Return the array from the bytes of its chunks (those that are left out are zeros).
-
-        Raises:
-            Exception: whatever a codec raises where a chunk is damaged.
-        """
+        """Return the array from the bytes of its chunks, zeros by default; codecs raise any exception on damage."""
         content: dict[str, Any] = {}
         array = self.create(zarr.create_group(MemoryStore(content), zarr_format=3))
         for index, data in chunks.items():
@@ -146,16 +133,10 @@ class StoredArray:
 
 @dataclass(frozen=True)
 class CheckedStore:
-    """One kind of store: how messages call it, what its metadata must have, what makes it.
+    """One kind of store: its names in messages, its required metadata, and the command that makes it.
 
-    Attributes:
-        noun: what it is, "data set".
-        command: the command of scleraforce that makes it; `verb` is the same in a sentence.
-        schema: of its format; another one is refused.
-        required: attributes that it must have beside the schema.
-        same: attributes that a run must share with the one that it continues.
-        others: by the beginning of their schemas, what other stores are and what they are for.
-        error: the exception that is raised.
+    `same` attributes must not change when a run continues another one; `others` says, by the beginning of a schema,
+    what other stores are for.
     """
 
     noun: str
@@ -198,14 +179,7 @@ class CheckedStore:
         arrays: Iterable[StoredArray],
         known: Mapping[str, NDArray[Any]],
     ) -> None:
-        """Create a store that is not complete, or take up what a killed run with the same attributes has left.
-
-        Args:
-            path: of the store.
-            attributes: that it has beside its schema.
-            arrays: of the store.
-            known: values of some of them by name, which are written at once: the same each time.
-        """
+        """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
         with self.writing(path):
             if _occupied(path):
                 group = self._continued(path, attributes)
@@ -226,14 +200,7 @@ class CheckedStore:
             found.with_config({"write_empty_chunks": True})[part] = values  # what is missing is not done yet
 
     def finish(self, path: Path, arrays: Sequence[StoredArray], missing: int, parts: str) -> None:
-        """Mark a store as complete, with the hashes of its chunks, and clear what killed runs have left beside them.
-
-        Args:
-            path: of the store.
-            arrays: of the store.
-            missing: number of units that it lacks.
-            parts: of how many which units, for the message.
-        """
+        """Mark a store without `missing` units as complete, with the hashes of its chunks; clear temporary files."""
         if missing:
             raise self.error(f"{path}: {missing} of {parts} are missing; {self.verb} it again")
         hashes = {array.name: [sha256(self._chunk(path, array, at)).hexdigest() for at in array.places]
@@ -245,7 +212,7 @@ class CheckedStore:
             group.update_attributes({HASHES: hashes, "complete": True})
 
     def check_array(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> None:
-        """Check that an array of a complete store is what it must be and that none of its chunks is missing."""
+        """Check the type, shape and presence of all chunks of an array of a complete store."""
         if array.size > MAX_ARRAY_SIZE:
             raise self.error(f"{path / array.name}: {array.size // MIB} MiB of values, at most "
                              f"{MAX_ARRAY_SIZE // MIB} are read (docs/files.md)")  # fmt: skip
@@ -257,7 +224,7 @@ class CheckedStore:
             raise self.error(f"{path / array.name}: {missing} of {count} chunks are missing; {self.verb} it again")
 
     def read(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> NDArray[Any]:
-        """Return the values of an array; the message names the chunk that is damaged."""
+        """Return the values of an array; the message names the damaged chunk."""
         self.check_array(path, attributes, array)
         again = f"{self.verb} the {self.noun} again"
         chunks = {}
@@ -272,7 +239,7 @@ class CheckedStore:
             raise self.error(f"{path / array.file(bad)}: damaged ({fault}); {again}") from fault
 
     def is_readable(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bool:
-        """Return whether a chunk is there and can be read; indices that are left out are 0."""
+        """Return whether a chunk exists and can be read; missing indices are 0."""
         try:
             return array.decodes(self._chunk(path, array, index))
         except self.error:
@@ -280,11 +247,7 @@ class CheckedStore:
 
     @contextmanager
     def writing(self, path: Path) -> Iterator[None]:
-        """Turn what the system says while a store is written into one line.
-
-        Raises:
-            InputError: `error`: the folder cannot be written to, or the disk is full.
-        """
+        """Turn the system's errors while a store is written into one line."""
         try:
             yield
         except OSError as fault:
@@ -316,7 +279,9 @@ class CheckedStore:
         found = hashes.get(array.name) if isinstance(hashes, dict) else None
         count = sum(1 for _ in array.places)
         if not isinstance(found, list) or len(found) != count:
-            raise self.error(f"{path}: {HASHES}: not those of the {count} chunks of {array.name}; {self.verb} it again")
+            raise self.error(
+                f"{path}: {HASHES}: not the hashes of the {count} chunks of {array.name}; {self.verb} it again"
+            )
         return found
 
     def _chunk(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bytes:
@@ -325,7 +290,7 @@ class CheckedStore:
 
 
 def _occupied(path: Path) -> bool:
-    """Whether something stands at `path`; an empty directory, or one with a killed run's temporary file, is free."""
+    """Return whether `path` is taken; an empty directory, or one with a killed run's temporary file, is free."""
     if not path.exists():
         return False
     return not path.is_dir() or any(entry.suffix != ".partial" for entry in path.iterdir())
@@ -340,7 +305,7 @@ def _ordinary(path: Path) -> bool:
 
 
 def _decoded_bytes(data: bytes) -> int | None:
-    """Return the size that a Zstandard frame says to have when it is decoded (RFC 8878, section 3.1.1.1).
+    """Return the decoded size that a Zstandard frame states (RFC 8878, section 3.1.1.1).
 
     >>> _decoded_bytes(bytes.fromhex("28b52ffda00017110054"))
     1120000

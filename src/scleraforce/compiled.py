@@ -1,7 +1,7 @@
-"""Loops over arrays that Numba compiles: once for a user, at installation or when they are first called.
+"""Loops over arrays that Numba compiles: once for a user, at installation or at the first call.
 
-The machine code is cached under a hash of the sources: another version finds none of this one's. Modules with such
-loops are imported only by what reads frames, fits or solves load paths, as the import of Numba takes 0.2 s.
+The machine code is cached under a hash of the sources, so that versions share no code. Modules with such
+loops are imported only to read frames, to fit or to solve load paths, as the import of Numba takes 0.2 s.
 """
 
 import re
@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parent
-# Imports of what may decide machine code: modules of the packages with loops.
+# Imports that may decide machine code: modules of the packages with loops.
 IMPORT = re.compile(
     r"^from scleraforce\.((?:eye|fitting|library|mechanics|section|segmentation)[\w.]*) import (.+)$", re.M
 )
@@ -26,7 +26,7 @@ Loops = TypeVar("Loops", bound=Callable[..., object])
 def compiled(loops: Loops) -> Loops:
     """Return a function of loops over arrays as machine code.
 
-    It is compiled when it is first called with arguments of some types, which takes seconds, and cached for all later
+    It is compiled at the first call with arguments of some types, which takes seconds, and cached for all later
     processes. It runs without the lock of the interpreter, and rounds as the plain function does.
     """
     from numba import njit
@@ -44,7 +44,7 @@ def compiled(loops: Loops) -> Loops:
 
 @cache
 def _code_file() -> Any:
-    """Return the class of a function's machine code on disk, which is loaded without what compiling it takes.
+    """Return the class of a function's machine code on disk, which is loaded without the compiler's modules.
 
     Numba would import its implementations of all functions first, which takes longer than the import of Numba.
     """
@@ -90,7 +90,7 @@ def _code_cache(module: str) -> Path:
 
 
 def _deciding(module: str) -> set[Path]:
-    """Return the sources that decide a module's machine code: Numba does not notice a change of a called function."""
+    """Return the sources of a module's machine code: Numba does not notice a change of a called function."""
     found: set[Path] = set()
     waiting = [module]
     while waiting:

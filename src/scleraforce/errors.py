@@ -12,7 +12,7 @@
     │   ├── ModelError           a model folder
     │   └── ProtocolError        a peer's bytes, or what cannot be said to it (OpenIGTLink)
     ├── SolverError              a numerical method failed: exit code 1
-    ├── MessageError             what a process of the monitor sent to another is no message of theirs: exit code 1
+    ├── MessageError             a process of the monitor sent another an invalid message: exit code 1
     └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
 
 A message is one line: where (file and field), what was found, what to do or what is allowed.
@@ -24,7 +24,7 @@ class ScleraforceError(Exception):
 
 
 class InputError(ScleraforceError):
-    """What the user gave cannot be used; the message says where, and what is allowed.
+    """Unusable input; the message says where, and the allowed values.
 
     >>> import scleraforce as sf
     >>> try:
@@ -68,7 +68,7 @@ class SolverError(ScleraforceError):
 
 
 class MessageError(ScleraforceError):
-    """What one process of the monitor sent to another, or was about to send, is no message of theirs."""
+    """A message from one process of the monitor to another is invalid."""
 
 
 class LinkError(ScleraforceError):

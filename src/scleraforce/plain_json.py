@@ -1,4 +1,4 @@
-"""Values as JSON has them: it knows no NaN and no infinity."""
+"""Values within the limits of JSON, which has no NaN and no infinity."""
 
 import json
 from collections.abc import Mapping
@@ -22,15 +22,14 @@ def finite(value: Any) -> Any:
 
 
 def parse_json(content: str | bytes) -> Any:
-    """Read JSON that somebody gives.
+    """Read untrusted JSON: no number that is not finite or very long, no repeated key, no deep nesting.
 
     >>> parse_json('{"force_mn": NaN}')
     Traceback (most recent call last):
-    ValueError: not JSON: NaN is no number of JSON
+    ValueError: not JSON: NaN is not a number of JSON
 
     Raises:
-        ValueError: no JSON, numbers that are not finite or very long, a key that stands twice in an object, or nested
-            too deep.
+        ValueError: the text breaks one of these rules.
     """
     try:
         return json.loads(
@@ -43,7 +42,7 @@ def parse_json(content: str | bytes) -> Any:
 
 
 def _refuse(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number of JSON")
 
 
 def _finite_float(digits: str) -> float:
@@ -63,5 +62,5 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"{twice!r} stands twice in one object")
+        raise ValueError(f"{twice!r} is twice in one object")
     return found

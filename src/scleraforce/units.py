@@ -55,7 +55,7 @@ Value = TypeVar("Value", float, float | None, "NDArray[Any]")
 
 
 def to_si(value: Value, unit: HumanUnit) -> Value:
-    """Return a number or an array, in a human unit, in SI; what is None stays None.
+    """Return a number or an array, in a human unit, in SI; None stays None.
 
     >>> to_si(0.7, "mm"), to_si(0.25, "mpa"), to_si(None, "mmhg")
     (0.0007, 250000.0, None)
@@ -67,7 +67,7 @@ def to_si(value: Value, unit: HumanUnit) -> Value:
 
 
 def from_si(value: Value, unit: HumanUnit) -> Value:
-    """Return a number or an array, in SI, in a human unit; what is None stays None.
+    """Return a number or an array, in SI, in a human unit; None stays None.
 
     >>> from_si(0.0007, "mm"), from_si(250e3, "mpa"), round(from_si(to_si(15.0, "mmhg"), "mmhg"), 9)
     (0.7, 0.25, 15.0)

@@ -1,6 +1,6 @@
 """Read regular files whole, within a size for each kind; write files whole or not at all.
 
-A name that somebody gives may stand for a pipe, a device or a file of 100 GB. So a file is opened without waiting, must
+A user's path may be a pipe, a device or a file of 100 GB. So a file is opened without waiting, must
 be a regular one, and is read no further than its kind allows (`KINDS`, which docs/files.md states).
 """
 
@@ -19,7 +19,7 @@ from scleraforce.errors import CalibrationError, FrameError, InputError, ModelEr
 
 MIB = 2**20
 OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)  # of Unix, of Windows
-# What editors on Windows write; UTF-32 stands before UTF-16, whose mark is the beginning of its own.
+# What editors on Windows write; UTF-32 is before UTF-16, whose mark is the beginning of its own.
 BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8",
     codecs.BOM_UTF32_LE: "utf-32-le",
@@ -31,14 +31,7 @@ BYTE_ORDER_MARKS = {
 
 @dataclass(frozen=True)
 class FileKind:
-    """One kind of file that scleraforce reads.
-
-    Attributes:
-        noun: what messages and the docs call it.
-        max_bytes: a larger file is refused.
-        hint: what a user without such a file does; may be empty.
-        error: the exception that is raised.
-    """
+    """One kind of file: its noun in messages, its largest size, a hint for a user without one, and the exception."""
 
     noun: str
     max_bytes: int
@@ -66,11 +59,7 @@ KINDS = {
 
 
 def read_bytes(path: Path, kind: FileKind) -> bytes:
-    """Read a regular file.
-
-    Raises:
-        InputError: `kind.error`: there is none, it is no regular file, it is too large, or it cannot be read.
-    """
+    """Read a regular file."""
     hint = f"; {kind.hint}" if kind.hint else ""
     try:
         # A pipe that nobody writes to would hold up a plain open() for ever.
@@ -92,11 +81,7 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
 
 
 def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
-    """Check that what was found under a name is a regular file of a size that is read.
-
-    Raises:
-        InputError: `kind.error`: it is not.
-    """
+    """Check that a path is a regular file of an allowed size."""
     if not stat.S_ISREG(found.st_mode):
         raise kind.error(f"{path}: {_noun(found.st_mode)}; give a regular file")
     if found.st_size > kind.max_bytes:
@@ -104,11 +89,7 @@ def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
 
 
 def read_text(path: Path, kind: FileKind) -> str:
-    """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out.
-
-    Raises:
-        InputError: `kind.error`: as `read_bytes`, or it is no such text.
-    """
+    """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out."""
     data = read_bytes(path, kind)
     for mark, encoding in BYTE_ORDER_MARKS.items():
         if data.startswith(mark):
@@ -140,11 +121,7 @@ def _noun(mode: int) -> str:
 
 
 def hash_sources(*places: str) -> str:
-    """Return the SHA-256, in hexadecimal, of source files of this package, whatever their names.
-
-    Args:
-        places: files, or folders with all below them, from the package's folder.
-    """
+    """Return the SHA-256, in hexadecimal, of source files of this package, or of all files below folders of it."""
     digest = hashlib.sha256()
     for place in (Path(__file__).parent / place for place in places):
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
@@ -153,23 +130,16 @@ def hash_sources(*places: str) -> str:
 
 
 def write_whole(content: str | bytes, path: Path) -> None:
-    """Write a file whole or not at all; one of that name is replaced.
-
-    Raises:
-        InputError: its folder cannot be written to, or the disk is full.
-    """
+    """Write a file whole or not at all; one of that name is replaced."""
     with renamed_when_whole(path) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
 def renamed_when_whole(path: Path) -> Iterator[Path]:
-    """Give a temporary file beside `path`; it gets that name when it is finished, and is removed when it is not.
+    """Give a temporary file beside `path`, which gets that name when it is finished, and is removed otherwise.
 
-    The file is made exclusively, under a name that nobody can foresee: a link that was planted is not followed.
-
-    Raises:
-        InputError: the folder cannot be written to, or the disk is full.
+    The file is made exclusively, under an unpredictable name: a planted link is not followed.
     """
     part = path.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
@@ -184,17 +154,13 @@ def renamed_when_whole(path: Path) -> Iterator[Path]:
 
 
 def folder_files(folder: Path) -> dict[str, bytes]:
-    """Return what the files of a folder that we have written hold, by their places in it."""
+    """Return the content of all files of one of our folders, by their places in it."""
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
 
 
 def write_whole_folder(files: Mapping[str, bytes], folder: Path) -> None:
-    """Write a folder of files, by their places in it, whole or not at all.
-
-    Raises:
-        InputError: there is something of that name, its own folder cannot be written to, or the disk is full.
-    """
+    """Write a folder of files, by their places in it, whole or not at all."""
     part = folder.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
         for place, content in files.items():

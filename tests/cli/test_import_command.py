@@ -268,7 +268,7 @@ def test_a_log_of_counts_with_saturated_samples_is_imported_in_newtons_with_gaps
     assert run(["show", str(tmp_path / "r"), "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert [frame["measured_force_mn"] is None for frame in shown["frames"]] == [False, False, False, True, True]
-    assert "are no forces" in shown["frames"][3]["excluded"]
+    assert "have no force" in shown["frames"][3]["excluded"]
 
 
 def test_a_log_of_30_samples_a_second_is_imported_with_a_note(tmp_path: Path, capsys) -> None:

@@ -202,7 +202,7 @@ def test_a_frame_of_unknown_scale_is_refused_and_the_options_are_named(model, lo
     assert run(["read", str(model), str(loose)]) == 2
     told = capsys.readouterr()
     assert told.out == ""
-    place = f"error: {loose}: how large it is stands neither in it nor in a recording.toml"
+    place = f"error: {loose}: its size is neither in the file nor in a recording.toml"
     assert told.err == f"{place}; give --width-mm and --depth-mm\n"
     (entry,) = read(capsys, model, loose, *SIZE)
     assert entry["usable"]

@@ -97,7 +97,7 @@ def test_a_file_that_is_no_network_is_refused(tiny_model) -> None:
     ("content", "field"),
     [("{", "not JSON"), ("[]", "format"), ('{"format": 99}', "format"), ('{"format": 1, "kind": "oracle"}', "kind"),
      ('{"format": 1, "kind": "classifier"}', "files"), ('{"format": 1, "kind": {}}', "kind"),
-     ('{"format": [1]}', "format"), ("[" * 100_000, "nested too deep"), ('{"format": NaN}', "no number of JSON"),
+     ('{"format": [1]}', "format"), ("[" * 100_000, "nested too deep"), ('{"format": NaN}', "not a number of JSON"),
      ('{"format": ' + "9" * 5000 + "}", "not JSON")],
 )  # fmt: skip
 def test_a_record_that_cannot_be_used_is_refused(tiny_model, content: str, field: str) -> None:

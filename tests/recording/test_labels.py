@@ -188,7 +188,7 @@ def test_no_label_comes_from_a_window_with_a_sample_that_is_no_force_and_the_oth
     trials = label_frames(recording_of(holed, *frames), CLASSES)
     labels = [trial.measured_force_n for trial in label_frames(recording_of(whole, *frames), CLASSES)]
     assert [trial.measured_force_n is None for trial in trials] == [False, True, True, False]
-    assert trials[2].excluded == "20 of the 401 force samples around it are no forces"
+    assert trials[2].excluded == "20 of the 401 force samples around it have no force"
     assert [trials[0].measured_force_n, trials[3].measured_force_n] == pytest.approx([labels[0], labels[3]], abs=1e-5)
 
 
@@ -401,7 +401,7 @@ def test_dents_that_differ_by_less_than_a_nanometre_say_nothing_of_the_clocks() 
 def test_frames_of_another_session_are_doubted() -> None:
     rng = np.random.default_rng(2)
     (doubt,) = log_doubts(recording(rng), CLASSES, [1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0])
-    assert "forces.csv has nothing to do with what the frames show" in doubt
+    assert "forces.csv is unrelated to the frames" in doubt
 
 
 def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:

@@ -199,7 +199,7 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
     """
     if kind is None:
         return UNKNOWN
-    if GlobeStudy().told(kind, rigidity_pa13_per_m3).kind == "open":
+    if GlobeStudy().with_known(kind, rigidity_pa13_per_m3).kind == "open":
         return OPEN
     law = RIGIDITY_LAWS[0] if law is None else law
     if rigidity_pa13_per_m3 is None:

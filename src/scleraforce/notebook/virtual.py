@@ -183,7 +183,7 @@ def declared(
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
     if rigidity_pa13_per_m3 is not None and (globe or study.globe.kind) != "sealed":
         raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
-    return replace(study, globe=study.globe.told(globe, rigidity_pa13_per_m3))
+    return replace(study, globe=study.globe.with_known(globe, rigidity_pa13_per_m3))
 
 
 def stated_of(values: Mapping[str, float | None]) -> dict[str, float]:

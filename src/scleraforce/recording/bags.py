@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags (sqlite, MCAP): an image topic and a force topic, by the time at which they were captured."""
+"""ROS 1 and ROS 2 bags (sqlite, MCAP): an image topic and a force topic, with their capture times."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -49,12 +49,12 @@ IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
 
 
 def _image_fields(message: Any) -> dict[str, object]:
-    """Return those fields of a sensor_msgs Image or CompressedImage that decide on the meaning of its bytes."""
+    """Return the fields of a sensor_msgs Image or CompressedImage that define the meaning of its bytes."""
     return {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
 
 
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
-    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` stands in messages."""
+    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` is for messages."""
     return _compressed(message, place) if hasattr(message, "format") else _raw(message, place)
 
 
@@ -96,10 +96,7 @@ EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a messa
 class _Topic:
     """The messages of a topic, of all its publishers, in the order of their stamps.
 
-    Attributes:
-        time_s: their stamps.
-        order: their places in the order of arrival, from 0; repeated messages are left out.
-        notes: sentences on the topic's clock, and on what was merged, sorted or left out.
+    `order` has their places in the order of arrival, from 0, without repeated messages.
     """
 
     time_s: NDArray[np.float64]
@@ -120,17 +117,10 @@ class _Heard:
 def read_bag(
     path: Path, image_topic: str | None = None, force_topic: str | None = None, by_arrival: bool = False
 ) -> tuple[Scan | None, ForceLog | None]:
-    """Return the frames and forces of a bag; None: it has no topic of that kind.
+    """Return the frames and forces of a bag; None if it has no topic of that kind.
 
-    Args:
-        path: of the bag.
-        image_topic: None: the only one with images.
-        force_topic: None: the only one with forces.
-        by_arrival: take the times of arrival, where stamps are empty.
-
-    Raises:
-        UnansweredError: several topics of a kind and none chosen, or stamps that are empty.
-        InputError: it cannot be read, or has no topic of the kind or name.
+    A topic that is not given is the only one of its kind. `by_arrival` takes the times of arrival in place of the
+    stamps.
     """
     with _opened(path) as bag:
         image = _topic(path, bag, IMAGES, image_topic, "--image-topic")
@@ -157,7 +147,7 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
 def _topic(
     path: Path, bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
 ) -> "Sequence[Connection]":
-    """Return the connections of the chosen topic, or of the only one of the kinds; empty: there is none."""
+    """Return the connections of the chosen topic, or of the only one of the kinds; empty without such a topic."""
     found = {each.topic for each in bag.connections if each.msgtype in kinds and each.msgcount}
     if chosen is not None and chosen not in found:
         raise InputError(f"{path}: {option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}")
@@ -259,10 +249,10 @@ def _check_stamped(place: str, captured_ns: NDArray[np.int64], late_ms: NDArray[
 
 
 def _check_one_clock(place: str, stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
-    """Check that stamps out of order can be the work of delivery alone.
+    """Check that delivery alone can have put stamps out of order.
 
-    A message that comes late leaves the shortest delay of its neighbours as it was; a clock that is set back makes all
-    later delays longer.
+    A late message leaves the shortest delay of its neighbours unchanged; a clock that is set back makes all later
+    delays longer.
     """
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
@@ -288,7 +278,7 @@ def _check_publishers(place: str, publisher: NDArray[np.int64], late_ms: NDArray
 
 
 def _late_note(place: str, late_ms: NDArray[np.float64]) -> str:
-    """Say how long messages took from their stamp to the bag: other clocks show there."""
+    """Return a sentence on the time from the stamps to the arrival in the bag, which shows another clock."""
     low, middle, high = np.percentile(late_ms, [5, 50, 95])
     text = f"{place}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
     if low > -EARLIEST_MS and high < LATEST_MS:
@@ -327,7 +317,7 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
 
 
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
-    """Yield pictures in an order; those that arrived before their turn wait."""
+    """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
     wanted, turn = set(order), iter(order)
     due = next(turn)

@@ -1,6 +1,6 @@
 """DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times.
 
-Ophthalmic Tomography, and what older anterior-segment scanners write.
+Ophthalmic Tomography, and older anterior-segment scanners.
 """
 
 import re
@@ -62,7 +62,7 @@ def _places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, p
 
 
 def _dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
-    """Return whether larger stored values are darker, and notes on what becomes of the values.
+    """Return whether larger stored values are darker, and notes on the treatment of the values.
 
     A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
     cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
@@ -108,7 +108,7 @@ def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
 
 
 def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
-    """Return the RescaleSlope of all frames, 1 where none is stated."""
+    """Return the RescaleSlope of all frames, 1 by default."""
     found = [
         (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
         for place, item in _places(dataset, "PixelValueTransformationSequence")
@@ -191,21 +191,13 @@ RLE_HEADER = 64  # bytes, the number and the places of the segments
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
-FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # when it was taken comes before when it began
+FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # the moment of the frame, else its beginning
 FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
 ZONE = re.compile(r"([+-])(\d\d)([0-5]\d)")
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
-    """Return a DICOM file's frames.
-
-    Args:
-        path: of the file.
-        data: its bytes, where they have been read.
-
-    Raises:
-        FrameError: naming the file, what was found and what is allowed.
-    """
+    """Return a DICOM file's frames; `data` is the file's content if it has been read."""
     with _opened(path, data) as dataset:
         count = int(dataset.get("NumberOfFrames", None) or 1)
         _check_image(path, dataset, count)
@@ -255,7 +247,7 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
 
 
 def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
-    """Check what a data set says of its images, and that none of the compressed ones is larger."""
+    """Check the stated properties of a data set's images, and that no compressed image is larger."""
     floats = [name for name in FLOATS if name in dataset]
     if floats:
         raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
@@ -281,7 +273,7 @@ def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
     subsampled = 2 * samples // 3 if kind == "YBR_FULL_422" else samples
     size = rows * columns * subsampled * (allocated // 8)
     if len(dataset.PixelData) // size != frames:
-        found = f"PixelData has {len(dataset.PixelData):,} bytes, those of {len(dataset.PixelData) / size:.4g} frames"
+        found = f"PixelData has {len(dataset.PixelData):,} bytes, which are {len(dataset.PixelData) / size:.4g} frames"
         raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, {found}; export it anew")
 
 

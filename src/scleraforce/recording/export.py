@@ -28,11 +28,7 @@ FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreads
 
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
-    """Return file, time, whether it was pierced, and the label of each frame; no label without a force log.
-
-    Raises:
-        RecordingError: the log does not go with the frames.
-    """
+    """Return file, time, piercing and label of each frame; no label without a force log."""
     trials = label_frames(recording, classes)
     return [
         {
@@ -47,11 +43,7 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
 
 
 def read_answers(path: Path) -> list[Row]:
-    """Return the frames of what `evaluate --json`, `read --json` or `segment --json` printed.
-
-    Raises:
-        InputError: it is not such a file.
-    """
+    """Return the frames that `evaluate --json`, `read --json` or `segment --json` printed."""
     try:
         found = parse_json(read_text(path, KINDS["result"]))
     except ValueError as fault:
@@ -65,10 +57,7 @@ def read_answers(path: Path) -> list[Row]:
 def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -> list[Row]:
     """Return rows with the answers to their frames added; what the recording states is not replaced.
 
-    A class counts as the model's study bounds it: where answers have a target, it is theirs.
-
-    Raises:
-        InputError: no answer is to a frame of the recording.
+    A class depends on the model's study: an answer's target takes precedence.
     """
     names = {Path(row["file"]).name for row in rows}
     alone = len(names) == len(rows)  # else folders below frames/ tell frames of one name apart
@@ -135,14 +124,14 @@ def _cell(value: Any) -> Any:
 
 
 def _is_answer(frame: Any) -> bool:
-    """Return whether an entry says which file, and if at all in words which recording, it is of."""
+    """Return whether an entry names a file and, if it names a recording, does so in words."""
     if not isinstance(frame, dict) or not isinstance(frame.get("file"), str):
         return False
     return isinstance(frame.get("recording"), str | None)
 
 
 def _is_of(answer: Row, recording: Path) -> bool:
-    """Return whether an answer is to a frame of a recording; one that names none is taken for it."""
+    """Return whether an answer is to a frame of a recording; an answer without a recording is taken as one."""
     named = answer.get("recording")
     return named is None or Path(named).resolve() == recording.resolve() or Path(named).name == recording.resolve().name
 
@@ -152,11 +141,7 @@ NOWHERE = [np.nan] * 3
 
 
 def write_sequence(recording: Recording, path: Path) -> None:
-    """Write a recording's frames; lateral runs to the patient's left, depth to the back.
-
-    Raises:
-        InputError: pynrrd is not installed, the frames take too much memory, or the file cannot be written.
-    """
+    """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to the back."""
     nrrd = package_for(path, "nrrd", "NRRD")
     oct_info = recording.info.oct
     check_bytes(path, len(recording.frames) * oct_info.rows * oct_info.columns * 2)
@@ -212,16 +197,9 @@ class _Message:
 
 
 def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path: Path) -> None:
-    """Write frames (mono16), the force log, and the rows of frames, all with the times of the recording.
+    """Write frames (mono16), the force log, and the frames' rows, all with the recording's times.
 
-    Args:
-        recording: of the frames and the log.
-        rows: of its frames, with answers or without.
-        origin_s: where the recording's clock begins on that of its sources.
-        path: of the file.
-
-    Raises:
-        InputError: a package is not installed, or the file cannot be written.
+    `origin_s` is the beginning of the recording's clock on its sources' clock.
     """
     writing = package_for(path, "mcap.writer", "MCAP")
     typesys = package_for(path, "rosbags.typesys", "MCAP with ROS messages")

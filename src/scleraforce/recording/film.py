@@ -1,6 +1,6 @@
 """Films (AVI, MP4, MOV, MKV) as scanners export them, with the times at which they play.
 
-OpenCV makes 8 bits of every pixel format but 8 and 16 bits of grey, without a word; other depths are refused.
+OpenCV silently turns every pixel format but 8 and 16 bits of grey into 8 bits; other depths are refused.
 """
 
 import os
@@ -18,18 +18,14 @@ from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scan import PictureStream, Scan, Times, check_bytes, frame_names, rising
 from scleraforce.units import to_si
 
-GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves as it is
-BITS_OF_TRIPLES = {12: 4, 15: 5, 16: 5, 36: 12, 48: 16, 64: 16}  # of a sample, by those of a pixel
+GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
+BITS_OF_TRIPLES = {12: 4, 15: 5, 16: 5, 36: 12, 48: 16, 64: 16}  # of a sample, by the bits of a pixel
 MATROSKA, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 EVEN = 0.05  # of their median, that steps of time may differ to be even
 
 
 def read_film(path: Path) -> Scan:
-    """Return a film's frames; all of them are counted first, as what the file says of their number is not reliable.
-
-    Raises:
-        FrameError: it cannot be decoded.
-    """
+    """Return a film's frames; all of them are counted first, as the stated number is not reliable."""
     with _opened(path) as film:
         rows, columns = (int(film.get(what)) for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH))
         check_size(path, rows, columns)
@@ -96,7 +92,7 @@ def _pace(time_s: NDArray[np.float64], rate_hz: float) -> str:
 
 
 def _missing(path: Path, stated: int, count: int) -> tuple[str, ...]:
-    """Say where a file ends early, or holds more frames than it plays. Matroska states no number of frames."""
+    """Note a file that ends early, or holds more frames than it plays. Matroska states no number of frames."""
     with path.open("rb") as file:
         head = file.read(4)
     known = "" if head == MATROSKA else f"states {stated} frames, of which "

@@ -1,7 +1,4 @@
-"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, where it was logged, `forces.csv`.
-
-`docs/recordings.md` describes the folder. Frames are read one at a time, by `Recording.frame`.
-"""
+"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, if logged, `forces.csv` (docs/recordings.md)."""
 
 import hashlib
 import json
@@ -30,16 +27,16 @@ LONGEST_ID = 200
 
 
 def _possible(key: str) -> Any:
-    """Declare an SI field that may be left out, with the bounds of `study.fields.QUANTITIES`."""
+    """Declare an optional SI field with the bounds of `study.fields.QUANTITIES`."""
     return quantity(None, None, allowed(key).low, allowed(key).high)
 
 
 @dataclass(frozen=True)
 class EyeInfo:
-    """The eye: a name, and what was measured on it or is known of it (None: it was not, it is not).
+    """The eye: a name, and its known properties (None: unknown).
 
-    `globe`: "open" (infused or vented: the needle leaves the pressure as it is) or "sealed"; of a sealed one the
-    rigidity and its law (`mechanics.globe`), where they were measured.
+    `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or "sealed"; a sealed one may have a
+    measured rigidity and its law (`mechanics.globe`).
     """
 
     id: str
@@ -83,7 +80,7 @@ class OctInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleInfo:
-    """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact where known."""
+    """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact if known."""
 
     gauge: int = required(low=10, high=36)
     slice_gap_m: float = required(low=allowed("gap_m").low, high=allowed("gap_m").high)
@@ -118,7 +115,7 @@ class RecordingInfo:
 
 
 def eye_id_fault(name: str) -> str | None:
-    r"""Return why a text cannot name an eye, None where it can: it stands in tables, logs and messages, in one line.
+    r"""Return why a text cannot name an eye in a table, log or message, None if it can.
 
     >>> eye_id_fault("eye\nE = 0.3 MPa")
     "'eye\\nE = 0.3 MPa' has a line break or another unprintable character; give a name of one line"
@@ -144,7 +141,7 @@ def nearest_gauge(outer_diameter_m: float) -> int:
 
 @dataclass(frozen=True)
 class Recording:
-    """One eye's recording: where it lies, what it states, its frames in order, its force log (None: not logged)."""
+    """One eye's recording: its folder, metadata, frames in order, and force log (None: not logged)."""
 
     path: Path
     info: RecordingInfo
@@ -152,15 +149,11 @@ class Recording:
     forces: ForceLog | None
 
     def frame_path(self, entry: FrameEntry) -> Path:
-        """Return where a frame's file lies."""
+        """Return the path of a frame's file."""
         return self.path / "frames" / entry.file
 
     def frame(self, entry: FrameEntry) -> Pixels:
-        """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml.
-
-        Raises:
-            FrameError: the file cannot be read, or has another size or more bits than stated.
-        """
+        """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml."""
         path = self.frame_path(entry)
         pixels = read_frame(path)
         check_frame(pixels, self.info.oct.rows, self.info.oct.columns, self.info.oct.bits, str(path))
@@ -190,7 +183,7 @@ def read_recording(path: str | PathLike[str]) -> Recording:
 
 
 def frame_digest(pixels: Pixels) -> str:
-    """Return what a frame is known by, whatever its file is called: the SHA-256 of its size and pixels, hexadecimal.
+    """Return the SHA-256 of a frame's size and pixels, hexadecimal.
 
     >>> import numpy as np
     >>> frame_digest(np.zeros((2, 3), np.uint8)) == frame_digest(np.zeros((2, 3), np.uint16))
@@ -202,11 +195,7 @@ def frame_digest(pixels: Pixels) -> str:
 
 
 def tables_digest(recording: Recording) -> str:
-    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal.
-
-    Raises:
-        RecordingError: one of them cannot be read any more.
-    """
+    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal."""
     digest = hashlib.sha256()
     for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
         digest.update(read_bytes(recording.path / name, KINDS[kind]))
@@ -214,11 +203,7 @@ def tables_digest(recording: Recording) -> str:
 
 
 def true_forces(recording: Path) -> dict[str, float]:
-    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
-
-    Raises:
-        RecordingError: the recording has no `truth.json`, or it cannot be read.
-    """
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file."""
     path = recording / "truth.json"
     try:
         frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
@@ -228,11 +213,7 @@ def true_forces(recording: Path) -> dict[str, float]:
 
 
 def read_info(path: Path) -> RecordingInfo:
-    """Read and check a recording.toml.
-
-    Raises:
-        RecordingError: naming the file, the line and the field.
-    """
+    """Read and check a recording.toml."""
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
     try:
@@ -259,7 +240,7 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Scanner:
-    """Width and depth of frames in m, and by which index depth is stretched; None: not stated."""
+    """Width and depth of frames in m, and the index by which depth is stretched; None: not stated."""
 
     width_m: float | None = None
     depth_m: float | None = None
@@ -268,9 +249,9 @@ class Scanner:
 
 @dataclass(frozen=True, eq=False)
 class ScaledFrame:
-    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and what its recording states (None: none).
+    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and its recording's metadata if it has any.
 
-    `notes` say what was done to its pixels, and which contradictions of its file an option settled.
+    `notes` are on changes of its pixels, and on contradictions of its file that an option settled.
     """
 
     pixels: Pixels
@@ -292,7 +273,7 @@ class ScaledFrame:
 
 
 def recording_of(path: Path) -> Path | None:
-    """Return the recording folder whose frame a file is: `frames/` with a recording.toml beside it; None: none."""
+    """Return the recording folder of a frame, which has `frames/` beside recording.toml; None for other images."""
     folder = path.parent.resolve()
     inside = folder.name == "frames" and os.path.isfile(folder.parent / "recording.toml")
     return folder.parent if inside else None
@@ -301,15 +282,8 @@ def recording_of(path: Path) -> Path | None:
 def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
     """Read one frame and find its scale.
 
-    Args:
-        path: of the image.
-        given: by the user; it takes precedence.
-        assumed: what counts where nothing states it, and who assumes it.
-        transpose: the image's depth runs along its rows.
-
-    Raises:
-        FrameError: the file cannot be read, is not what its recording says, or nothing knows its scale.
-        RecordingError: the recording.toml beside it cannot be used.
+    `given` takes precedence over recording.toml, the file, and `assumed`, which comes with its source. With
+    `transpose`, the image's depth runs along its rows.
     """
     image = read_frame_image(path)
     lateral_m, depth_m = image.lateral_pixel_m, image.depth_pixel_m
@@ -331,7 +305,7 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
         raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
         raise FrameError(
-            f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm"
+            f"{path}: its size is neither in the file nor in a recording.toml; give --width-mm and --depth-mm"
         )
     for key, extent in (("width_mm", width), ("depth_mm", depth)):
         try:

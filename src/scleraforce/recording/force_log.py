@@ -59,7 +59,7 @@ SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
 
 def _status_meaning(name: str, others: Sequence[str]) -> str | None:
-    """Return how a column of flags is read, by its name; None where it is not one.
+    """Return the meaning of a column of flags, by its name; None for other columns.
 
     >>> [_status_meaning(name, ["RDT Sequence"]) for name in ("Status (hex)", "is_valid", "Fz [N]")]
     ['ati', 'set', None]
@@ -74,14 +74,7 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
 def _faulty_samples(
     name: str, meaning: str, texts: NDArray[np.str_], place: Callable[[int], str]
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Return which samples are no forces, by a column of flags, and sentences on it.
-
-    Args:
-        name: of the column.
-        meaning: how it is read; see `_status_meaning`.
-        texts: its fields.
-        place: where the line of a sample stands, for messages.
-    """
+    """Return the samples that the flags of a column, read by their `meaning`, mark as faulty, and notes."""
     none = np.zeros(len(texts), dtype=bool)
     values, index = np.unique(np.char.strip(texts), return_inverse=True)
     if meaning == ANY:
@@ -154,7 +147,7 @@ FORCE_WORD = re.compile(FORCE_WORDS)
 
 @dataclass(frozen=True)
 class LogColumn:
-    """A column of a log: which of ours it is, its name there, its unit.
+    """A column of a log: our name of it, its name there, its unit.
 
     Dates and times of day have one of `CLOCKS` for a unit, the sensor's status one of `STATUS_MEANINGS`.
     """
@@ -165,7 +158,7 @@ class LogColumn:
 
     @property
     def factor(self) -> float:
-        """How many of SI one of its unit is."""
+        """The size of its unit in SI."""
         return unit_factor(self.unit, quantity_of(self.ours)) or 1.0
 
     def answer(self) -> str:
@@ -178,9 +171,6 @@ def parse_column(text: str) -> LogColumn:
 
     >>> parse_column("fz=Force Z:mN")
     LogColumn(ours='fz_n', name='Force Z', unit='mN')
-
-    Raises:
-        InputError: it is of another form, or the unit is not known.
     """
     short, equals, rest = text.partition("=")
     name, colon, unit = rest.rpartition(":")
@@ -198,10 +188,7 @@ def parse_column(text: str) -> LogColumn:
 def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()) -> list[LogColumn]:
     """Return the columns that a header names with their units, in their order.
 
-    Args:
-        names: of the columns.
-        stated_units: of force, torque and time where lines above the header state them.
-        units: of the columns where a line of its own states them.
+    `stated_units` are by the lines above the header, for force, torque and time; `units` are a line of their own.
 
     >>> [column.answer() for column in columns_by_header(["Time (ms)", "Fz [N]", "Temp (C)"], {})]
     ['time=Time (ms):ms', 'fz=Fz [N]:N']
@@ -214,7 +201,7 @@ def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units:
 
 
 def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> list[LogColumn]:
-    """Return one column of each kind: the one that was stated, else that of the header; of two times the first."""
+    """Return one column of each kind: the given one, else the header's; of two times the first."""
     answered = {column.ours: column for column in given if column.ours != STATUS}
     for column in by_header:
         other = answered.setdefault(column.ours, column)
@@ -227,7 +214,7 @@ def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[Lo
 
 
 def _clock_columns(names: Sequence[str]) -> list[str]:
-    """Return the names that dates and times of day have.
+    """Return the names of columns with dates and times of day.
 
     >>> _clock_columns(["Date/Time", "Fz [N]", "Uhrzeit", "Time (UTC)"])
     ['Date/Time', 'Uhrzeit', 'Time (UTC)']
@@ -240,12 +227,7 @@ def _clock_columns(names: Sequence[str]) -> list[str]:
 
 
 def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[str]) -> tuple[LogColumn, ...]:
-    """Return the columns, in our order, where the time and a force are among them.
-
-    Raises:
-        UnansweredError: they are not; the question lists the names.
-        InputError: a column is not in the log.
-    """
+    """Return the columns, in our order; ask for the time and a force if they are missing."""
     found = {column.ours: column for column in columns}
     listed = ", ".join(repr(name) for name in names)
     for column in found.values():
@@ -269,7 +251,7 @@ def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[s
 
 
 def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
-    """Return the column of ours that a name with a unit stands for, None without a known name and unit."""
+    """Return our column for a name with a unit, None without a known name and unit."""
     bare = name.strip().removeprefix(ROS_PREFIX).removeprefix("wrench.")
     bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
@@ -285,7 +267,7 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
 
 
 def _ours(word: str) -> str | None:
-    """Return our column of a word.
+    """Return our column for a word.
 
     >>> _ours("force_z"), _ours("Mx"), _ours("Kraft Z"), _ours("z-force"), _ours("timestamp"), _ours("temperature")
     ('fz_n', 'tx_nm', 'fz_n', 'fz_n', 'time_s', None)
@@ -302,7 +284,7 @@ def _ours(word: str) -> str | None:
 
 # What ATI's Net F/T demo and its relatives write above the header.
 STATED = {quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)" for quantity in (FORCE, TORQUE)}
-# A number with all that may stand between its thousands, so that "1,000" is not taken for 1.
+# A number with all possible marks between its thousands, so that "1,000" is not taken for 1.
 WHOLE_NUMBER = r"\d(?:[\d.,'\u2019\s]*\d)?\.?(?:[eE][-+]?\d+)?"
 COUNTS = {
     quantity: rf"(?i)(counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity})\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
@@ -321,15 +303,9 @@ FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
 def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
-    """Return a log in SI and the columns that it was read from.
+    """Return a log in SI and the columns that it was read from; `given` columns take precedence over the header.
 
-    Args:
-        text: of the log.
-        given: columns that an option states; they take precedence over what the header says.
-
-    Raises:
-        UnansweredError: neither says which the time is, or any force, or the header contradicts the numbers.
-        RecordingError: a value is not a number, or no sensor can measure it.
+    It asks if the time or a force is not known, or if the header contradicts the numbers.
     """
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
@@ -362,7 +338,7 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
 
 
 def _stated_units(text: Table) -> dict[str, str]:
-    """Return the units of force and torque by the lines above the header; of counts, how many are one unit."""
+    """Return the units of force and torque by the lines above the header; of counts, their number in one unit."""
     units = {quantity: unit for quantity, pattern in STATED.items() if (unit := _first(pattern, text.above))}
     counts = {quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()}
     return {quantity: f"{count:.12g}/{unit}" if (count := counts[quantity]) is not None else unit
@@ -370,13 +346,7 @@ def _stated_units(text: Table) -> dict[str, str]:
 
 
 def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
-    """Ask where the file states two units of a column, or a factor that is not applied.
-
-    Args:
-        text: of the log.
-        columns: that the header answers for.
-        stated: units by the lines above it.
-    """
+    """Ask about a column with two units, or with a factor that is not applied; `stated` units are above the header."""
     forces = [column for column in columns if column.ours != "time_s"]
     for column in columns:
         quantity, place = quantity_of(column.ours), text.names.index(column.name)
@@ -396,7 +366,7 @@ def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, st
 def _check_whole(
     text: Table, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
 ) -> None:
-    """Ask where the header states counts and a number is not whole."""
+    """Ask about a number that is not whole if the header states counts."""
     counted = [column for column in columns if "/" in column.unit and column not in given]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
@@ -407,14 +377,14 @@ def _check_whole(
 
 
 def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
-    """Return the question in which of two units columns are, with one of them as the example."""
+    """Return the question which of two units columns have, with one of them as the example."""
     short = f"{column.ours.partition('_')[0]}={column.name}"
     forms = (f"{each.ours.partition('_')[0]}={each.name}:UNIT" for each in columns)
     return UnansweredError("--column", f"{said}: {short}:{column.unit} or {short}:{other}?", *forms)
 
 
 def _range_n(text: Table) -> float | None:
-    """Return the largest force of the sensor by the lines above the header, None where they do not state it."""
+    """Return the largest force of the sensor by the lines above the header, None if they do not state it."""
     stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
     sizes_n = [(number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated]
     return max(sizes_n, default=0.0) or None
@@ -432,7 +402,7 @@ def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
 
 
 def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
-    """Return sentences on columns that were stated in another unit than the header's."""
+    """Return sentences on columns given in another unit than the header's."""
     return tuple(
         f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}"
         for said in given
@@ -446,11 +416,7 @@ def _first(pattern: str, lines: Sequence[str]) -> str | None:
 
 
 def _stated_number(pattern: str, text: Table) -> float | None:
-    """Return the number that a line above the header states, None where there is no such line.
-
-    Raises:
-        RecordingError: it can be read in two ways, as "1,000", or not at all.
-    """
+    """Return the number that a line above the header states, None without such a line; "1,000" is refused."""
     for nth, line in enumerate(text.above, start=1):
         if found := re.search(pattern, line):
             value = None if GROUPED.fullmatch(found[2]) else number(found[2], ",")
@@ -461,7 +427,7 @@ def _stated_number(pattern: str, text: Table) -> float | None:
 
 
 def _clock_column(text: Table) -> list[LogColumn]:
-    """Return the column of dates or times of day, where one has such a name."""
+    """Return the column of dates or times of day, by its name and content."""
     for name in _clock_columns(text.names):
         found = dict.fromkeys(clock_of(moment) for moment in texts_of(text, name).tolist())
         if None in found:
@@ -481,7 +447,7 @@ def _clock_column(text: Table) -> list[LogColumn]:
 
 
 def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
-    """Say that a day stands in a column of its own, where the times are of the day only."""
+    """Return a note on a day in a column of its own beside times of day."""
     if time.unit != CLOCK:
         return ()
     days = [name for name in text.names if all(is_day(day) for day in texts_of(text, name)[:1].tolist())]
@@ -493,7 +459,7 @@ def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
 
 
 def _moments(text: Table, column: LogColumn) -> NDArray[np.float64]:
-    """Return dates and times in s since 1970; without a zone they are of UTC."""
+    """Return dates and times in s since 1970; the default zone is UTC."""
     texts = texts_of(text, column.name).tolist()
     found = seconds_of(texts, column.unit)
     if isinstance(found, int):

@@ -38,12 +38,9 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 
 
 def read_frame_image(path: str | PathLike[str]) -> FrameImage:
-    """Read one frame with the size of its pixels where its tags know it (DICOM, TIFF).
+    """Read one frame with the size of its pixels if its tags state it (DICOM, TIFF).
 
     The content decides the kind of file, not the name. Signed values are shifted so that the smallest is 0.
-
-    Raises:
-        FrameError: naming the file, what was found and what is allowed.
     """
     path = Path(path)
     data = read_bytes(path, KINDS["frame"])
@@ -59,11 +56,7 @@ def read_frame_image(path: str | PathLike[str]) -> FrameImage:
 
 
 def read_picture(path: Path) -> Scan:
-    """Return a PNG or JPEG as a scan of one frame; it is read again whenever its pixels are asked for.
-
-    Raises:
-        FrameError: it cannot be read.
-    """
+    """Return a PNG or JPEG as a scan of one frame; its pixels are read again on demand."""
     image = read_frame_image(path)
     rows, columns = image.pixels.shape
     return Scan(
@@ -77,7 +70,7 @@ def read_picture(path: Path) -> Scan:
 
 
 def _only_frame(path: Path, scan: Scan) -> FrameImage:
-    """Return the frame of a file that has one."""
+    """Return the frame of a file with one frame."""
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
     (pixels,), notes = scan.pictures(), scan.notes
@@ -117,11 +110,7 @@ def _read_picture(path: Path, data: bytes) -> FrameImage:
 
 
 def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -> None:
-    """Check that a frame is what its recording says.
-
-    Raises:
-        FrameError: naming the file, what was found and what was expected.
-    """
+    """Check a frame against its recording.toml."""
     if pixels.shape != (rows, columns):
         found = " x ".join(str(size) for size in pixels.shape)
         raise FrameError(f"{name}: {found} pixels (rows x columns); recording.toml says {rows} x {columns}")
@@ -193,16 +182,10 @@ def _decode(path: Path, data: bytes, flags: int) -> NDArray[Any]:
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
-    """Return the frames of an array; a file of one array is read from the disk as it is needed.
+    """Return the frames of an array; a file of one array is read from the disk on demand.
 
-    Args:
-        path: of the file.
-        axes: in the order of the array's indices.
-        array: name of that with the frames in a .npz; None: the only one of two or three axes.
-
-    Raises:
-        UnansweredError: axes or array are open.
-        FrameError: it cannot be read.
+    `axes` are in the order of the array's indices; `array` names the frames in a .npz, by default its only array of
+    two or three axes.
     """
     with named_faults(path, "NumPy file of numbers"):
         return array_scan(path, _numpy_array(path, array), axes)

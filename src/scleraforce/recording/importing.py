@@ -1,4 +1,4 @@
-"""What a recording is imported from: options, values of the sources, questions for the rest, and its import.json."""
+"""The values of an import: options, metadata of the sources, questions for the rest, and import.json."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -27,13 +27,10 @@ FILE_NAMES = ("file", "filename", "frame", "image")
 
 
 def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
-    """Return the frames' times that a table or a rate states; None: neither was given.
+    """Return the frames' times by a table or a rate; None if neither is given.
 
-    A table has a column of times with its unit in its name (time_s, "Time (ms)"). Where it names files too, each time
+    A table has a column of times with its unit in its name (time_s, "Time (ms)"). If it names files too, each time
     goes to the frame of that name; else they go to the frames in their order.
-
-    Raises:
-        InputError: both were given, the rate is not positive, or the table does not match the frames.
     """
     if table is not None and rate_hz is not None:
         raise InputError("--rate-hz: --times states when frames were taken; give one of them")
@@ -65,15 +62,7 @@ def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked, and the options that answer it.
-
-    Attributes:
-        words: the question.
-        options: that answer it.
-        fault: returns why an answer is wrong, None where it is not.
-        optional: whether it may stay open (None).
-        offered: returns the answer to an optional question that the sources suggest, None where they do not.
-    """
+    """A question in words, and the options that answer it."""
 
     words: str
     options: str
@@ -104,13 +93,7 @@ QUESTIONS = {
 
 @dataclass(frozen=True)
 class Asker:
-    """Who is asked.
-
-    Attributes:
-        settle: returns the answers with that to what a source leaves open.
-        missing: returns answers to questions, by their names in `QUESTIONS`.
-        again: says what is wrong with the answers so far, before they are asked for again; raises it if nobody is.
-    """
+    """The functions that ask: a user at a terminal, or nobody (`NOBODY`)."""
 
     settle: Callable[[ImportOptions, UnansweredError], ImportOptions]
     missing: Callable[[Mapping[str, Question]], dict[str, Any]]
@@ -151,17 +134,7 @@ ANSWER = "answer"  # the source of a value that was typed on the terminal
 
 @dataclass(frozen=True, eq=False)
 class Import:
-    """All that a recording is written from.
-
-    Attributes:
-        gathered: what the sources hold.
-        greys: how their pixels become counts.
-        times: of the frames, on the clock of the log.
-        log: on the same clock.
-        origin_s: where that clock begins, on the sources' own.
-        info: what recording.toml says.
-        sources: who states each value, by the name of its option.
-    """
+    """All that a recording is written from."""
 
     gathered: Gathered
     greys: Greys
@@ -172,7 +145,7 @@ class Import:
     sources: dict[str, str]
 
     def with_notes(self, notes: Sequence[str]) -> "Import":
-        """Return the same with further notes."""
+        """Return the import with further notes."""
         return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
 
 
@@ -184,18 +157,10 @@ def complete(
     asker: Asker,
     measured: Callable[[OctInfo], float | None],
 ) -> Import:
-    """Combine the given options, the sources' own values and another recording's, and ask for the rest.
+    """Combine the options, the sources' own values and another recording's, and ask for the rest.
 
-    Args:
-        gathered: the sources.
-        greys: how their pixels become counts.
-        answers: the given options.
-        origins: who gave each option; the sources take precedence over another recording.
-        asker: who is asked.
-        measured: returns the wall's thickness as the frames show it, um, at the scale of the recording.
-
-    Raises:
-        InputError: something stays open, an option has nothing to act on, or a value is out of range.
+    `origins` says who gave each option; the sources take precedence over another recording. `measured` returns the
+    wall's thickness that the frames show, um, at the recording's scale.
     """
     _check_used(gathered, origins)
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
@@ -258,7 +223,7 @@ def _completed(
     stated: dict[str, tuple[Any, str]],
     known: dict[str, tuple[Any, str]],
 ) -> Import:
-    """Bring together what is known, each value with who states it."""
+    """Bring together all known values, each with its source."""
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
@@ -280,7 +245,7 @@ def _completed(
 
 
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
-    """Check that each given option has something to act on; an option of another recording need not."""
+    """Check that each given option acts on something; an option of another recording need not."""
     kinds = {kind for _, kind in gathered.files}
     there = {
         "a force log": gathered.log is not None,
@@ -296,14 +261,14 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
 
 
 def _check_contradictions(scan: Scan, missing: set[str]) -> None:
-    """Check that options give what the source contradicts itself in."""
+    """Check that options settle each contradiction of the source."""
     for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
         if fault and missing.intersection(names):
             raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
 
 
 def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
-    """Return the names of the options whose values this recording takes."""
+    """Return the names of the options that this recording needs."""
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
@@ -316,7 +281,7 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
 
 
 def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
-    """Return what the sources themselves state, and where it stands."""
+    """Return the values that the sources state, and their places."""
     scan, log = gathered.scan, gathered.log
     found: dict[str, tuple[Any, str]] = {}
     extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
@@ -343,7 +308,7 @@ def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any
 
 
 def _outside(times: Times, log: ForceLog | None) -> list[str]:
-    """Say how many frames have no force beside them."""
+    """Return a note on frames without a force beside them."""
     if log is None:
         return []
     count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
@@ -388,11 +353,7 @@ KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
 
 
 def answers_like(folder: Path) -> dict[str, Any]:
-    """Return answers by the names of options: another recording's scanner, needle, sensor, and how it was imported.
-
-    Raises:
-        RecordingError: its recording.toml or import.json cannot be used.
-    """
+    """Return another recording's answers by the names of options: its scanner, needle, sensor, and import."""
     info = read_info(folder / "recording.toml")
     found: dict[str, Any] = {
         "width_mm": from_si(info.oct.width_m, "mm"),
@@ -409,11 +370,7 @@ def answers_like(folder: Path) -> dict[str, Any]:
 
 
 def clock_origin_s(folder: Path) -> float:
-    """Return where a recording's clock begins on that of the sources it was imported from; else 0.
-
-    Raises:
-        RecordingError: its import.json cannot be used.
-    """
+    """Return the beginning of a recording's clock on its sources' clock; 0 by default."""
     origin_s = _read(folder / IMPORT_RECORD).get("clock_origin_s", 0.0)
     if isinstance(origin_s, bool) or not isinstance(origin_s, int | float):
         raise RecordingError(f"{folder / IMPORT_RECORD}: clock_origin_s: {origin_s!r} is not a number")
@@ -441,7 +398,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def record_text(done: Import, options: ImportOptions, version: str) -> str:
-    """Return the text of import.json: sources with their SHA-256, who states each value, and options to use again."""
+    """Return the text of import.json: sources with their SHA-256, the source of each value, and reusable options."""
     files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
     origin = provenance(done)
     answers = asdict(options) | {"columns": origin["columns"]}
@@ -451,7 +408,7 @@ def record_text(done: Import, options: ImportOptions, version: str) -> str:
 
 
 def provenance(done: Import) -> dict[str, Any]:
-    """Return where values, times and counts come from."""
+    """Return the origins of values, times and counts."""
     greys = done.greys
     return {
         "values": done.sources,

@@ -1,8 +1,8 @@
-"""The force under each frame of a recording, from its force log, and whether the log goes with the frames.
+"""The force under each frame of a recording, from its force log, and whether log and frames agree.
 
 The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass -> minus the tare, the mean
 before the first contact -> mean over `average_s` centred on the frame -> class. Samples without a force (NaN) are gaps
-of the log; a frame whose window has one, or too few samples, has no label.
+of the log; a frame with a gap or too few samples in its window has no label.
 """
 
 from collections.abc import Sequence
@@ -35,9 +35,9 @@ LARGEST_FORCE_BOUNDS = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A frame with its label: force in N and class (both None where the log has no force around it).
+    """A frame with its label: force in N and class, both None if the log has no force around it.
 
-    `excluded` says why an evaluation must leave the trial out, and is None where it counts.
+    `excluded` says why an evaluation must leave the trial out; None if it counts.
     """
 
     file: str
@@ -48,12 +48,7 @@ class Trial:
 
 
 def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float | None = None) -> tuple[Trial, ...]:
-    """Label every frame of a recording, in its order.
-
-    Args:
-        recording: the recording.
-        classes: the bounds of the force classes.
-        max_force_n: trials above it are marked as excluded (the paper's 60 mN, sec. 3.1); None: no limit.
+    """Label every frame of a recording, in its order; trials above `max_force_n` are marked as excluded.
 
     Raises:
         RecordingError: no frame has force samples around it, the forces cannot be in N,
@@ -79,12 +74,7 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
 
 
 def unit_fault(recording: Recording, classes: ClassesStudy) -> str | None:
-    """Return why the forces of a recording cannot be in N, by its labels and the sensor's noise; None where they can.
-
-    Args:
-        recording: the recording.
-        classes: the bounds of the force classes.
-    """
+    """Return why a recording's forces cannot be in N, by its labels and the sensor's noise; None if they can."""
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
         return None
@@ -99,12 +89,7 @@ def _labels_n(recording: Recording, log: ForceLog, info: ForceInfo) -> list[floa
 
 
 def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return sentences on what the force log leaves open: samples without a force, a low rate, frames without a label.
-
-    Args:
-        recording: the recording.
-        trials: its frames, labelled.
-    """
+    """Return sentences on gaps of the force log: samples without a force, a low rate, frames without a label."""
     if recording.forces is None:
         return ()
     without = [trial for trial in trials if trial.measured_force_n is None]
@@ -127,7 +112,7 @@ def _unit_fault(
 ) -> str | None:
     """Return why forces cannot be in N: by the labels, and by the sensor's noise.
 
-    The noise is taken from the mean difference of neighbours, in which neither pushes nor a few knocks matter.
+    The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
     """
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
     sizes_n = np.abs([0.0 if isinstance(label, str) else label for label in labels])
@@ -164,10 +149,9 @@ def _trial(
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
-    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,).
+    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,), NaN in gaps.
 
-    It is NaN where the log has no force. The tare is one value, from before the first contact: what the sensor drifts
-    after that stays in the force.
+    The tare is one value, before the first contact: later drift of the sensor stays in the force.
     """
     every_n = info.contact_sign * log.force_n(info.axis)
     known = np.isfinite(every_n)
@@ -186,12 +170,12 @@ def tare_samples(raw_n: Samples, rate_hz: float) -> int:
 
 
 def low_pass(force_n: Samples, time_s: Samples) -> Samples:
-    """Return a force freed of what is faster than 5 Hz, without delay, shape (samples,).
+    """Return a force without components above 5 Hz and without delay, shape (samples,).
 
     A Butterworth filter of order 2, run forward and backward (Gustafsson 1996), on an even clock: half the amplitude
-    passes at 5 Hz; a step is followed within 0.1 s and overshoots by 4 %. Where the clock jitters, samples are
-    interpolated to its mean rate and back. What gaps of more than 0.2 s part is filtered on its own, so that the work
-    grows with the samples and not with the time that they span.
+    passes at 5 Hz; a step is followed within 0.1 s and overshoots by 4 %. If the clock jitters, samples are
+    interpolated to its mean rate and back. Parts between gaps of more than 0.2 s are filtered separately, so that the
+    work grows with the samples and not with the time that they span.
     """
     breaks = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
     parts = zip(np.split(force_n, breaks), np.split(time_s, breaks), strict=True)
@@ -217,13 +201,13 @@ def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
 
 
 def first_contact(force_n: Samples, rate_hz: float) -> int | None:
-    """Return the sample at which the first contact begins, or None where there is no contact.
+    """Return the sample at which the first contact begins, or None without contact.
 
     Contact is the first rise of the mean that is large (1 mN) and certain (5 standard errors of the noise, which is
-    taken from the differences of neighbours), and that stays for a second: the mean of a second against the mean of all
-    that came before. Means see a rise below the 5 mN of a sensor step, because the noise dithers it. The beginning is
-    then where a level followed by a straight line fits the samples best. A first touch of less than about 1.5 mN is not
-    distinguished from the noise: it goes into the tare.
+    taken from the differences of neighbours), and that stays for a second: the mean of a second against the mean of
+    all earlier samples. Means see a rise below the 5 mN of a sensor step, because the noise dithers it. The beginning
+    is then the knee of a level and a straight line that fit the samples best. A first touch of less than about 1.5 mN
+    is not distinguished from the noise: it goes into the tare.
     """
     block = max(round(BLOCK_S * rate_hz), 1)
     after = round(AFTER_S * rate_hz)
@@ -237,7 +221,7 @@ def first_contact(force_n: Samples, rate_hz: float) -> int | None:
     if not sure.any():
         return None
     start = int(starts[int(np.argmax(sure))])
-    begin = max(start - 10 * after, 0)  # what came before pins the level
+    begin = max(start - 10 * after, 0)  # earlier samples pin the level
     earliest = max(start - after // 2, start // 2) - begin  # a slow push may begin before its rise is certain
     return begin + _begin_of_rise(force_n[begin : start + after], earliest, max(block // 10, 1))
 
@@ -255,7 +239,7 @@ def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
 
 
 def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingError:
-    """Return what to say of a recording none of whose frames has a label; `reason` is that of the first frame."""
+    """Return the error of a recording without labels; `reason` is the first frame's."""
     first, last = recording.frames[0], recording.frames[-1]
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
         return RecordingError(
@@ -282,7 +266,7 @@ def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: f
         )
     missing = int(np.isnan(force_n[start:stop]).sum())
     if missing:
-        return f"{missing} of the {stop - start} force samples around it are no forces"
+        return f"{missing} of the {stop - start} force samples around it have no force"
     return slice(int(start), int(stop))
 
 
@@ -291,11 +275,11 @@ Array = NDArray[np.float64]
 CROSS_FORCE = 2.0  # a needle that is pushed along its axis has no more than that share of the force across it
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
 LEAST_FRAMES = 6  # a curve of three coefficients goes through fewer whatever they show
-MOST_FRAMES = 50  # frames of a film are no independent witnesses: evenly chosen ones are enough
+MOST_FRAMES = 50  # frames of a film are not independent witnesses: evenly chosen ones are enough
 RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives once in a hundred times (chi square, 2)
 BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
 FARTHEST_S, STEP_S, LEAST_SHIFT_S = 60.0, 0.5, 1.0  # of the frames' times, in the search for a shift
-LEAST_SCATTER = 1e-3  # of the variance: what reading and label leave over at best
+LEAST_SCATTER = 1e-3  # of the variance: the rest after reading and label at best
 LEAST_VARIANCE_M2 = (1e-9) ** 2  # of what frames show: where all show the same, no shift fits better
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 
@@ -303,13 +287,10 @@ LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 def log_doubts(
     recording: Recording, classes: ClassesStudy, shown: Sequence[float | None], in_newtons: bool = False
 ) -> tuple[str, ...]:
-    """Return sentences on a log that does not go with its frames.
+    """Return sentences on a log that does not fit its frames.
 
-    Args:
-        recording: the recording; one without a log gives no doubt.
-        classes: forces within their lowest bound of one another say nothing.
-        shown: what each frame shows of the force, in any unit; None or NaN where it shows nothing.
-        in_newtons: whether `shown` is a force in N, so that its size can be compared as well.
+    `shown` is a measure of the force in each frame, in any unit, None or NaN if unknown; `in_newtons` if it is a
+    force, so that its size is compared as well. Forces within the lowest class bound of one another prove nothing.
     """
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
@@ -331,18 +312,18 @@ def log_doubts(
     shift_s, gain = _best_shift(means, times_s, values)
     if gain > BETTER:
         return (
-            f"the frames' times are off: what the frames show goes with forces.csv as if they had been taken about "
+            f"the frames' times are off: the frames fit forces.csv as if they had been taken about "
             f"{abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says; bring both to one clock",
         )
     varied = np.ptp(stated_n) > classes.bounds_n[0]
     if varied and _likelihood(stated_n, values) - _likelihood(np.zeros_like(stated_n), values) < RELATED:
-        return ("forces.csv has nothing to do with what the frames show; check that both are of one session, and "
+        return ("forces.csv is unrelated to the frames; check that both are of one session, and "
                 "their clocks",)  # fmt: skip
     return ()
 
 
 def _size_doubt(stated_n: Array, read_n: Array, classes: ClassesStudy) -> str | None:
-    """Return a sentence where the log's forces are far smaller or larger than those that the frames show."""
+    """Return a sentence if the log's forces are far smaller or larger than the frames' forces."""
     pushed = np.maximum(read_n, stated_n) > classes.bounds_n[0]
     if pushed.sum() < LEAST_FRAMES // 2:
         return None
@@ -356,7 +337,7 @@ def _size_doubt(stated_n: Array, read_n: Array, classes: ClassesStudy) -> str | 
 
 
 def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
-    """Return a sentence where the log has more force across the stated axis than along it, None where it has not."""
+    """Return a sentence if the log has more force across the stated axis than along it, else None."""
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
         return None
@@ -397,9 +378,9 @@ class _Means:
 
 
 def _best_shift(means: _Means, times_s: Array, shown: Array) -> tuple[float, float]:
-    """Return the shift of the frames' times under which the log goes best with them, and what it gains in likelihood.
+    """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
 
-    Frames that a shift moves off the log do not count there, nor in what it is compared with.
+    Frames that a shift moves off the log are left out on both sides of the comparison.
     """
     shift_s, best = 0.0, 0.0
     stated_n = means.around(times_s)
@@ -415,7 +396,7 @@ def _best_shift(means: _Means, times_s: Array, shown: Array) -> tuple[float, flo
 
 
 def _likelihood(force_n: Array, shown: Array) -> float:
-    """Return the log likelihood of what frames show, as a parabola of the force with Gaussian scatter of any size."""
+    """Return the log likelihood of the frames' values, as a parabola of the force with Gaussian scatter of any size."""
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
     rest = shown - design @ np.linalg.lstsq(design, shown, rcond=None)[0]

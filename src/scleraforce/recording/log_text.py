@@ -43,7 +43,7 @@ MOMENT = re.compile(rf"\s*(({NUMBERS}|{WORDS})[,\s]*T?\s*)?{TIME_OF_DAY}\s*")
 
 
 def clock_of(text: str) -> str | None:
-    """Return how a date or time is written, None where it is neither; "" where day and month may change places.
+    """Return the notation of a date or time, None for other texts; "" if day and month may change places.
 
     >>> clock_of("2026-11-26 10:15"), clock_of("11/26/2026 10:15:30 PM"), clock_of("26.11.2026 10:15:30,25")
     ('iso', 'mdy', 'dmy')
@@ -74,14 +74,9 @@ def is_day(text: str) -> bool:
 
 
 def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
-    """Return dates and times in s since 1970, or times of day in s since the first midnight; without a zone in UTC.
+    """Return dates and times in s since 1970, or times of day in s since the first midnight; the default zone is UTC.
 
-    Args:
-        texts: of one column.
-        clock: how they are written, one of `CLOCKS`.
-
-    Returns:
-        The times (text,), or the place of the first text that is not written so.
+    `clock` is their notation, one of `CLOCKS`. If a text has another, its place is returned instead.
     """
     days: dict[str, int] = {}
     time_s = np.empty(len(texts))
@@ -164,7 +159,7 @@ PER_UNIT = re.compile(r"(\d+\.?\d*(?:[eE][+-]?\d+)?)\s*/\s*(.+)")
 
 
 def quantity_of(column: str) -> str:
-    """Return what a column of ours is.
+    """Return the quantity of one of our columns.
 
     >>> quantity_of("time_s"), quantity_of("fx_n"), quantity_of("tz_nm")
     ('time', 'force', 'torque')
@@ -173,10 +168,10 @@ def quantity_of(column: str) -> str:
 
 
 def unit_factor(unit: str, quantity: str) -> float | None:
-    """Return how many of SI a unit is, None if it is not a unit of the quantity.
+    """Return the size of a unit in SI, None if it is not a unit of the quantity.
 
-    Counters of samples have a unit of time as well: their rate. Counts and volts have how many of them are one unit.
-    "MN" is refused: it may mean mN.
+    A counter of samples has its rate as a unit of time; counts and volts have their number in one unit. "MN" is
+    refused: it may mean mN.
 
     >>> unit_factor("mN", FORCE), unit_factor("mN", TORQUE), unit_factor("500 Hz", TIME), unit_factor("1000/mN", FORCE)
     (0.001, None, 0.002, 1e-06)
@@ -209,14 +204,7 @@ LABVIEW_SEPARATORS = {"tab": "\t", "comma": ","}
 
 @dataclass(frozen=True)
 class _LabviewHeader:
-    """What the header of a LabVIEW measurement file states.
-
-    Attributes:
-        separator: of its columns.
-        mark: the decimal mark.
-        units: of its channels, in their order; may be empty.
-        after: the index of the line after the header, which has the columns' names.
-    """
+    """The header of a LabVIEW measurement file; `units` of its channels may be empty, `after` is the next line."""
 
     separator: str
     mark: str
@@ -272,14 +260,7 @@ POINT_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 def read_log_text(path: Path, least: int = 2) -> Table:
     """Read a log and find its header: the first line with a name for each field of the line below.
 
-    Names at the end may have no fields (a column of comments).
-
-    Args:
-        path: of the file.
-        least: number of fields of a line that are numbers or dates.
-
-    Raises:
-        RecordingError: there is no header, or a line has more fields than names, or fewer than other lines.
+    A line below has at least `least` numbers or dates. Names at the end may have no fields (a column of comments).
     """
     whole = read_text(path, KINDS["forces"])
     lines = whole.splitlines()
@@ -297,16 +278,9 @@ def read_log_text(path: Path, least: int = 2) -> Table:
 def numbers_of(
     text: Table, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None
 ) -> NDArray[np.float64]:
-    """Return the columns at some places (sample, column); a fault is looked for only where NumPy finds one.
+    """Return the columns at some places (sample, column); a fault is looked for only if NumPy finds one.
 
-    Args:
-        text: of the log.
-        places: of the columns.
-        gaps: places of the columns that may be empty or nan: NaN.
-        mark: the decimal mark; None: by the numbers.
-
-    Raises:
-        RecordingError: naming the line and the column that is not a number.
+    Columns at `gaps` may be empty or nan, which becomes NaN. The decimal mark follows from the numbers by default.
     """
     mark = mark or decimal_mark(text, places)
     lines = [line.replace(",", ".") for line in text.lines] if mark == "," else text.lines
@@ -323,7 +297,7 @@ def numbers_of(
 
 
 def texts_of(text: Table, name: str) -> NDArray[np.str_]:
-    """Return a column as text; empty where a line ends before it."""
+    """Return a column as text; empty on lines that end before it."""
     place = text.names.index(name)
     rows = (_fields(line, text.separator) for line in text.lines)
     return np.array([row[place] if len(row) > place else "" for row in rows])
@@ -356,12 +330,12 @@ def _header(path: Path, lines: Sequence[str], least: int) -> tuple[int, str, tup
 
 
 def _unmarked(line: str) -> str:
-    """Return a header without what marks it as a comment: # of NumPy's savetxt, % of MATLAB and TeX."""
+    """Return a header without its comment mark: # of NumPy's savetxt, % of MATLAB and TeX."""
     return line.lstrip("#%").lstrip(" ")
 
 
 def _units_line(lines: Sequence[str], nth: int, separator: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], int]:
-    """Return the units and the index of the names above them, where the line above the numbers has units only."""
+    """Return the units and the index of the names above them, if the line above the numbers has only units."""
     units = tuple(name.strip(" []()") for name in names)
     above = _fields(_unmarked(lines[nth - 1]), separator) if nth else ()
     if sum(map(_is_unit, units)) < 2 or len(above) != len(names):
@@ -425,11 +399,7 @@ def _fields(line: str, separator: str) -> tuple[str, ...]:
 
 
 def _check_points(text: Table, places: Sequence[int], values_sc: NDArray[np.float64]) -> None:
-    """Refuse a column whose points may part thousands: -15.000 beside 998, and no point without three digits behind it.
-
-    Raises:
-        RecordingError: naming both readings.
-    """
+    """Refuse a column whose points may part thousands: -15.000 beside 998, and three digits behind every point."""
     for place, values in zip(places, values_sc.T, strict=True):
         size = np.abs(values[np.isfinite(values)])
         whole = size == np.rint(size)

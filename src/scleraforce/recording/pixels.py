@@ -1,4 +1,4 @@
-"""Pixels of frames, whatever file they come from: their type and size, colour to grey, counts of at most 16 bits."""
+"""Pixels of frames of any file: their type and size, colour to grey, counts of at most 16 bits."""
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
@@ -29,7 +29,7 @@ TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
 @dataclass(frozen=True)
 class Sourced:
-    """A value, and who states it: "option", "recording.toml", "file", or who assumes it."""
+    """A value, and its source: "option", "recording.toml", "file", or an assumption."""
 
     value: float
     source: str
@@ -39,7 +39,7 @@ class Sourced:
 class PixelScale:
     """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m.
 
-    `refractive_index` is optical over geometric depth below the tissue surface; 1 where the scanner has corrected it.
+    `refractive_index` is optical over geometric depth below the tissue surface; 1 if the scanner has corrected it.
     """
 
     lateral_m: float
@@ -64,9 +64,9 @@ class PixelScale:
 
 @dataclass(frozen=True)
 class FrameImage:
-    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel where the file says so, else None.
+    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel if the file states them, else None.
 
-    `notes` say what was done to the pixels; `scale_fault` is the contradiction in what the file states of their size.
+    `notes` are on changes of the pixels; `scale_fault` is a contradiction in the stated sizes.
     """
 
     pixels: Pixels
@@ -78,11 +78,7 @@ class FrameImage:
 
 
 def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
-    """Check the size that a file states, before memory is taken for its pixels.
-
-    Raises:
-        FrameError: too small for a frame, or too large.
-    """
+    """Check the size that a file states, before memory is taken for its pixels."""
     if min(rows, columns) < 2:
         raise FrameError(f"{path}: an image of {rows} x {columns} pixels; give one frame, rows x columns")
     if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
@@ -94,15 +90,9 @@ def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
 
 
 def grey_pixels(pixels: NDArray[Any], path: Path, colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
-    """Return grey uint8 or uint16 pixels (rows, columns).
+    """Return grey uint8 or uint16 pixels (rows, columns) of an array (rows, columns[, 1, 3 or 4]).
 
-    Args:
-        pixels: (rows, columns), or (rows, columns, 1, 3 or 4) of which the fourth is not looked at.
-        path: of the file, for the error.
-        colour: OpenCV's code for the order of the colours.
-
-    Raises:
-        FrameError: other shapes or types.
+    The fourth sample of a pixel is ignored; `colour` is OpenCV's code for the order of the colours.
     """
     if np.issubdtype(pixels.dtype, np.floating):
         lost = int(np.count_nonzero(~np.isfinite(pixels)))
@@ -121,21 +111,14 @@ def grey_pixels(pixels: NDArray[Any], path: Path, colour: int = cv2.COLOR_RGB2GR
 
 
 def one_grey(picture: NDArray[Any], path: Path) -> NDArray[Any]:
-    """Return a picture without colour.
-
-    Raises:
-        FrameError: colour of another type than whole numbers of 8 or 16 bits.
-    """
+    """Return a picture without colour."""
     return grey_pixels(picture, path) if picture.ndim == 3 else picture
 
 
 def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
-    """Return pixels of which the smallest was the brightest the other way round.
+    """Return pixels with dark and bright exchanged.
 
-    Unsigned ones of up to 16 bits are taken from the largest value of `bits`; others change their sign.
-
-    Raises:
-        FrameError: a pixel has more than `bits` bits.
+    Unsigned ones of up to 16 bits are subtracted from the largest value of `bits`; others change their sign.
     """
     if pixels.dtype.kind == "f":
         return -pixels
@@ -149,7 +132,7 @@ def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
 
 
 def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Return pixels as TIFF's or EXIF's Orientation (1 to 8) wants them shown, rows and columns first.
+    """Return pixels turned by TIFF's or EXIF's Orientation (1 to 8), rows and columns first.
 
     >>> as_shown(np.array([[1, 2], [3, 4]]), 6).tolist()
     [[3, 1], [4, 2]]
@@ -159,7 +142,7 @@ def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
-    """Return rows, columns, bits and whether they are signed of a JPEG, JPEG-LS or JPEG 2000 stream, None of others.
+    """Return rows, columns, bits and signedness of a JPEG, JPEG-LS or JPEG 2000 stream, None for others.
 
     >>> jpeg_frame(bytes.fromhex("ffd8 ffe0 0002 ffc0 0008 08 0010 0020 01"))
     (16, 32, 8, False)
@@ -210,9 +193,9 @@ TOP = 2**MOST_BITS - 1
 
 @dataclass(frozen=True, kw_only=True)
 class Greys:
-    """How pixels become counts: count = (pixel - `low`) * TOP / (`high` - `low`) where `scaled`, else pixel - `low`.
+    """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`) if `scaled`, else pixel - `low`.
 
-    `lost`: pixels that are NaN or infinite; they become 0.
+    `lost` pixels are NaN or infinite; they become 0.
     """
 
     low: float
@@ -234,14 +217,10 @@ class Greys:
 
 
 def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str) -> Greys:
-    """Look at all pictures and return how they become counts.
+    """Look at all pictures and return the map of their pixels to counts.
 
-    Whole numbers stay as they are, or are shifted so that the smallest is 0, where 16 bits hold them. Others, and all
-    where a range is `given`, are scaled from that range, or from their smallest and largest value, to 16 bits.
-
-    Raises:
-        FrameError: pixels of another type, or all of one value.
-        InputError: the given range is empty.
+    Whole numbers are kept, or shifted so that the smallest is 0, if 16 bits hold them. Others, and all
+    with a `given` range, are scaled from that range, or from their smallest and largest value, to 16 bits.
     """
     if given is not None and not given[0] < given[1]:
         raise InputError(f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one")

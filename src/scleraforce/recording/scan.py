@@ -1,4 +1,4 @@
-"""Frames of one or several files of any format, and what the files state of them; None: not stated."""
+"""Frames of one or several files of any format, and the metadata that the files state; None: not stated."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,11 +17,7 @@ from scleraforce.units import from_si
 
 @contextmanager
 def named_faults(path: Path, kind: str) -> Iterator[None]:
-    """Name the file and its kind in whatever the reading of it raises; the system's own errors pass.
-
-    Raises:
-        FrameError: what was read is damaged.
-    """
+    """Name the file and its kind in any exception of a reader; the system's own errors pass."""
     try:
         yield
     except InputError:
@@ -34,11 +30,7 @@ def named_faults(path: Path, kind: str) -> Iterator[None]:
 
 
 def package_for(path: Path, name: str, kind: str) -> Any:
-    """Import and return the package that reads or writes a file of a kind.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Import and return the optional package that reads or writes a file of a kind."""
     try:
         return import_module(name)
     except ImportError as fault:
@@ -66,7 +58,7 @@ ROUNDED = 0.001  # sizes of a pixel that differ by less were rounded
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """When frames were taken, s, on a clock of the source's own, and who states it."""
+    """Times of frames, s, on a clock of the source's own, and the source."""
 
     time_s: NDArray[np.float64]
     source: str
@@ -76,19 +68,9 @@ class Times:
 class Scan:
     """Frames of one or several files.
 
-    Attributes:
-        names: of the frames, for messages.
-        rows: depth.
-        columns: lateral.
-        pictures: gives the frames (row, column) from the first on, whenever it is called: whole numbers or floats,
-            larger is brighter.
-        bits: that the pixels use, where the file says so.
-        depth_pixel_m: distance of rows.
-        lateral_pixel_m: distance of columns.
-        times: of the frames.
-        notes: sentences on what was done to the frames, or is to be known of them.
-        scale_fault: the contradiction in what the file states of its scale; the sizes of a pixel are None then.
-        times_fault: the contradiction in what the file states of its times; `times` is None then.
+    `pictures` gives the frames (row, column) from the first on, at every call: whole numbers or floats, larger is
+    brighter. Rows are depth, columns lateral. After a contradiction in the file, `scale_fault` or `times_fault` is
+    set, and the sizes of a pixel or the times are not.
     """
 
     names: tuple[str, ...]
@@ -104,7 +86,7 @@ class Scan:
     times_fault: str | None = None
 
     def turned(self) -> "Scan":
-        """Return the scan with depth along the columns' index made depth along the rows'."""
+        """Return the scan with rows and columns exchanged: depth ran along the rows."""
         return replace(
             self,
             rows=self.columns,
@@ -164,7 +146,7 @@ def even_times(count: int, step_s: float, source: str) -> Times | None:
 
 
 def rising(time_s: NDArray[np.float64]) -> bool:
-    """Return whether every time comes after the one before.
+    """Return whether every time is later than the one before.
 
     >>> rising(np.array([0.0, 0.1])), rising(np.array([0.0, 0.0]))
     (True, False)
@@ -173,11 +155,7 @@ def rising(time_s: NDArray[np.float64]) -> bool:
 
 
 def check_bytes(path: Path, count: int) -> None:
-    """Check how much memory or room the frames of a file take, before they are read.
-
-    Raises:
-        FrameError: too much.
-    """
+    """Check the memory or disk space of a file's frames before they are read."""
     if count > LARGEST_BYTES:
         raise FrameError(f"{path}: {count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
 
@@ -186,12 +164,9 @@ SAME_KIND = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pix
 
 
 class UnansweredError(InputError):
-    """A source leaves something open, and the option that answers it was not given.
+    """A source leaves something open, and the option that answers it (like "--axes") was not given.
 
-    Args:
-        option: like "--axes".
-        question: what the source leaves open, in words.
-        forms: of the answers, where the option is given several times.
+    `forms` are of the answers to an option that is given several times.
     """
 
     def __init__(self, option: str, question: str, *forms: str) -> None:
@@ -200,11 +175,7 @@ class UnansweredError(InputError):
 
 
 def joined(scans: Sequence[Scan]) -> Scan:
-    """Return several files of frames as one scan: in the order of their times, or as they are given.
-
-    Raises:
-        FrameError: they differ in size, scale or bits.
-    """
+    """Return several files of frames as one scan: in the order of their times, or in the given order."""
     first = scans[0]
     for scan in scans[1:]:
         for field, mine, theirs in zip(SAME_KIND, _kind(scan), _kind(first), strict=True):
@@ -224,7 +195,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
 
 
 def _checked(scan: Scan) -> PictureStream:
-    """Yield a scan's frames where they are as many and as large as it says; damaged files have others."""
+    """Yield a scan's frames, and check their stated number and size, which damaged files break."""
     count = 0
     for picture in scan.pictures():
         count += 1
@@ -264,9 +235,6 @@ def parse_axes(text: str) -> tuple[str, ...]:
 
     >>> parse_axes("lateral, depth,frame")
     ('lateral', 'depth', 'frame')
-
-    Raises:
-        InputError: they are not axes of frames.
     """
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
@@ -279,15 +247,8 @@ def array_scan(
 ) -> Scan:
     """Return an array of frames as a scan; axes of length 1 do not count.
 
-    Args:
-        path: of the file.
-        array: of two or three axes longer than 1.
-        axes: names of those, in their order; None: not known.
-        pixel_m: step along each axis of `array`, where it is known.
-
-    Raises:
-        UnansweredError: `axes` is None.
-        FrameError: the axes are not as many, or the frames cannot be used.
+    `axes` names the two or three axes longer than 1, in their order (None: not known, so the user is asked);
+    `pixel_m` has the known step along each axis of `array`.
     """
     sizes = " x ".join(map(str, array.shape))
     long = [axis for axis, size in enumerate(array.shape) if size > 1]

@@ -1,4 +1,4 @@
-"""Sources of all kinds: what each is, by its content or else its name; their frames and forces together."""
+"""Sources of all kinds: the kind of each, by its content or else its name; their frames and forces together."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ EXPORT = "export the B-scans from its program as TIFF or DICOM"
 TABLE = "export the samples as text (.csv)"
 UNPACK = "unpack it, and give the files in it"
 
-# By what the file begins with.
+# By the first bytes of the file.
 MARKS: tuple[tuple[bytes, str, str], ...] = (
     (b"CMDb", "a Heidelberg Eye Explorer file (.e2e, .sdb)", VENDOR),
     (b"HSF-OCT-", "a Heidelberg raw export (.vol)", f"{EXPORT}, or as .e2e: {VENDOR}"),
@@ -77,7 +77,7 @@ ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
 def _foreign_kind(name: str, head: bytes) -> str | None:
-    r"""Return what a file is that is not read, and what to do; None: nothing is known of it.
+    r"""Return the kind of a file that is not read, and a remedy; None if it is not known.
 
     >>> _foreign_kind("scan.h5", b"\x89HDF\r\n\x1a\n")
     'an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs); save the frames as .npy in Python (numpy.save), or as TIFF: ...'
@@ -152,10 +152,7 @@ def option_name(field: str) -> str:
 def files_of(given: Sequence[Path]) -> list[Path]:
     """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
 
-    A folder with a metadata.yaml is a ROS bag and stays one. Pixels that lie beside their header are read with it.
-
-    Raises:
-        InputError: a folder is empty.
+    A folder with a metadata.yaml is a ROS bag and is kept. Pixels beside their header are read with it.
     """
     found: list[Path] = []
     for path in given:
@@ -171,7 +168,7 @@ def files_of(given: Sequence[Path]) -> list[Path]:
 
 
 def _headers_of(path: Path) -> list[Path]:
-    """Return the names that the header of a file of pixels may have.
+    """Return the possible names of the header of a file of pixels.
 
     >>> [path.name for path in _headers_of(Path("a.raw.gz")) + _headers_of(Path("b.img"))]
     ['a.nhdr', 'b.hdr']
@@ -191,11 +188,7 @@ def _natural_order(path: Path) -> list[tuple[int, str]]:
 
 
 def source_kind(path: Path) -> str:
-    """Return what a source is: what `read_scan` reads, "bag" or "log".
-
-    Raises:
-        InputError: it is not a regular file, or its kind is not read.
-    """
+    """Return the kind of a source: a kind of `read_scan`, "bag" or "log"."""
     if path.is_dir():
         return "bag"
     try:
@@ -217,11 +210,7 @@ def source_kind(path: Path) -> str:
 
 
 def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
-    """Return the frames of a source of a kind that `source_kind` returns.
-
-    Raises:
-        InputError: it cannot be read, or needs `axes` or `array`.
-    """
+    """Return the frames of a source of a kind that `source_kind` returns."""
     match kind:
         case "thorlabs":
             return read_thorlabs(path)
@@ -234,7 +223,7 @@ def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array:
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
-    """Return pictures, whose rows are depth unless the axes say that their columns are."""
+    """Return pictures, whose rows are depth unless the axes name their columns as depth."""
     if axes is None:
         return scan
     if axes[0] != "frame" and len(axes) == 3:
@@ -269,15 +258,9 @@ def _by_name(name: str, head: bytes) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Frames and forces of all sources.
+    """The files with their kinds, all frames, the force log (None: no source has forces), and its columns.
 
-    Attributes:
-        files: with the kind of each.
-        scan: the frames.
-        log: None where no source has forces.
-        columns: of the text that the log was read from.
-        one_clock: whether one program stamped both (a bag).
-        notes: sentences on what is to be known of the sources.
+    `one_clock`: one program stamped frames and forces (a bag). `notes` are sentences on the sources.
     """
 
     files: tuple[tuple[Path, str], ...]
@@ -289,12 +272,7 @@ class Gathered:
 
 
 def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None) -> Gathered:
-    """Read all sources; `seen` is called with 1 after each.
-
-    Raises:
-        UnansweredError: a source leaves something open that `options` do not answer.
-        InputError: one cannot be read, none has frames, or two have forces.
-    """
+    """Read all sources; `seen` is called with 1 after each. Ask for answers that `options` do not give."""
     axes = None if options.axes is None else parse_axes(options.axes)
     given = [parse_column(text) for text in options.columns]
     files = [(path, source_kind(path)) for path in files_of(sources)]
@@ -324,15 +302,9 @@ def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int]
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
-    """Return times and log on the log's clock, and from which of its seconds both count now.
+    """Return times and log on the log's clock, and the new zero of both on it.
 
-    Args:
-        times: of the frames.
-        log: of the forces.
-        offset_s: what the log's clock shows more than the frames'.
-
-    Raises:
-        InputError: the frames' times do not rise.
+    The log's clock is `offset_s` ahead of the frames'.
     """
     time_s = times.time_s + offset_s
     if not rising(time_s):
@@ -347,11 +319,7 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
 
 
 def check_overlap(times: Times, log: ForceLog | None) -> None:
-    """Check that frames and forces, on one clock, were taken at one time.
-
-    Raises:
-        InputError: the last of one came before the first of the other.
-    """
+    """Check that frames and forces, on one clock, were taken at one time."""
     if log is None or (times.time_s[-1] >= log.time_s[0] and times.time_s[0] <= log.time_s[-1]):
         return
     frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (times.time_s, log.time_s))
@@ -361,7 +329,7 @@ def check_overlap(times: Times, log: ForceLog | None) -> None:
 
 
 def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:
-    """Say where files were given in another order than that of the numbers in their names, and no times order them."""
+    """Note files in another order than the numbers in their names, without times to order them."""
     paths = [path for path, kind in files if kind not in ("bag", "log")]
     if scan.times is not None or paths == sorted(paths, key=_natural_order):
         return ()

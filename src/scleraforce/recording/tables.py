@@ -1,7 +1,7 @@
-"""The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and say where a fault is.
+"""The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and faults named by their place.
 
-The header decides what separates the columns: commas, semicolons or tabs. Names and values may stand in quotes, lines
-may end in separators that nothing follows. Where commas do not separate columns, they may stand for decimal points.
+The header decides the separator of the columns: commas, semicolons or tabs. Names and values may be in quotes, lines
+may end in separators before nothing. Where commas do not separate columns, they may be decimal points.
 """
 
 import csv
@@ -25,19 +25,7 @@ GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", re.ASCII)
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table as text.
-
-    Attributes:
-        path: of the file.
-        names: of the columns.
-        separator: of the columns; " " stands for any number of spaces.
-        lines: below the header, without blank ones.
-        numbers: of these lines in the file, from 1.
-        above: the lines above the header.
-        units: of the columns, from a line of their own; else empty.
-        mark: the decimal mark that the file states, or None.
-        notes: sentences on what is to be known of it.
-    """
+    """A table as text."""
 
     path: Path
     names: tuple[str, ...]
@@ -60,14 +48,7 @@ class Table:
 
 
 def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
-    """Read a table and check its header.
-
-    Args:
-        path: the file.
-        kind: of the file.
-        known: columns that it may have.
-        required: columns that it must have.
-    """
+    """Read a table and check its header against the known and the required columns."""
     whole = read_text(path, kind)
     header, *lines = whole.splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
@@ -78,7 +59,7 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
         if name not in known:
             raise RecordingError(f"{path}:1: unknown column {name!r}; known: {', '.join(known)}")
         if names.count(name) > 1:
-            raise RecordingError(f"{path}:1: column {name} stands there twice")
+            raise RecordingError(f"{path}:1: two columns are named {name}")
     for name in required:
         if name not in names:
             raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
@@ -88,11 +69,7 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
-    """Return the fields of one line, free of quotes and of spaces about them; `place` stands in messages.
-
-    Raises:
-        RecordingError: quotes that do not end on the line.
-    """
+    """Return the fields of one line, without quotes and without spaces around them; `place` is for messages."""
     try:
         row = next(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True), [])
     except csv.Error as fault:
@@ -117,16 +94,10 @@ def is_number(text: str) -> bool:
 
 
 def decimal_mark(table: Table, read: Collection[int]) -> str:
-    """Return the decimal mark of a table's numbers, "." or ","; a comma is one only where the table proves it.
+    """Return the decimal mark of a table's numbers, "." or ","; a comma is one only if the table proves it.
 
-    It does by a comma that cannot part thousands (0,25 or 1,5), without a number that has a point.
-
-    Args:
-        table: the table.
-        read: places of the columns whose numbers are used; the others only bear witness.
-
-    Raises:
-        RecordingError: a number may be read in two ways.
+    The proof is a comma that cannot part thousands (0,25 or 1,5), without a number that has a point. Columns outside
+    `read` only bear witness. A number with two possible readings is refused.
     """
     lines, place = table.lines, table.place
     if table.separator == "," or not any("," in line for line in lines):
@@ -164,7 +135,7 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
 def without_cut(text: Table) -> Table:
     """Return a log that ends without a line break: its last line may have been cut within its last number.
 
-    It has where all other lines have the same number of characters behind the last point, and this one has fewer.
+    It has if all other lines have the same number of characters behind the last point, and this one has fewer.
     """
     fields = [line.split(text.delimiter)[-1].strip() for line in text.lines]
     if len(fields) < 3 or not is_number(fields[-1]):
@@ -186,7 +157,7 @@ GOOD_SAMPLE_RATE_HZ = 100.0
 MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
 LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
-# A sample is no force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
+# A sample is not a force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
 # larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
 LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
@@ -231,11 +202,7 @@ class ForceLog:
 
 
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
-    """Read frames.csv, in its order.
-
-    Raises:
-        RecordingError: naming the file, the line and the field.
-    """
+    """Read frames.csv, in its order."""
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     mark = decimal_mark(table, (table.names.index("time_s"),))
     entries: list[FrameEntry] = []
@@ -244,11 +211,11 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         place = table.place(index)
         entry = _frame_entry(place, _row(table, index), mark)
         if entry.file in seen:
-            raise RecordingError(f"{place}: file: {entry.file} stands in line {seen[entry.file]} already")
+            raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
             raise RecordingError(
                 f"{place}: time_s: {entry.time_s:g} does not come after {entries[-1].time_s:g}; "
-                "frames stand in the order of their times, and no two at one time"
+                "frames are in the order of their times, with one at a time"
             )
         seen[entry.file] = place.rsplit(":", 1)[1]
         entries.append(entry)
@@ -258,11 +225,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
 
 
 def read_force_log(path: Path, axis: str) -> ForceLog:
-    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns.
-
-    Raises:
-        RecordingError: naming the file, the line and the field.
-    """
+    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
     table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     values_sc = _numbers(table)
     time = table.names.index("time_s")
@@ -277,17 +240,10 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
 
 
 def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float | None = None) -> ForceLog:
-    """Return a log without the samples that are no forces, and with notes on what is missing.
+    """Return a log without implausible samples, and with notes on gaps; its NaN are samples without a force.
 
-    Args:
-        log: what was read; its NaN are samples without a force.
-        path: of its file.
-        place: where in it a sample stands, by its number.
-        range_n: the largest force that the sensor measures, as the file states it.
-
-    Raises:
-        RecordingError: a number is damage, a third of the samples are beyond the range, or the clock does not run
-            forward or is too slow; naming the place and the column.
+    A clock that runs backward or is too slow, damaged numbers, or a third of the samples beyond the range are refused.
+    `place` gives the place of a sample in the file by its number; `range_n` is the sensor's stated largest force.
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
@@ -345,13 +301,13 @@ def _without_implausible(
 
 
 def _step_n(force_n: NDArray[np.float64]) -> float:
-    """Return the smallest step between values of a log, 0 where it has too few values to tell."""
+    """Return the smallest step between values of a log, 0 if it has too few values."""
     levels_n = np.unique(force_n)
     return float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
 
 
 def _numbers(table: Table) -> NDArray[np.float64]:
-    """Return the numbers of a table (sample, column); NumPy reads them, ten times as fast as Python would."""
+    """Return the numbers of a table (sample, column); NumPy reads them ten times as fast as Python."""
     lines = table.lines
     if not lines:
         raise RecordingError(f"{table.path}: no samples below the header")
@@ -431,7 +387,7 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
 
 
 def _raise_bad_number(table: Table, mark: str) -> None:
-    """Find what NumPy could not read, and name its line and column."""
+    """Find the field that NumPy could not read, and name its line and column."""
     for index, line in enumerate(table.lines):
         fields = fields_of(line, table.separator, table.place(index))
         if len(fields) != len(table.names):

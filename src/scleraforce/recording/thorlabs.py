@@ -24,11 +24,7 @@ SAME = 1e-3  # extents that differ by less are rounded
 
 
 def read_thorlabs(path: Path) -> Scan:
-    """Return the frames of a .oct file: B-scans of the processed intensity.
-
-    Raises:
-        FrameError: it has none, or cannot be read.
-    """
+    """Return the frames of a .oct file: B-scans of the processed intensity."""
     with named_faults(path, KIND), ZipFile(path) as archive:
         header = _header(path, archive)
         entry, name = _intensity(path, archive, header)

@@ -1,6 +1,6 @@
 """TIFF, one page or a stack: white or black as zero, palettes, colour, orientation; its scale and times.
 
-Scale and times are those of OME-XML, ImageJ's description, the resolution tags or JSON axes in the Software tag.
+Scale and times come from OME-XML, ImageJ's description, the resolution tags or JSON axes in the Software tag.
 """
 
 import json
@@ -97,12 +97,7 @@ PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 def read_tiff(path: Path, data: bytes | None = None) -> Scan:
     """Return a TIFF's frames: its pages, or the one long axis beside rows and columns.
 
-    Args:
-        path: of the file.
-        data: its bytes, where they have been read.
-
-    Raises:
-        FrameError: naming the file, what was found and what is allowed.
+    `data` is the file's content if it has been read.
     """
     with _opened(path, data) as file:
         with _held(path, data) as held:
@@ -141,7 +136,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
 
 
 def _shown(scan: Scan, orientation: int) -> Scan:
-    """Return a scan as its Orientation wants it shown; from 5 on rows and columns change places, with their sizes."""
+    """Return a scan turned by its Orientation; from 5 on rows and columns change places, with their sizes."""
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
     return replace(shown, pictures=lambda: (as_shown(picture, orientation) for picture in scan.pictures()))
 
@@ -248,7 +243,7 @@ def _sizes(path: Path, several: "Sequence[tifffile.TiffPageSeries]") -> tuple[in
 
 
 def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes | mmap) -> None:
-    """Check that all that a file refers to is in it: tifffile leaves out pages that it cannot reach."""
+    """Check that all pages are in the file: tifffile leaves out pages that it cannot reach."""
     pages = [entry.aspage() for entry in file.pages]
     last, form = pages[-1], file.tiff
     tags = last.offset + form.tagnosize
@@ -294,7 +289,7 @@ def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> Pi
 
 
 def _bright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return pixels that are brighter the larger they are, colours last."""
+    """Return pixels with larger values brighter, colours last."""
     if page.photometric == PALETTE and page.colormap is not None:
         # Values of 16 bits; some programs write 8 bits all the same.
         colours = np.asarray(page.colormap)

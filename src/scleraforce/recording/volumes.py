@@ -1,7 +1,7 @@
 """Volumes of frames: NIfTI, NRRD and MetaImage, with their spacing and its unit, and sequences of PLUS.
 
-Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is what programs
-write where they know none, and counts as none. PLUS (PlusToolkit) writes times, states and the orientation of
+Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is the default of
+programs and counts as unknown. PLUS (PlusToolkit) writes times, states and the orientation of
 ultrasound frames as fields of MetaImage or NRRD.
 """
 
@@ -40,7 +40,7 @@ SEQUENCE = "Seq_Frame(\\d+)_{}"
 
 
 def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
-    """Return the step along each axis, None where it is not known."""
+    """Return the step along each axis, None if it is not known."""
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
         return tuple(None for _ in steps)
     return tuple(
@@ -50,12 +50,12 @@ def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], sourc
 
 
 def _listed(values: Sequence[float]) -> str:
-    """Return numbers as a message has them, like 0.0125 x 0.004."""
+    """Return numbers for a message, like 0.0125 x 0.004."""
     return " x ".join(f"{value:.6g}" for value in values)
 
 
 def _data_file(path: Path, named: str) -> Path:
-    """Return the file that holds the pixels of a header: its own where it names none, else one beside it."""
+    """Return the file of a header's pixels: its own by default, else one beside it."""
     if not named:
         return path
     if PurePath(named).name != named:
@@ -64,7 +64,7 @@ def _data_file(path: Path, named: str) -> Path:
 
 
 def _unpacked(path: Path, packed: bytes, most: int) -> bytes:
-    """Return what a zlib or gzip stream holds."""
+    """Return the content of a zlib or gzip stream."""
     stream = zlib.decompressobj(GZIP_OR_ZLIB)
     data = stream.decompress(packed, most + 1)
     if len(data) > most:
@@ -88,7 +88,7 @@ def _check_orientation(path: Path, orientation: str, axes: Axes) -> None:
 
 
 def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
-    """Return a sequence of PLUS with the times that it states, in s, and without its invalid frames."""
+    """Return a sequence of PLUS with its stated times, in s, and without its invalid frames."""
     stated = {
         field: {int(match[1]): value for name, value in fields.items() if (match := re.fullmatch(pattern, name, re.I))}
         for field in ("Timestamp", "ImageStatus")
@@ -100,7 +100,7 @@ def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
         if values and sorted(values) != list(range(count)):
             raise FrameError(
                 f"{path}: Seq_FrameNNNN_{name} of {len(values)} frames, {min(values)} to {max(values)}, and {count} "
-                "frames along the axis named frame; write the sequence again, or name the axes as they are"
+                "frames along the axis named frame; write the sequence again, or name the actual axes"
             )
     kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
     if not kept:
@@ -129,18 +129,13 @@ def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
 
 SAMPLE_BYTES = 8  # of the widest type of NRRD
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
-NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds that are no components
+NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds other than components
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
 PACKED = ("gzip", "gz", "bzip2", "bz2")
 
 
 def read_nifti(path: Path, axes: Axes) -> Scan:
-    """Return a NIfTI volume's frames; times from a fourth axis in seconds.
-
-    Raises:
-        UnansweredError: axes are open.
-        FrameError: it cannot be read, or contradicts itself.
-    """
+    """Return a NIfTI volume's frames; times from a fourth axis in seconds."""
     nibabel = package_for(path, "nibabel", "NIfTI")
     with named_faults(path, "NIfTI"):
         image = nibabel.load(path)
@@ -165,7 +160,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
 
 
 def _check_nifti_end(path: Path, image: Any, size: int) -> None:
-    """Check that no further slice is behind the last one that the header states."""
+    """Check that no further slice follows the last one that the header states."""
     file_map = image.file_map["image"]
     plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
     with file_map.get_prepare_fileobj("rb") as file:
@@ -205,12 +200,7 @@ def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
-    """Return an NRRD's frames; axes labelled frame, depth and lateral need not be named.
-
-    Raises:
-        UnansweredError: axes are open.
-        FrameError: it cannot be read, or contradicts itself.
-    """
+    """Return an NRRD's frames; axes labelled frame, depth and lateral need not be named."""
     nrrd = package_for(path, "nrrd", "NRRD")
     with named_faults(path, "NRRD"):
         with path.open("rb") as file:
@@ -261,7 +251,7 @@ def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
 
 
 def _nrrd_times(header: Any, count: int) -> Times | None:
-    """Return the index values of a sequence of 3D Slicer, where they are in a unit of time."""
+    """Return the index values of a sequence of 3D Slicer if they are in a unit of time."""
     for axis, kind in enumerate(header.get("kinds", [])):
         unit_s = SECONDS.get(str(header.get("units", [""] * (axis + 1))[axis]))
         values = str(header.get(f"axis {axis} index values", "")).split()
@@ -333,12 +323,7 @@ CONVERT = "convert it to one .mha file (3D Slicer, SimpleITK)"
 
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:
-    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid.
-
-    Raises:
-        UnansweredError: axes are open.
-        FrameError: it cannot be read, or contradicts itself.
-    """
+    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid."""
     with named_faults(path, "MetaImage"):
         fields, start = _header(path)
         notes = _check(path, fields)
@@ -351,7 +336,7 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
 
 
 def _header(path: Path) -> tuple[dict[str, str], int]:
-    """Return the header's fields, by their names in small letters, and where it ends."""
+    """Return the header's fields, by their names in small letters, and its end."""
     fields: dict[str, str] = {}
     with path.open("rb") as file:
         while file.tell() < HEADER_BYTES and (line := file.readline(HEADER_BYTES)):
@@ -395,7 +380,7 @@ def _check(path: Path, fields: dict[str, str]) -> list[str]:
 
 
 def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
-    """Return a field that is true or false, under one of several names; None: it is not there."""
+    """Return a field that is true or false, under one of several names; None if it is missing."""
     stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
     for name, value in stated.items():
         if value[:1].lower() not in ("t", "f", "1", "0"):
@@ -458,7 +443,7 @@ def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ...], list[str]]:
-    """Return the spacing in mm; the size of an element where no spacing is stated, as MetaIO takes it."""
+    """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
     found = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]

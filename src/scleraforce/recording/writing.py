@@ -22,15 +22,11 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class PngBuffer:
-    """Makes 16-bit grey PNGs of frames of one size, in memory that is taken once.
+    """Encoder of 16-bit grey PNGs of frames of one size, at most 32,767 columns, in memory that is taken once.
 
     Each line is a stored block of the zlib stream (RFC 1950, RFC 1951 section 3.2.4), so only pixels and checksums
     change from frame to frame. Compressing takes 15 times as long and saves a third (docs/black_box.md). Chunks and
     filters: PNG specification, third edition, sections 5.3 and 9.2.
-
-    Args:
-        rows: of the frames.
-        columns: of the frames, at most 32,767.
     """
 
     def __init__(self, rows: int, columns: int) -> None:
@@ -68,16 +64,7 @@ PAGE_BYTES = 4096
 
 
 class RecordingWriter:
-    """Writes recording.toml, frames/ and frames.csv of a new folder.
-
-    Args:
-        folder: must not exist.
-        info: what recording.toml says.
-        comment: a line at its top.
-
-    Raises:
-        OSError: it exists, or cannot be written; so do the methods.
-    """
+    """Writer of recording.toml, which begins with `comment`, frames/ and frames.csv of a new folder."""
 
     def __init__(self, folder: Path, info: RecordingInfo, comment: str) -> None:
         self.folder = folder
@@ -88,23 +75,19 @@ class RecordingWriter:
         self._table = _Table(folder / "frames.csv", ("file", "time_s"))
 
     def add(self, file: str, time_s: float, pixels: NDArray[np.uint16]) -> None:
-        """Add a frame (row, column) that comes after the others."""
+        """Add a frame (row, column) that is later than the others."""
         _write(self.folder / "frames" / file, self._png.encode(pixels))
         self._table.add({"file": file, "time_s": f"{time_s:.6f}"})
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close the table."""
         self._table.close()
 
 
 class ForceWriter:
-    """Writes a force log as it comes: `forces.csv` while `read_recording` takes it, else `robot_forces.csv`.
+    """Writer of a force log, sample by sample: `forces.csv` while `read_recording` takes it, else `robot_forces.csv`.
 
     It takes logs of at least two samples, more than half of which come within 1 / `MIN_SAMPLE_RATE_HZ` of the last.
-
-    Args:
-        folder: of the recording.
-        columns: beside the time, like `fz_n`.
     """
 
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
@@ -116,7 +99,7 @@ class ForceWriter:
         self._last_s: float | None = None
 
     def add(self, time_s: float, values: Sequence[float]) -> None:
-        """Add a sample at a multiple of half of `FORCE_STEP_S` that comes after the others."""
+        """Add a sample at a multiple of half of `FORCE_STEP_S` that is later than the others."""
         named = {name: f"{value:.8g}" for name, value in zip(self._columns, values, strict=True)}
         self._table.add({"time_s": f"{time_s:.3f}", **named})
         if self._last_s is not None:
@@ -128,12 +111,12 @@ class ForceWriter:
             self._is_fast = not self._is_fast
 
     def set_aside(self) -> None:
-        """Name the file so that `read_recording` leaves it alone."""
+        """Rename the file so that `read_recording` ignores it."""
         if self._fast.exists():
             self._fast.rename(self._slow)
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close the table."""
         self._table.close()
 
 
@@ -148,7 +131,7 @@ class _Table:
         self._page_left = PAGE_BYTES - len(header)
 
     def add(self, row: Mapping[str, str]) -> None:
-        """Add a line; what would not leave room for another one in the page fills it."""
+        """Add a line; a line that would not leave room for another one in the page fills it."""
         left = (self._page_left - len(_line(row))) % PAGE_BYTES
         if left < self._longest:
             row, left = {**row, "time_s": row["time_s"] + "0" * left}, PAGE_BYTES
@@ -184,12 +167,7 @@ PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without i
 
 @contextmanager
 def folder_when_whole(out: Path) -> Iterator[Path]:
-    """Give the name of a folder beside `out` that is not there yet; it becomes `out` when it is finished.
-
-    Raises:
-        InputError: `out` exists, or what is beside it cannot be written.
-        OSError: a file that was read meanwhile cannot be; it has its name.
-    """
+    """Give the name of a new folder beside `out`, which becomes `out` when it is finished."""
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
     part = out.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
@@ -221,11 +199,7 @@ def frame_files(names: Sequence[str]) -> list[str]:
 def write_frames(
     folder: Path, info: RecordingInfo, comment: str, frames: Iterable[tuple[str, float, NDArray[np.uint16]]]
 ) -> None:
-    """Write recording.toml, frames/ and frames.csv; frames (file, time in s, counts) come in the order of their times.
-
-    Raises:
-        OSError: the folder exists, or cannot be written.
-    """
+    """Write recording.toml, frames/ and frames.csv; frames (file, time in s, counts) are in order of time."""
     writer = RecordingWriter(folder, info, comment)
     try:
         for file, time_s, counts in frames:
@@ -235,7 +209,7 @@ def write_frames(
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
-    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan where there is no force."""
+    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan for samples without a force."""
     formats = ["%.6f", *["%.7g"] * len(log.columns)]
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     header = ",".join(["time_s", *log.columns])
@@ -243,11 +217,7 @@ def write_log(folder: Path, log: ForceLog) -> None:
 
 
 def written(folder: Path, out: Path) -> Recording:
-    """Read what was written, as every other command will.
-
-    Raises:
-        RecordingError: the recording cannot be used; the message names `out`.
-    """
+    """Read the written recording, as every other command will; messages name `out`."""
     try:
         return read_recording(folder)
     except RecordingError as fault:

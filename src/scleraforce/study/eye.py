@@ -1,6 +1,6 @@
-"""The eye of a study and what pushes it: wall, mesh, needle, tissue, mechanics, globe, supports and form.
+"""The eye of a study and its needle: wall, mesh, tissue, mechanics, globe, supports and form.
 
-Tissue, mechanics, globe, supports and form are those of the virtual eyes of `simulate` and `phantom`.
+Tissue, mechanics, globe, supports and form belong to the virtual eyes of `simulate` and `phantom`.
 """
 
 from dataclasses import dataclass, replace
@@ -87,12 +87,12 @@ class TissueStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SupportsStudy(Section):
-    """The paper's clamped base; or what an eye has in the head: an elastic bed, straps of the rectus muscles, or both.
+    """The paper's clamped base; or an eye's supports in the head: an elastic bed, straps of rectus muscles, or both.
 
-    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs, so many Pa for a metre that the wall goes
-    into them and (shear) along them. `straps`: beside the clamped base; `strap_stiffness_n_per_m` is that of one
-    muscle. `medial_azimuth_rad`: where the medial rectus is inserted; superior, lateral and inferior follow, a quarter
-    turn each.
+    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs; their stiffness is a pressure for each
+    metre that the wall moves into them and (shear) along them. `straps`: beside the clamped base;
+    `strap_stiffness_n_per_m` is one muscle's. `medial_azimuth_rad`: the insertion of the medial rectus; superior,
+    lateral and inferior follow, a quarter turn each.
 
     The bed's defaults: an eye gives way by some tenths of a millimetre under 0.1 N, as under an air-puff tonometer, and
     turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984, 961). Straps: muscles, passive
@@ -107,12 +107,12 @@ class SupportsStudy(Section):
 
     @property
     def has_bed(self) -> bool:
-        """Whether the eye is a whole globe on a bed."""
+        """The eye is a whole globe on a bed."""
         return self.kind in ("bed", "bed-and-straps")
 
     @property
     def has_straps(self) -> bool:
-        """Whether the rectus muscles hold the eye, too."""
+        """The rectus muscles hold the eye, too."""
         return self.kind in ("straps", "bed-and-straps")
 
 
@@ -132,14 +132,10 @@ class GlobeStudy(Section):
     rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high)
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
 
-    def told(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
-        """Return the globe with what was told of it; None: nothing.
-
-        Raises:
-            StudyError: a value is out of bounds, as in a study file.
-        """
-        told = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
-        return replace(self, **{name: value for name, value in told.items() if value is not None})  # type: ignore[arg-type]
+    def with_known(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
+        """Return the globe with its known kind and rigidity; None: unknown."""
+        known = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
+        return replace(self, **{name: value for name, value in known.items() if value is not None})  # type: ignore[arg-type]
 
 
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
@@ -174,7 +170,7 @@ class RegionStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class CorneaStudy(Section):
-    """A cornea of another radius than the globe's; the defaults are those of human eyes.
+    """A cornea of another radius than the globe's; the defaults are a human eye's.
 
     The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's axis, is a sphere of `radius_m`
     through the ring. Across the ring, `edge_m` wide as measured along the globe, it goes over into the globe smoothly.

@@ -73,7 +73,7 @@ def draw(values: Sampled, rng: np.random.Generator) -> float:
 
 @dataclass(frozen=True)
 class Unit:
-    """How a field reads in TOML: its unit (None: as it is), bounds in that unit, allowed words."""
+    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words."""
 
     name: HumanUnit | None = None
     _: KW_ONLY
@@ -91,7 +91,7 @@ class Unit:
 
 
 PLAIN = Unit()  # of a field that declares none
-# Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
+# A needle's force: the largest force of a study, more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 # What states an eye, its needle and its pictures, with the bounds of what can be, ex vivo and in life.
 # Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
@@ -106,7 +106,7 @@ QUANTITIES: Mapping[str, Unit] = {
     "depth": Unit("mm", low=0.01, high=100.0),
     "force": NEEDLE_FORCE,
 }
-WIDEST = 1e-4  # of the largest value: where 0 is allowed, what is meant is no smaller
+WIDEST = 1e-4  # of the largest value: the smallest plausible value where 0 is allowed
 # Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
 _METRES = {"um": ("µm", 1e-6), "mm": ("mm", 1e-3), "m": ("m", 1.0)}
 _PASCALS = {"pa": ("Pa", 1.0), "kpa": ("kPa", 1e3), "mpa": ("MPa", 1e6)}
@@ -122,17 +122,17 @@ def quantity(default: Any, unit: HumanUnit | None = None, low: float | None = No
 
 
 def option(default: str | None, *words: str) -> Any:
-    """Declare a field that holds one of `words`; None where it may be left out."""
+    """Declare a field that holds one of `words`; None if it may be left out."""
     return field(default=default, metadata={"unit": Unit(words=words)})
 
 
 def required(*words: str, low: float | None = None, high: float | None = None) -> Any:
-    """Declare an SI field without a default: one of `words`, or a value between the bounds where they are given."""
+    """Declare an SI field without a default: one of `words`, or a value between the bounds if they are given."""
     return field(metadata={"unit": Unit(low=low, high=high, words=words)})
 
 
 def field_unit(item: Field[Any]) -> Unit:
-    """Return the unit record of a dataclass field (a plain one where none was declared)."""
+    """Return the unit record of a dataclass field, a plain one by default."""
     unit: Unit = item.metadata.get("unit", PLAIN)
     return unit
 
@@ -172,11 +172,7 @@ def _numbers_in(value: Any) -> list[float]:
 
 
 def check_fields(record: Any) -> None:
-    """Check every field of a record against its bounds and words.
-
-    Raises:
-        StudyError: naming the TOML key, what was found and what is allowed.
-    """
+    """Check every field of a record against its bounds and words."""
     for item in fields(record):
         unit, value = field_unit(item), getattr(record, item.name)
         if unit.words and value is not None and value not in unit.words:
@@ -218,15 +214,12 @@ def check_quantity(key: str, number: float) -> None:
     Traceback (most recent call last):
     scleraforce.errors.StudyError: thickness_um: 0.65 is below the smallest allowed value 100; did you mean 650 µm \
 (0.65 mm)?
-
-    Raises:
-        StudyError: it is no finite number, or none that the quantity can have.
     """
     check_number(key, number, allowed(key))
 
 
 def allowed(key: str) -> Unit:
-    """Return the bounds of one of `QUANTITIES` in the unit of a key; the key's own unit is not converted any more.
+    """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the result has no name.
 
     >>> allowed("thickness_m"), allowed("iop_mmhg").high
     (Unit(name=None, low=0.0001, high=0.003, words=()), 110.0)
@@ -243,7 +236,7 @@ def allowed(key: str) -> Unit:
 
 
 def meant(key: str, number: float, unit: Unit) -> str:
-    """Return "; did you mean ...?" where a number outside its bounds lies inside them in a unit that is often mixed up.
+    """Return "; did you mean ...?" if a number outside its bounds is inside them in a unit that is often mixed up.
 
     >>> meant("youngs_modulus_mpa", 300.0, allowed("youngs_modulus_mpa"))
     '; did you mean 0.3 MPa (300 kPa)?'

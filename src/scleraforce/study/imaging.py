@@ -1,7 +1,7 @@
 """The images of a study: the raw frame, the slice, the virtual laboratory `[phantom]`, and `[scenes]`.
 
-Every effect of `[phantom]` and `[scenes]` is a range with a unit, or a share of the scenes in which it is there. Levels
-in dB are ratios of intensity. Ranges of `[phantom]` without another source are those of spectral-domain scanners at
+Every effect of `[phantom]` and `[scenes]` is a range with a unit, or the share of the scenes that show it. Levels
+in dB are ratios of intensity. Ranges of `[phantom]` without another source are from spectral-domain scanners at
 840 nm; `docs/wall_finder.md` has the sources of `[scenes]`.
 """
 
@@ -114,7 +114,7 @@ class PhantomStudy(Section):
 
 
 def _share(share: float) -> float:
-    """Declare the share of the scenes in which something is there."""
+    """Declare the share of the scenes that show something."""
     declared: float = quantity(share, None, 0.0, 1.0)
     return declared
 
@@ -185,7 +185,7 @@ class SceneEyeStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneTissueStudy(Section):
-    """What light meets below the surface; levels against the sclera's backscatter unless said otherwise.
+    """The tissue below the surface; levels against the sclera's backscatter unless said otherwise.
 
     `snr_db` is the sclera's backscatter at the surface over the mean noise. The cornea's falls with the angle of the
     light to its normal, by `angle_fall_db` in the end, with `angle_width_rad` as the Gaussian's standard deviation;
@@ -261,7 +261,7 @@ class SceneTissueStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneOverStudy(Section):
-    """What lies over the wall, and the shadows that it casts; levels over the mean noise.
+    """Objects over the wall, and their shadows; levels over the mean noise.
 
     The lid comes in from the side, over `lid_reach` of the frame's width; lashes hang below it. A contact lens follows
     the eye at `lens_gap_m`, less towards its edge at `lens_reach_m` from its middle; specks float below it. Vessels
@@ -317,7 +317,7 @@ class SceneOverStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneScannerStudy(Section):
-    """How a scanner shows it: speckle, noise, artefacts, and the scale of the counts.
+    """The scanner: speckle, noise, artefacts, and the scale of the counts.
 
     `speckle_*` are full widths of the intensity's point spread function, in pixels; `looks` is how many speckle
     patterns are averaged. Sensitivity falls by `rolloff_db` from the zero delay to the lower edge. The rest of the

@@ -1,4 +1,4 @@
-"""The networks of a study: classifier, wall finder, reader and raw reader, with what each is trained on.
+"""The networks of a study: classifier, wall finder, reader and raw reader, with their training data.
 
 `docs/reader.md` explains the ranges of `[reader]`.
 """
@@ -42,11 +42,11 @@ class NetworkStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class WallFinderStudy(Section):
-    """Frames are reduced to `rows` x `columns`; `channels` are those of the levels, each of half the resolution.
+    """Frames are reduced to `rows` x `columns`; `channels` are the levels' channels, each level of half the resolution.
 
     The first level already has half the frame's rows and columns, so both are multiples of two to the power of the
-    number of levels. Every batch is of scenes that no other has. `target_rows` is the standard deviation that the
-    truth is blurred with, in rows of the reduced frame.
+    number of levels. No scene is used twice. `target_rows` is the standard deviation of the truth's blur, in rows of
+    the reduced frame.
     """
 
     rows: int = quantity(128, None, 16, 1024)
@@ -76,34 +76,33 @@ class WallFinderStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ReaderStudy(Section):
-    """The reader's training: eyes, framing, what is known of an eye, the network and its descent.
+    """The reader's training: eyes, framing, known inputs, the network and its descent.
 
-    IOP is drawn with its logarithm evenly spread, all else evenly. Forces are even from 0 to `max_force_n`;
-    `small_force_share` of them are even from 0 to `small_force_n` instead. `size` is the eye's over the study's
-    (radius, wall and dent together). `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its
-    lateral axis. `plain_share` of the samples have the study's size, no tilt and no rotation, as most frames have: a
-    network that met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the
-    undeformed contact below the frame's top edge. `polar_angle_rad` is the contact's polar angle; the direction of the
-    plane from the meridian is drawn from the whole circle.
+    IOP has a uniform logarithm; all other values are uniform. Forces are uniform from 0 to `max_force_n`, or, in
+    `small_force_share` of the samples, to `small_force_n`. `size` is the eye's over the study's (radius, wall and
+    dent together). `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its lateral axis.
+    `plain_share` of the samples have the study's size, no tilt and no rotation, as most frames have: a network that
+    met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the undeformed contact
+    below the frame's top edge. `polar_angle_rad` is the contact's polar angle; the plane's direction from the
+    meridian is uniform on the whole circle.
 
-    `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is even.
-    `uneven_share` of the walls are no even spheres at rest (`learning.walls`). So many `interval_eyes`, of
-    which as many are uneven, tell how wide intervals have to be (`reader.intervals`); 0: they stay as they are.
+    `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is uniform.
+    `uneven_share` of the walls are not even spheres at rest (`learning.walls`). `interval_eyes`, with as large an
+    uneven share, decide the width of intervals (`reader.intervals`); 0 keeps the network's own.
 
-    `boundary_errors`: times the errors that the segmentation of rendered frames makes, in the samples of the network,
-    which has to stand more than it will see; `interval_boundary_errors` in the frames of the eyes that intervals are
-    measured on, which are to be as wide as they have to.
+    `boundary_errors` multiplies the errors of the segmentation of rendered frames in the network's samples, more than
+    it will see; `interval_boundary_errors` in the frames that intervals are measured on.
 
-    The modulus that the network is told comes with its relative standard deviation (its logarithm even over
-    `modulus_sd_fraction`); the eye's own is drawn from that normal distribution. Other known values are off by
-    `*_noise_fraction` (standard deviation), polar angle and direction by `pole_noise_rad`; a modulus that is told as
-    surer than 6 % was calibrated with these. Each value is missing in `*_missing_fraction` of the samples.
+    The network's modulus has a relative standard deviation (its logarithm uniform over `modulus_sd_fraction`); the
+    eye's own is drawn from that normal distribution. Other known values are off by `*_noise_fraction` (standard
+    deviation), polar angle and direction by `pole_noise_rad`; a modulus that is surer than 6 % was calibrated with
+    these. Each value is missing in `*_missing_fraction` of the samples.
 
-    `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
-    (`known`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
-    no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
-    even over `rigidity_sd_pa13_per_m3`). Most values are told of most samples: what is said of an eye with all of them
-    is sharp, and takes more samples to learn than what is said of one with few.
+    `globe_open_fraction` of the globes are declared open, `globe_missing_fraction` unknown (`known.eye`: the rigidity
+    is uniform in its range); the others are sealed. `rigidity_missing_fraction` of these have an unknown rigidity,
+    the rest a mean and a standard deviation, as a calibration finds them (the logarithm uniform over
+    `rigidity_sd_pa13_per_m3`). Most samples have most values: the answer for an eye with all of them is sharp, and
+    takes more samples to learn than the answer for an eye with few.
     """
 
     youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
@@ -165,7 +164,7 @@ class ReaderStudy(Section):
 
     @property
     def max_force_ratio(self) -> float:
-        """Largest force over the modulus that the network is told, m^2: where its answer's histogram ends.
+        """Largest force over the modulus, m^2: the end of the answer's histogram.
 
         >>> round(ReaderStudy().max_force_ratio * 1e6, 3)
         0.467
@@ -175,11 +174,11 @@ class ReaderStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class RawReaderStudy(Section):
-    """The raw reader's training; eyes are those of `[reader]`, light and scanner those of `[phantom]` and `[oct]`.
+    """The raw reader's training; its eyes follow `[reader]`, light and scanner follow `[phantom]` and `[oct]`.
 
-    Frames are reduced to `rows` x `columns` pixels of `row_m` x `column_m`. `channels` to `batches` are those of the
-    part that sees the wall, and mean what they mean in `[wall_finder]`; `batch_size` and rates are those of all of it.
-    The layers behind it learn from slices first, for `slice_epochs` of `[reader]`; in the first `wall_share` of the
+    Frames are reduced to `rows` x `columns` pixels of `row_m` x `column_m`. `channels` to `batches` belong to the
+    part that sees the wall, with their meaning in `[wall_finder]`; `batch_size` and rates belong to the whole. The
+    layers behind it learn from slices first, for `slice_epochs` of `[reader]`; in the first `wall_share` of the
     batches of raw frames the wall alone is learned.
 
     `needle_share` of the frames are crossed by a needle of `needle_diameter_m`, at most `needle_gap_fraction` of that

@@ -18,7 +18,7 @@ from scleraforce.study.records import Study
 from scleraforce.whole_files import KINDS, read_text
 
 Record = TypeVar("Record")
-# Of keys and tables, by their path and the number of the table of its name that a key stands in, 0 outside of any.
+# Of keys and tables, by their path and the number of the table of its name of a key, 0 outside of any.
 Lines = dict[tuple[tuple[str, ...], int], int]
 
 # Keys of earlier versions, and what to write instead.
@@ -57,7 +57,7 @@ def read_study(path: str | PathLike[str]) -> Study:
 
 
 def parse_study(text: str, name: str = "study") -> Study:
-    r"""Read a study from TOML text; `name` stands in the messages.
+    r"""Read a study from TOML text; `name` is for messages.
 
     >>> import scleraforce as sf
     >>> sf.parse_study('[eye]\nradius_mm = 11.0').eye.radius_m
@@ -70,12 +70,9 @@ def parse_study(text: str, name: str = "study") -> Study:
 
 
 def parse_record(kind: type[Record], text: str, name: str) -> Record:
-    """Read any record whose fields are sections (dataclasses) from TOML text; `name` stands in the messages.
+    """Read any record whose fields are sections (dataclasses) from TOML text; `name` is for messages.
 
-    A section or key is required where its field has no default, and may be left out where the field can be None.
-
-    Raises:
-        StudyError: naming the file, the line and the key.
+    A section or key is required if its field has no default, and may be left out if the field can be None.
     """
     try:
         table = tomllib.loads(text)
@@ -147,7 +144,7 @@ def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: s
 
 
 def _required(hint: Any) -> Any:
-    """Return the type of an optional field: `float` for `float | None`; any other type as it is."""
+    """Return the type of an optional field: `float` for `float | None`; any other type unchanged."""
     if not isinstance(hint, UnionType) or NoneType not in get_args(hint):
         return hint
     kinds = [kind for kind in get_args(hint) if kind is not NoneType]
@@ -193,7 +190,7 @@ def _scalar(kind: type, value: Any, place: str) -> Any:
 
 
 def _lines(text: str) -> Lines:
-    """Return the lines of all keys and tables of TOML text, in one pass; the first of those of one name."""
+    """Return the lines of all keys and tables of TOML text, in one pass; the first of one name."""
     table: tuple[str, ...] = ()
     seen: Counter[tuple[str, ...]] = Counter()
     found: Lines = {}
@@ -208,7 +205,7 @@ def _lines(text: str) -> Lines:
 
 
 def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
-    """Return the line of a key or table, in the nth table of its name (1 where it cannot be told)."""
+    """Return the line of a key or table, in the nth table of its name (1 if it is not known)."""
     return min((lines[path, table] for table in (0, nth) if (path, table) in lines), default=1)
 
 

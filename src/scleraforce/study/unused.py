@@ -1,7 +1,7 @@
-"""What a command does not use of a study's physics, and refuses where it is set: no input is dropped without a word.
+"""Keys of a study's physics that a command does not use and therefore refuses: no input is dropped silently.
 
-A study file serves all commands, so keys for other work than a command's own are no error: `generate` does not mind
-`[reader]`. `UNUSED` has what would change the eye that a command computes, if its mechanics knew of it.
+A study file serves all commands, so keys for other work than a command's own pass: `generate` ignores
+`[reader]`. `UNUSED` has the keys that would change the eye of a command if its mechanics knew them.
 """
 
 from collections.abc import Iterator
@@ -48,16 +48,9 @@ REASONS = {
 
 
 def refuse_unused(study: Study, command: str, mechanics: str | None = None, file: Path | None = None) -> None:
-    """Check that a study asks for nothing that a command would drop: its physics has such keys at their defaults.
+    """Refuse a study that sets a key which a command, with its mechanics if it has a choice, does not use.
 
-    Args:
-        study: the study.
-        command: what is run, with its mechanics where it has a choice: a key of `UNUSED`.
-        mechanics: "linear" or "finite-strain".
-        file: the study file, for the message.
-
-    Raises:
-        StudyError: a key is set that the command does not use, or one that another key of the study switches off.
+    A key that another key of the study switches off is refused as well. `file` is for the message.
     """
     place = "study" if file is None else file
     changed = set(_changed(study))
