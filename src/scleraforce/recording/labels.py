@@ -280,7 +280,7 @@ RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives o
 BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
 FARTHEST_S, STEP_S, LEAST_SHIFT_S = 60.0, 0.5, 1.0  # of the frames' times, in the search for a shift
 LEAST_SCATTER = 1e-3  # of the variance: the rest after reading and label at best
-LEAST_VARIANCE_M2 = (1e-9) ** 2  # of what frames show: where all show the same, no shift fits better
+LEAST_VARIANCE_M2 = (1e-9) ** 2  # of the values of frames: if all are equal, no shift fits better
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 
 

@@ -93,7 +93,7 @@ class Unit:
 PLAIN = Unit()  # of a field that declares none
 # A needle's force: the largest force of a study, more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
-# What states an eye, its needle and its pictures, with the bounds of what can be, ex vivo and in life.
+# Quantities of an eye, its needle and its pictures, with their possible values, ex vivo and in life.
 # Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
 QUANTITIES: Mapping[str, Unit] = {
     "thickness": Unit("um", low=100.0, high=3000.0),
