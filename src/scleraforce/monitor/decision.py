@@ -28,8 +28,7 @@ from scleraforce.units import from_si
 class Decision:
     """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`.
 
-    `cause` is the first one of a withdrawal. `present_cause` and `present` say what is wrong now; None and "" if
-    nothing is.
+    `cause` is the first one of a withdrawal, `present_cause` and `present` the present one; without one, None and "".
     """
 
     state: State
@@ -57,12 +56,8 @@ SLACK_S = 1e-9  # of sums of intervals: four of 10 ms are no more than 40 ms
 def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
     """Return the next state and the message to the robot.
 
-    It never raises: an exception in here is a cause of a withdrawal like any other.
-
-    Args:
-        state: the state so far; `MonitorState()` at the start.
-        event: what happened, with its time.
-        limits: of the decision.
+    It never raises: an exception in here is a cause of a withdrawal like any other. At the start, the state is
+    `MonitorState()`.
 
     >>> _, decision = decide(MonitorState(), Tick(0.0), MonitorLimits())
     >>> decision.code, decision.message

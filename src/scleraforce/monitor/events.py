@@ -23,9 +23,9 @@ class Verdict:
 class FrameRead:
     """A frame and its reading.
 
-    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: how many frames ago its
-    picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock; None
-    if it states none. `pixel_type`: of its pixels as sent, such as "uint16".
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: the number of frames since
+    its picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock;
+    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16".
     """
 
     at_s: float
@@ -40,10 +40,7 @@ class FrameRead:
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOpinion:
-    """The reading of a frame by another method; it comes after the first reading and can only add a doubt.
-
-    `at_s` is when the opinion came, `frame_id` the frame that was read.
-    """
+    """The reading of an earlier frame by another method, which came at `at_s`; it can only add a doubt."""
 
     at_s: float
     frame_id: int
@@ -83,9 +80,9 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class QueueLoss:
-    """Frames will never be read: newer ones overtook them, and there was no time for them afterwards.
+    """Frames that will never be read: newer ones overtook them, and there was no time for them afterwards.
 
-    `unread_s` is the time that they stand for: their number times the scanner's interval. Those of one `row` came
+    `unread_s` is the time that they stand for: their number times the scanner's interval. The frames of one `row` came
     between two frames that were answered.
     """
 

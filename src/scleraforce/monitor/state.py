@@ -17,19 +17,18 @@ LAGS, QUICKEST = 20, 3  # of the last frames, the third quickest counts: no fram
 class MonitorState:
     """All that the monitor remembers: a few hundred numbers at most.
 
-    `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset; `present_cause` and
-    `present_reason` those of the last event that was a cause or a doubt, until a harmless frame. `size` and `scale_m`
-    are the study's, or those of the last sound frames: a change is a cause once. `history` has (time, force)
-    of the last frames with sound numbers. `repeats` counts the frames in a row with one picture; `returns` tells for
-    each of the last frames whether its picture came back after others. `lags` are the
-    last delays since the time that the sender states, on two clocks that need not agree; `least_lag` is (time, lag):
-    the least so far of the third quickest of 20, plus the clocks' possible drift. `losses` has
-    (time, time that the lost frames stand for) of the losses within the window, summed up over twentieths of it; `lost`
-    counts all lost frames since the start, and `lost_in_row_s` is what those of `lost_row`, the last row with a loss,
-    stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
+    `cause` and `reason`: the first cause of a withdrawal, until the reset; `present_cause` and `present_reason`: the
+    last cause or doubt, until a harmless frame. `size` and `scale_m` are the study's, or the last sound frames': a
+    change is a cause once. `history` has (time, force) of the last frames with sound numbers. `repeats` counts the
+    frames in a row with one picture; `returns` says of each of the last frames whether its picture came back after
+    others. `lags` are the last delays since the time that the sender states, on two clocks that need not agree;
+    `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the clocks' possible drift. `losses`
+    has (time, time that the lost frames stand for) within the window, summed up over twentieths of it; `lost` counts
+    all lost frames since the start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row with a
+    loss, stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
     of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
-    `doubted` counts those in a row that could not judge their frame, and `unanswered` has (frame, time) of the frames
-    without one, oldest first, thinned if there are many.
+    `doubted` counts the unusable ones in a row, and `unanswered` has (frame, time) of the frames without one, oldest
+    first, thinned if there are many.
     """
 
     state: State = State.NOT_READY
@@ -60,13 +59,7 @@ class MonitorState:
 
 
 def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> MonitorState:
-    """Return the state updated by an event, before its meaning is decided.
-
-    Args:
-        state: the state so far.
-        event: what happened.
-        limits: of the decision: how much is kept, and what counts as contact.
-    """
+    """Return the state updated by an event, before its meaning is decided."""
     state = replace(state, at_s=event.at_s if isfinite(event.at_s) else state.at_s)
     if isinstance(event, QueueLoss):
         return replace(

@@ -112,7 +112,7 @@ class Decoder:
         return self.state is DecoderState.HEADER and not self._head
 
     def space(self) -> memoryview:
-        """Lend the room for the next bytes, never empty; it is valid until the next call of another method.
+        """Lend the buffer for the next bytes, never empty; it is valid until the next call of another method.
 
         Raises:
             ProtocolError: the stream broke earlier.
@@ -128,13 +128,9 @@ class Decoder:
         return self._scratch[: HEADERS_BYTES if self.state is DecoderState.HEADER else min(self._left, PASSED_BYTES)]
 
     def received(self, count: int) -> tuple[PeerEvent, ...]:
-        """Take the first bytes of the room that `space` lent.
+        """Take the first `count` bytes of the buffer that `space` lent; return the events that are complete, in order.
 
-        Args:
-            count: how many were written there.
-
-        Returns:
-            The events that are complete, in order; `Broken` is the last if it occurs.
+        `Broken` is the last event if it occurs.
 
         Raises:
             ProtocolError: the stream broke earlier.
@@ -149,10 +145,9 @@ class Decoder:
         return () if event is None else (event,)
 
     def feed(self, data: bytes | bytearray | memoryview) -> tuple[PeerEvent, ...]:
-        """Take the next bytes of the stream, in pieces of any size.
+        """Take the next bytes of the stream, in pieces of any size; return the events that are complete, in order.
 
-        Returns:
-            The events that are complete, in order; `Broken` is the last if it occurs.
+        `Broken` is the last event if it occurs.
 
         Raises:
             ProtocolError: the stream broke earlier.

@@ -47,11 +47,7 @@ class Image:
 
 
 def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
-    """Return the body of an image.
-
-    Raises:
-        ProtocolError: pixels of another type, or of a shape or place that the message cannot state.
-    """
+    """Return the body of an image; raise ProtocolError if the message cannot state its pixels, shape or place."""
     pixels = image.pixels
     if pixels.ndim not in (3, 4) or pixels.dtype not in CODES or not pixels.size:
         raise ProtocolError(
@@ -168,12 +164,12 @@ def encode(
     message_id: int = 0,
     metadata: Mapping[str, str] = NO_METADATA,
 ) -> bytes:
-    """Return a whole message as it goes over the wire.
+    """Return a whole message as bytes.
 
     Args:
         message: its content.
         device: the device's name, ASCII, at most 20 characters.
-        version: of the header, 1 to 3: that of the peer.
+        version: of the header, 1 to 3: the peer's.
         time_s: seconds since 1970.
         message_id: of versions 2 and 3 only.
         metadata: of versions 2 and 3 only.
@@ -222,11 +218,7 @@ def query_of(name: str) -> Query | None:
 
 
 def unpack(name: str, content: memoryview) -> Message:
-    """Read the content of a message of a supported type.
-
-    Raises:
-        ProtocolError: the content does not fit the type.
-    """
+    """Read the content of a message of a supported type; raise ProtocolError if it does not fit the type."""
     return SPOKEN[name](content)
 
 

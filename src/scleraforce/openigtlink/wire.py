@@ -33,22 +33,14 @@ class Header:
 
 
 def pack_name(name: str, width: int) -> bytes:
-    """Return a name as an ASCII field, padded with NUL.
-
-    Raises:
-        ProtocolError: it is too long or not ASCII.
-    """
+    """Return a name as an ASCII field, padded with NUL, or raise ProtocolError."""
     if len(name) > width or not name.isascii() or "\0" in name:
         raise ProtocolError(f"name {name!r}: must be ASCII of at most {width} characters")
     return name.encode("ascii").ljust(width, b"\0")
 
 
 def pack_header(header: Header) -> bytes:
-    """Return the 58 bytes of a header.
-
-    Raises:
-        ProtocolError: a name, the time or the version does not fit.
-    """
+    """Return the 58 bytes of a header, or raise ProtocolError."""
     if header.version not in VERSIONS:
         raise ProtocolError(f"header version {header.version}: must be one of {VERSIONS}")
     if not 0.0 <= header.time_s < FRACTION:
@@ -59,11 +51,7 @@ def pack_header(header: Header) -> bytes:
 
 
 def unpack_header(data: bytes | bytearray | memoryview) -> Header:
-    """Read 58 bytes.
-
-    Raises:
-        ProtocolError: this is no header of versions 1 to 3, so the place of the next one is unknown.
-    """
+    """Read 58 bytes; without a header of versions 1 to 3 raise ProtocolError: the place of the next one is unknown."""
     version, type_field, device, fixed, body_bytes, crc = HEADER.unpack(data)
     type_name = type_field.split(b"\0")[0].decode("latin-1")
     if version not in VERSIONS:
@@ -75,11 +63,7 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
 
 
 def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[str, str]) -> bytes:
-    """Put the extended header before the content and the metadata behind it (nothing in version 1).
-
-    Raises:
-        ProtocolError: version 1 carries no metadata; too much of it; a message id outside 32 bits.
-    """
+    """Put the extended header before the content and the metadata behind it (nothing in version 1)."""
     if version == 1:
         if metadata or message_id:
             raise ProtocolError("metadata and message id: need header version 2 or 3")
@@ -95,11 +79,7 @@ def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[s
 
 
 def split_body(body: memoryview, version: int) -> tuple[memoryview, int, dict[str, str]]:
-    """Split a body into content, message id and metadata.
-
-    Raises:
-        ProtocolError: the sizes that it states do not fit into it.
-    """
+    """Split a body into content, message id and metadata; raise ProtocolError if the sizes contradict each other."""
     if version == 1:
         return body, 0, {}
     if len(body) < EXTENDED.size:

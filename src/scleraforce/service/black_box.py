@@ -40,11 +40,7 @@ MOST_MESSAGES = 100  # until a frame is written
 
 
 class BlackBox:
-    """Acts on the monitor's messages; `turn` is one round of its work.
-
-    Raises:
-        OSError: the log cannot be written.
-    """
+    """Acts on the monitor's messages; `turn` is one round of its work."""
 
     def __init__(self, channel: Channel, settings: BlackBoxSettings) -> None:
         ring = FrameRing.at(settings.ring)

@@ -28,11 +28,7 @@ class ChannelClosedError(Exception):
 
 
 def encode_message(message: CompanionMessage) -> bytes:
-    """Return the bytes of a message (MessagePack).
-
-    Raises:
-        MessageError: a value that no message may hold, or a message that is too large.
-    """
+    """Return the bytes of a message (MessagePack); a MessageError names a value that no message may hold."""
     try:
         try:
             data = _ENCODER.encode(message)
@@ -45,11 +41,7 @@ def encode_message(message: CompanionMessage) -> bytes:
 
 
 def decode_message(data: bytes) -> CompanionMessage:
-    """Return the message in bytes that came.
-
-    Raises:
-        MessageError: they are not one whole message with exactly its fields.
-    """
+    """Return the message in bytes; raise MessageError unless they are one whole message with its fields."""
     _check_size(data)
     try:
         return _DECODER.decode(data)
@@ -119,19 +111,11 @@ class Channel:
         return self._end.fileno()
 
     def send(self, message: CompanionMessage) -> bool:
-        """Encode a message and send it; see `send_encoded`.
-
-        Raises:
-            MessageError: as `encode_message`.
-        """
+        """Encode a message and send it; see `send_encoded`."""
         return self.send_encoded(encode_message(message))
 
     def send_encoded(self, data: bytes) -> bool:
-        """Send a message; return False if the other end does not keep up and the message is lost.
-
-        Raises:
-            ChannelClosedError: the other end is closed.
-        """
+        """Send a message; return False if the other end does not keep up and the message is lost."""
         try:
             self._end.send(data)
         except BlockingIOError:
@@ -238,13 +222,7 @@ class Child:
 def settings_of_child(
     arguments: Sequence[str], kind: type[ChildSettings], within_s: float = 10.0
 ) -> tuple[Channel, ChildSettings]:
-    """Return the channel and the settings of this child process, from its command line.
-
-    Raises:
-        ChannelClosedError: the monitor has ended already.
-        MessageError: the first message is not settings of this kind.
-        RuntimeError: no settings came.
-    """
+    """Return the channel and the settings of this child process, from its command line."""
     channel = Channel(socket.socket(fileno=int(arguments[1])))
     try:
         messages = channel.receive(1) if select([channel], [], [], within_s)[0] else []

@@ -115,15 +115,9 @@ class Outgoing:
 class Connection:
     """A client.
 
-    Attributes:
-        number: of the connection since the start; never used twice.
-        version: header version that the peer used last; 1 before its first message.
-        frames: assembles its images.
-        heard_s: when it was last read from; 0 before.
-        wrong_tokens: number of resets that it requested with a wrong token.
-        message_since_s: since when a message from it has been incomplete; None between messages.
-        notes: rate limiter of the notes on its errors.
-        forces: rate limiter of its forces.
+    `version` is the header version that it used last, `heard_s` when it was last read from, `message_since_s` since
+    when a message from it has been incomplete; `frames` assembles its images; `notes` and `forces` limit the rate of
+    notes on its errors and of its forces.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -144,10 +138,7 @@ class Connection:
         return self._link.fileno()
 
     def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[PeerEvent], bool]:
-        """Read what has arrived, up to the share of one turn; return complete events, and whether the peer is there.
-
-        `max_body_bytes` limits a message that begins now.
-        """
+        """Read the share of one turn; return the complete events, and whether the peer is still there."""
         events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
@@ -171,11 +162,7 @@ class Connection:
         return events, alive and not self._decoder.broken
 
     def send(self, data: bytes, now_s: float) -> None:
-        """Send a message, or drop it if too many bytes wait, so that what the peer reads is never old.
-
-        Raises:
-            OSError: the peer has gone.
-        """
+        """Send a message, or drop it if too many bytes wait, so that a peer never reads old ones."""
         if self._rest:
             self._flush()
         waiting_bytes = self._waiting_bytes()
@@ -345,10 +332,7 @@ class Clients:
             self.send(client, outgoing, now_s)
 
     def sweep(self, now_s: float, spared: Connection | None) -> list[str]:
-        """Disconnect clients with an incomplete message or that read too slowly; a scanner (`spared`) need not read.
-
-        Return the addresses of the slow ones: a robot among them may have missed a withdrawal.
-        """
+        """Disconnect clients (except `spared`) that send or read too slowly; return the addresses of slow readers."""
         self._take_spare()
         message_s, stalled_s, slow = self._settings.message_s, self._settings.stalled_s, []
         for client in self:

@@ -51,11 +51,7 @@ SILENT_S = 5.0  # it gives one every 0.5 s; a disk may delay it
 
 
 class Guard:
-    """The watchdog process, from the monitor's side; `look_s` is the time between two of its looks.
-
-    Raises:
-        OSError: the watchdog does not start.
-    """
+    """The watchdog process, from the monitor's side; `look_s` is the time between two of its looks."""
 
     def __init__(self, look_s: float = watchdog.LOOK_S) -> None:
         self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s
@@ -225,10 +221,7 @@ class Companions:
         return False
 
     def hear(self, name: str, now_s: float) -> Iterator[CompanionMessage]:
-        """Yield a companion's messages, except those about its own state, which are remembered.
-
-        A companion that sends something else has failed for good.
-        """
+        """Yield a companion's messages, except on its own state; one that sends something else has failed for good."""
         try:
             for message in self._children[name].channel.receive():
                 match message:

@@ -107,11 +107,7 @@ class DecisionLog:
         return line
 
     def sync(self) -> None:
-        """Wait until the disk has all records.
-
-        Raises:
-            OSError: the disk fails, or the file has been removed or replaced.
-        """
+        """Wait until the disk has all records; raise OSError if it fails, or the file was removed or replaced."""
         with self._turn:
             os.fdatasync(self._descriptor)
             same = os.path.samestat(self._path.stat(), os.fstat(self._descriptor))
@@ -178,15 +174,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 class Journal:
-    """The log, its syncs, and the faults reported to the monitor: each once, until it is mended.
-
-    Args:
-        folder: of the black box.
-        channel: to the monitor.
-
-    Raises:
-        OSError: the log cannot be written.
-    """
+    """The log, its syncs, and the faults reported to the monitor: each once, until it is mended."""
 
     def __init__(self, folder: Path, channel: Channel) -> None:
         self.sync_due_s = 0.0  # on the monotonic clock

@@ -20,12 +20,7 @@ SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, libr
 
 
 def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
-    """Return the least of what the machine and the control groups of this process leave; None if neither can be read.
-
-    Args:
-        proc: the kernel's file system of processes.
-        groups: its file system of control groups, version 2 or 1.
-    """
+    """Return the least memory that the machine and the control groups of this process leave; None if unknown."""
     left = list(_group_bytes(proc, groups))
     with suppress(OSError, ValueError):
         lines = (proc / "meminfo").read_text("ascii").splitlines()
@@ -34,7 +29,7 @@ def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
 
 
 def _group_bytes(proc: Path, groups: Path) -> Iterator[int]:
-    """Yield what each control group of this process leaves; inactive file cache counts as free."""
+    """Yield the bytes that each control group of this process leaves; inactive file cache counts as free."""
     with suppress(OSError):
         for line in (proc / "self" / "cgroup").read_text("utf-8").splitlines():
             _, controllers, path = line.split(":", 2)
@@ -59,7 +54,7 @@ def _cache_bytes(folder: Path) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class RingPlace:
-    """Where a ring is: the descriptor of its memory, how many frames it holds, and their pixels."""
+    """The place of a ring: the descriptor of its memory, its number of frames, and their pixels."""
 
     descriptor: int
     frames: int
@@ -85,11 +80,7 @@ class FrameRing:
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new ring; another process opens it with `FrameRing.at(ring.place)`.
-
-        Raises:
-            InputError: there is too little memory for the ring and the other processes.
-        """
+        """Return a new ring, for `FrameRing.at(ring.place)` in another process; raise InputError if memory is short."""
         size, available = _size(frames, rows, columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
@@ -115,7 +106,7 @@ class FrameRing:
 
     @property
     def place(self) -> RingPlace:
-        """Where a child that inherits the descriptor finds the ring."""
+        """The place of the ring, for a child that inherits the descriptor."""
         rows, columns = self.shape
         return RingPlace(descriptor=self.descriptor, frames=self.frames, rows=rows, columns=columns)
 

@@ -33,15 +33,11 @@ LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 2
 class Entry:
     """A decision of the monitor and its event.
 
-    `number` counts decisions from 1. `event` is "frame", "tick", "reset", "opinion", ...; "again" repeats the last
-    decision, with its number. `state`, `code`, `sub_code`, `cause`, `message`, `present_cause` and `present` are the
-    decision's, by name; `withdrawn_s` is when the withdrawal began (since 1970). `frame` is the frame's number in this
-    session, from 1, `frame_id` the sender's, and `latency_ms` the time from its last byte to the answer on the wire;
-    all None for other events. `verdict` is also None for a frame that could not be read. `overtaken` counts the frames
-    that newer ones overtook since the start, `lost` those of them that were never read.
-
-    Raises:
-        MessageError: a state that does not exist.
+    `event` is "frame", "tick", "reset", "opinion", ...; "again" repeats the last decision, with its number.
+    `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
+    `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
+    could not be read. `overtaken` counts the frames since the start that newer ones overtook, `lost` the ones of them
+    that were never read.
     """
 
     number: int
@@ -105,11 +101,7 @@ class Entry:
 
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
-        """Return the entry of a JSON object of `as_json`; in a list null becomes NaN, elsewhere None.
-
-        Raises:
-            MessageError: it is not the object of an entry; the message names the field.
-        """
+        """Return the entry of an object of `as_json`; in a list null becomes NaN. A MessageError names the field."""
         if not isinstance(value, dict) or (LATER | value).keys() != KEYS:
             raise MessageError("not an entry: an object with the keys of one")
         try:
@@ -258,12 +250,8 @@ class WithdrawalKept(_Message, frozen=True, kw_only=True):
 class BlackBoxSettings(_Message, frozen=True, kw_only=True):
     """Settings of the black box.
 
-    Attributes:
-        folder: of the log and of the withdrawals; created if it is missing.
-        ring: of the frames; longer than `keep_s`, or the oldest frames are overwritten before they are kept.
-        info: contents of each recording.toml; it has `force`.
-        record: folder for a recording of the whole session; must not exist. None: only withdrawals are kept.
-        keep_s: duration that is kept at a withdrawal.
+    `folder` is created if it is missing; `info`, of each recording.toml, has `force`; `record`, for the whole session,
+    must not exist. `keep_s` before a withdrawal are kept; a ring that holds less loses the oldest frames.
     """
 
     folder: Path

@@ -60,16 +60,9 @@ class Address:
 class MonitorSettings:
     """The settings of a monitor.
 
-    Attributes:
-        eye: its name.
-        known: what is known of the eye.
-        limits: of the decision; `size` and `scale_m` are those of the expected frames.
-        refractive_index: factor by which depth is stretched in the frames.
-        address: of the OpenIGTLink server.
-        console: address of the web console; None: no console.
-        black_box: folder of the log and of the recordings of withdrawals.
-        record: folder for a recording of the whole session; None: no recording.
-        token: of the operator's reset.
+    `limits` has the `size` and `scale_m` of the expected frames. Without a `console` address there is no console. The
+    log and the recordings of withdrawals are in `black_box`; `record` is the folder for a recording of the whole
+    session.
     """
 
     eye: str
@@ -89,13 +82,8 @@ def monitor_service(
 ) -> Iterator[tuple[Server, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
-    Call the server's `run` at once: from here on the watchdog expects signs of life.
-
-    Args:
-        model: folder of the model; the second opinion loads it by itself.
-        reader: the model.
-        settings: of the monitor.
-        note: called with a line for the operator.
+    Call the server's `run` at once: from here on the watchdog expects signs of life. The second opinion loads the
+    folder `model` by itself; `note` is called with a line for the operator.
 
     Raises:
         InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
@@ -205,12 +193,7 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
-    """Return a socket that listens; port 0 takes a free one.
-
-    Args:
-        host: an address of this machine, or its name.
-        port: the TCP port.
-        prefix: of the options, for messages: "web-" for `--web-host` and `--web-port`.
+    """Return a socket that listens; port 0 takes a free one; `prefix` is that of the options' names ("web-").
 
     Raises:
         InputError: the address cannot be listened on.
@@ -234,10 +217,6 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
 
 def try_folders(black_box: Path, record: Path | None) -> None:
     """Create the folder of the black box, and test that both folders can be written; the recording's is created later.
-
-    Args:
-        black_box: folder of the black box; may exist.
-        record: folder of the recording, which must not exist; None for no recording.
 
     Raises:
         InputError: a folder cannot be written or is in use by another monitor, or `record` exists.
@@ -272,11 +251,7 @@ def _try_write(folder: Path) -> None:
 
 
 def allow_files(needed: int) -> None:
-    """Raise the soft limit of open files of this process and its children to `needed`; it is never lowered.
-
-    Raises:
-        InputError: the hard limit is lower.
-    """
+    """Raise the soft limit of open files of this process and its children to `needed`, or raise InputError."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
@@ -289,10 +264,7 @@ def allow_files(needed: int) -> None:
 
 
 class Notes:
-    """Takes lines for the operator without ever waiting, so that a stopped terminal does not stop the monitor.
-
-    A thread writes them in order; `write` may block.
-    """
+    """Writes lines for the operator in order, in a thread: a stopped terminal must not stop the monitor."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write, self._lines = write, SimpleQueue[str | None]()

@@ -133,12 +133,9 @@ class TakenFrame:
 
 
 class FrameTaker:
-    """Takes frames out of the ring, oldest first, and writes them into a new recording folder.
+    """Takes frames out of the ring, oldest first, and writes them into a new recording folder, or raises OSError.
 
-    `written` counts the complete frames, `lost` those that were overwritten before their turn or could not be written.
-
-    Raises:
-        OSError: the folder exists or cannot be written. `take` and `close` raise it as well.
+    `written` counts the complete frames, `lost` the ones that were overwritten before or could not be written.
     """
 
     def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
@@ -246,14 +243,10 @@ class SessionRecording:
 
 @dataclass
 class _Writing:
-    """A withdrawal that is being written, in `.NAME.partial`, which is renamed when it is complete.
+    """A withdrawal that is being written, in `.NAME.partial`, which is renamed to `folder` when it is complete.
 
-    Attributes:
-        folder: its final name.
-        taker: of its frames.
-        start_s: time 0 of the recording, on the monotonic clock.
-        due_s: time, on the monotonic clock, from which on the forces after it suffice.
-        finishing: writes what is left after the frames; its result is why the force log gives no labels, else None.
+    `start_s` is time 0 of the recording, and from `due_s` on the forces after it suffice. `finishing` writes the rest
+    after the frames; its result is why the force log gives no labels, else None.
     """
 
     folder: Path
@@ -323,11 +316,7 @@ class Withdrawals:
             self._journal.fault(WITHDRAWAL, fault)
 
     def turn(self, *, ended: bool) -> None:
-        """When all frames are written, write the rest in a thread; tell the monitor when the recording is complete.
-
-        Args:
-            ended: the monitor has ended, so no more forces come.
-        """
+        """When all frames are written, write the rest in a thread. If the monitor has `ended`, no more forces come."""
         writing, force = self._writing, self._force
         if writing is None or writing.taker.next is not None:
             return
@@ -360,11 +349,7 @@ class Withdrawals:
 
 
 def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
-    """Write the force log, wait for the disk, rename the folder; return why the log gives no labels, else None.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
+    """Write the force log, wait for the disk, rename the folder; return why the log gives no labels, else None."""
     writing.taker.close()
     reason = _write_forces(writing, columns, forces) if columns else None
     partial = writing.taker.folder

@@ -52,14 +52,13 @@ class FrameAssembler:
         self._begun: _Begun | None = None
 
     def add(self, image: Image) -> ScannerFrame | None:
-        """Take the next image of the scanner; a whole image is not copied.
+        """Take the next image of the scanner; return the frame that it completes, None if parts are still missing.
 
-        Returns:
-            The frame that it completes; None if parts are still missing.
+        A whole image is not copied.
 
         Raises:
-            ProtocolError: the image is no B-scan, or does not belong to the parts before it. Those are forgotten; if it
-                has the first pixel, a new frame begins with it.
+            ProtocolError: the image is not a B-scan, or does not belong to the parts before it, which are forgotten. A
+                new frame begins with the image if it has the first pixel.
         """
         begun, self._begun = self._begun, None
         frame, place = _frame(image), _Place.of(image)
@@ -93,7 +92,7 @@ class FrameAssembler:
 
 @dataclass(frozen=True)
 class _Place:
-    """What a part states of the whole (rows, columns), and where it lies there."""
+    """The statement of a part on the whole (rows, columns), and its place there."""
 
     size: tuple[int, int]
     dtype: np.dtype[Any]
@@ -142,7 +141,7 @@ class _Begun:
         self.left = self.pixels.size
 
     def refusal(self, place: _Place) -> str | None:
-        """Why a part does not belong here; None: it does."""
+        """Return why a part does not belong here; None if it does."""
         if place.stated != self.first.stated:
             return "states another size, type or matrix than those before it"
         if self.covered[place.rows, place.columns].any():
@@ -156,7 +155,7 @@ class _Begun:
 
 
 def _frame(image: Image) -> ScannerFrame:
-    """The pixels of an image as counts, and their size."""
+    """Return the pixels of an image as counts, and their size."""
     pixels = image.pixels
     if pixels.dtype not in COUNTS:
         raise ProtocolError(f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order")

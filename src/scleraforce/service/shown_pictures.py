@@ -25,17 +25,14 @@ Words = NDArray[np.uint64]
 
 
 class ShownPictures:
-    """Remembers the last pictures of one size by the signs of a few differences between neighbouring pixels.
+    """Remembers the last `most` pictures of one size by the signs of a few differences between neighbouring pixels.
 
     Offset, gain, contrast and the number of bits leave the signs alone. In the noise above and below the tissue they
     agree by chance from one live frame to the next, even if the tissue is still and its speckle stays. So a picture is
     old if some blocks of every part of it agree: the worst third is better than chance (also with 80 % of an old
     picture and 20 % of the live one), or nearly all of one half agrees. A shift of one pixel from the frame before is
-    looked for, too. Where less than two thirds of the picture have texture, so that all of it may be tissue, equal
+    detected, too. Where less than two thirds of the picture have texture, so that all of it may be tissue, equal
     differences count instead, and in a picture of one grey every bit.
-
-    Args:
-        most: how many pictures are remembered.
     """
 
     def __init__(self, most: int) -> None:
@@ -43,7 +40,7 @@ class ShownPictures:
         self._shape: tuple[int, ...] | None = None
 
     def back(self, pixels: Pixels) -> int:
-        """Take a picture (row, column); return how many pictures ago it was last shown, 0 if it is new.
+        """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new.
 
         >>> shown, rng = ShownPictures(50), np.random.default_rng(0)
         >>> first, second = rng.integers(0, 4096, (2, 512, 512), dtype=np.uint16)

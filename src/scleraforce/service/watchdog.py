@@ -83,10 +83,7 @@ WatchdogMessage = Emergency | ClientCame | ClientSpeaks | ClientLeft | Beat | Pl
 
 
 def pack_for_watchdog(message: WatchdogMessage) -> bytes:
-    """Return the datagram of a message.
-
-    Raises:
-        MessageError: it would not be understood.
+    """Return the datagram of a message; raise MessageError if it would not be understood.
 
     >>> pack_for_watchdog(ClientSpeaks(client=7, version=2))
     b'V7 2'
@@ -109,11 +106,7 @@ def pack_for_watchdog(message: WatchdogMessage) -> bytes:
 
 
 def unpack_for_watchdog(data: bytes) -> WatchdogMessage:
-    """Return the message of a datagram.
-
-    Raises:
-        MessageError: the datagram is not a message.
-    """
+    """Return the message of a datagram; raise MessageError if it is not a message."""
     parts = _parts(data)
     if parts["emergency"]:
         return Emergency(version=int(parts["emergency"]), status=parts["status"])
@@ -155,13 +148,7 @@ def run_in_real_time(priority: int) -> bool:
 
 
 class Watchdog:
-    """The watchdog's clients, and the messages to send them.
-
-    Args:
-        monitor: the channel to the monitor.
-        monitor_pid: process to kill if it hangs.
-        look_s: time between two looks.
-    """
+    """The watchdog's clients, and the messages to send them; it kills process `monitor_pid` if that hangs."""
 
     def __init__(self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S) -> None:
         self._monitor, self._pid, self._look_s = monitor, monitor_pid, look_s

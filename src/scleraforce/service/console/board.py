@@ -67,7 +67,7 @@ def detail_of(message: str, state: str) -> str:
 
 @dataclass
 class Step:
-    """What came within one time step; the worst of it counts, so that no peak is lost.
+    """All decisions within one time step; the worst of it counts, so that no peak is lost.
 
     `force_mn` is the largest force, the interval the one that holds all intervals; None where no frame could be read.
     """
@@ -125,11 +125,7 @@ def _farther(which: Callable[[float, float], float], one_mn: float | None, other
 
 
 class Board:
-    """Takes the monitor's messages and sums them up for a page.
-
-    Args:
-        now_s: time of the start; all times here are of the monotonic clock.
-    """
+    """Sums up the monitor's messages for a page; all times are of the monotonic clock."""
 
     def __init__(self, now_s: float) -> None:
         self._entry_s = self._outline_s = self._frame_s = now_s
@@ -182,12 +178,7 @@ class Board:
         return "silent" if silent else "answers"
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
-        """Return all that a page shows, except the picture.
-
-        Args:
-            now_s: time.
-            since: number of the first step of the history that the page needs.
-        """
+        """Return all that a page shows, except the picture; the history begins with step number `since`."""
         return {
             "kind": "state",
             "now": now_s / STEP_S,

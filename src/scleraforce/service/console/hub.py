@@ -43,7 +43,7 @@ ResetAnswer = tuple[bool, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """What a page gets: at most one update every `update_s`, one picture every `picture_s`, of `pixels` a side."""
+    """The share of a page: at most one update every `update_s`, one picture every `picture_s`, of `pixels` a side."""
 
     level: int
     update_s: float
@@ -75,12 +75,12 @@ class Thrift:
         self._behind = 0
 
     def woke(self, late_s: float, now_s: float) -> None:
-        """Take how late the console woke up."""
+        """Take the delay of a wake-up of the console."""
         if late_s > LATE_S:
             self._signs.append(now_s)
 
     def answered(self, latency_ms: float | None, behind: int, now_s: float) -> None:
-        """Take the latency of an answer, and how many frames were overtaken or lost since the start."""
+        """Take the latency of an answer, and the number of frames that were overtaken since the start."""
         if behind > self._behind or (latency_ms is not None and latency_ms > SLOW_MS):
             self._signs.append(now_s)
         self._behind = behind
@@ -134,13 +134,7 @@ class Pictures:
 
 @dataclass(eq=False)
 class PagePlace:
-    """The place of one page.
-
-    Attributes:
-        wake: set when the page must be told at once.
-        gone: set when the page must leave.
-        heard_s: when it last sent something.
-    """
+    """The place of one page: `wake` it at once, make it leave (`gone`); `heard_s` is when it last sent something."""
 
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     gone: asyncio.Event = field(default_factory=asyncio.Event)
@@ -150,11 +144,7 @@ class PagePlace:
 class Hub:
     """Connects the channel with the pages of one event loop; it never waits for a page, so the channel is always read.
 
-    Args:
-        channel: to the monitor.
-        pictures: of its frames.
-        token: of the operator's reset.
-        when_ended: called once, when the monitor has ended or died.
+    `when_ended` is called once, when the monitor has ended or died.
     """
 
     def __init__(self, channel: Channel, pictures: Pictures, token: ResetToken, when_ended: Callable[[], None]) -> None:
@@ -169,7 +159,7 @@ class Hub:
         """Read the channel from now on."""
         asyncio.get_running_loop().add_reader(self._channel.fileno(), self.read)
 
-    def tell(self, message: CompanionMessage) -> None:
+    def send(self, message: CompanionMessage) -> None:
         """Send a message to the monitor, if it still runs."""
         try:
             self._channel.send(message)
@@ -177,14 +167,14 @@ class Hub:
             self._end()
 
     def read(self) -> None:
-        """Read all messages that wait in the channel; after one that is none, the board shows a silent monitor."""
+        """Read all messages that wait in the channel; after an invalid one, the board shows a silent monitor."""
         try:
             messages = self._channel.receive()
         except ChannelClosedError:
             self._end()
             return
         except MessageError as fault:
-            self.tell(SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
+            self.send(SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
             return
         now_s = monotonic()
         urgent = False
@@ -237,7 +227,7 @@ class Hub:
             return False, "the token is wrong; the monitor printed the right one at its start"
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
-        self.tell(ResetAsked(request=number, token=token))
+        self.send(ResetAsked(request=number, token=token))
         try:
             return await asyncio.wait_for(future, ANSWER_S)
         except TimeoutError:
@@ -246,11 +236,11 @@ class Hub:
             self._waiting.pop(number, None)
 
     def _count_wrong(self) -> None:
-        """Count a wrong token; the monitor is told the number of those within `WRONG_S` at once."""
+        """Count a wrong token; the number within `WRONG_S` is sent to the monitor at once."""
         self._wrong_tokens += 1
         if self._wrong_tokens == 1:
-            asyncio.get_running_loop().call_later(WRONG_S, self._tell_wrong)
+            asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
 
-    def _tell_wrong(self) -> None:
-        self.tell(WrongTokens(count=self._wrong_tokens))
+    def _send_wrong(self) -> None:
+        self.send(WrongTokens(count=self._wrong_tokens))
         self._wrong_tokens = 0

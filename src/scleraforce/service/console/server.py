@@ -5,7 +5,6 @@ import json
 import os
 import socket
 from collections import deque
-from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from importlib.resources import files
 from ipaddress import ip_address
@@ -16,6 +15,7 @@ import h11
 import uvicorn
 from fastapi import FastAPI, Response, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, Field
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scleraforce.service.channel import Channel, run_companion
@@ -133,12 +133,6 @@ async def _hear(socket: WebSocket, progress: _Progress, place: PagePlace) -> Non
             place.wake.set()
 
 
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
-
 MOST_BODY_BYTES = 4096
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; "
@@ -198,7 +192,7 @@ def _own(host: str, name: str) -> bool:
 class OwnPagesOnly:
     """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to every answer."""
 
-    def __init__(self, app: App, name: str) -> None:
+    def __init__(self, app: ASGIApp, name: str) -> None:
         self._app, self._name = app, name
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
@@ -317,7 +311,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         )
     )
     hub.listen()
-    hub.tell(ListensAt(url=_url(settings.host, listener.getsockname()[1])))
+    hub.send(ListensAt(url=_url(settings.host, listener.getsockname()[1])))
     await server.serve([listener])
 
 
