@@ -197,41 +197,41 @@ def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() 
     } == {Signal.HARMLESS}
 
 
-@pytest.mark.parametrize(("before", "signal"), list(product(State, Signal)))
-def test_decide_follows_the_table(before: State, signal: Signal) -> None:
-    limits = LIMITS
-    state = STATES[before]()
-    events = SIGNALS[signal]
-    if signal is Signal.TOLERATED:
-        limits = MonitorLimits(unusable_frames=2)
-    if signal is Signal.UNJUDGED:  # the needle has not touched yet
-        state = replace(state, touched=False)
-    if before is State.WATCHING and signal is Signal.RESET_REFUSED:
-        state = replace(state, fresh=1)
-    for event in events[:-1]:
-        state, _ = decide(state, event, limits)
-    here = state.state  # NOT_READY cannot meet what needs frames: it is WATCHING by then
-    after, decision = decide(state, events[-1], limits)
-    assert after.state is TRANSITIONS[here, signal]
-    assert decision.code == {State.NOT_READY: 13, State.WATCHING: 1, State.WITHDRAW: 3}[after.state]
+def test_decide_follows_the_table() -> None:
+    for before, signal in list(product(State, Signal)):
+        limits = LIMITS
+        state = STATES[before]()
+        events = SIGNALS[signal]
+        if signal is Signal.TOLERATED:
+            limits = MonitorLimits(unusable_frames=2)
+        if signal is Signal.UNJUDGED:  # the needle has not touched yet
+            state = replace(state, touched=False)
+        if before is State.WATCHING and signal is Signal.RESET_REFUSED:
+            state = replace(state, fresh=1)
+        for event in events[:-1]:
+            state, _ = decide(state, event, limits)
+        here = state.state  # NOT_READY cannot meet what needs frames: it is WATCHING by then
+        after, decision = decide(state, events[-1], limits)
+        assert after.state is TRANSITIONS[here, signal]
+        assert decision.code == {State.NOT_READY: 13, State.WATCHING: 1, State.WITHDRAW: 3}[after.state]
 
 
-@pytest.mark.parametrize("before", list(State))
-@pytest.mark.parametrize("name", ALARMS)
-def test_each_cause_withdraws_at_once_in_every_state(before: State, name: str) -> None:
-    event, cause = ALARMS[name]
-    state, decision = decide(STATES[before](), event, LIMITS)
-    assert (decision.state, decision.code) == (State.WITHDRAW, 3)
-    assert decision.cause is (Cause.CHECKSUM if before is State.WITHDRAW else cause)
-    assert decision.sub_code == decision.cause.value
-    assert state.fresh == 0
+def test_each_cause_withdraws_at_once_in_every_state() -> None:
+    for name in ALARMS:
+        for before in list(State):
+            event, cause = ALARMS[name]
+            state, decision = decide(STATES[before](), event, LIMITS)
+            assert (decision.state, decision.code) == (State.WITHDRAW, 3)
+            assert decision.cause is (Cause.CHECKSUM if before is State.WITHDRAW else cause)
+            assert decision.sub_code == decision.cause.value
+            assert state.fresh == 0
 
 
-@pytest.mark.parametrize("name", AFTER_A_FRAME)
-def test_each_cause_that_needs_a_frame_before_withdraws_at_once(name: str) -> None:
-    event, cause = AFTER_A_FRAME[name]
-    _, decision = decide(watching(), event, LIMITS)
-    assert (decision.code, decision.cause) == (3, cause)
+def test_each_cause_that_needs_a_frame_before_withdraws_at_once() -> None:
+    for name in AFTER_A_FRAME:
+        event, cause = AFTER_A_FRAME[name]
+        _, decision = decide(watching(), event, LIMITS)
+        assert (decision.code, decision.cause) == (3, cause)
 
 
 def test_the_sub_codes_of_timeout_and_checksum_are_those_of_openigtlink() -> None:
@@ -250,10 +250,10 @@ def test_the_same_picture_three_times_is_frozen() -> None:
     assert play(shown([0, 1] * 40), watching()).state is State.WATCHING  # each twice: a scanner of half the rate
 
 
-@pytest.mark.parametrize("pictures", [2, 3, 10, 49])
-def test_old_pictures_in_turns_are_frozen_with_the_second_one(pictures: int) -> None:
-    assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
-    assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
+def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
+    for pictures in (2, 3, 10, 49):
+        assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
+        assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
 
 
 def test_an_old_picture_between_live_ones_is_frozen_the_second_time_within_the_window() -> None:
@@ -271,14 +271,14 @@ def late(lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0
     ]
 
 
-@pytest.mark.parametrize("ahead_s", [0.0, 1.8e9, -1e6])
-def test_frames_that_come_much_later_than_the_quickest_one_are_stale(ahead_s: float) -> None:
-    jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
-    assert play(late(jitter * 50, ahead_s), watching()).state is State.WATCHING
-    assert play(late([*jitter, 0.105], ahead_s), watching()).cause is Cause.STALE
-    queue = [0.005 + 0.001 * n for n in range(120)]
-    assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
-    assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
+def test_frames_that_come_much_later_than_the_quickest_one_are_stale() -> None:
+    for ahead_s in (0.0, 1.8e9, -1e6):
+        jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
+        assert play(late(jitter * 50, ahead_s), watching()).state is State.WATCHING
+        assert play(late([*jitter, 0.105], ahead_s), watching()).cause is Cause.STALE
+        queue = [0.005 + 0.001 * n for n in range(120)]
+        assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
+        assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
 
 
 @pytest.mark.slow
@@ -339,17 +339,15 @@ def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
     assert [number for number, _ in play([opinion(8)], replace(thinned, frame=frame(9)), expects).unanswered] == [9]
 
 
-@pytest.mark.parametrize("wrong", [{"size": (512, 500)}, {"scale_m": (2e-5, 5e-6)}, {"pixel_type": "uint8"}])
-@pytest.mark.parametrize("first", [True, False])
-def test_one_frame_of_another_kind_withdraws_and_makes_no_later_reset_impossible(
-    wrong: dict[str, Any], first: bool
-) -> None:
-    odd = replace(frame(1), **wrong)
-    begun = MonitorState() if first else watching()
-    events = [odd, frame(2)] if first else [replace(odd, frame_id=6, at_s=0.06)]
-    state = play(events, begun)
-    assert state.cause in (Cause.SIZE, Cause.SCALE, Cause.PIXEL_TYPE)
-    assert reset_after([frame(n) for n in range(7, 13)], state).code == 1
+def test_one_frame_of_another_kind_withdraws_and_makes_no_later_reset_impossible() -> None:
+    for first in (True, False):
+        for wrong in ({"size": (512, 500)}, {"scale_m": (2e-5, 5e-6)}, {"pixel_type": "uint8"}):
+            odd = replace(frame(1), **wrong)
+            begun = MonitorState() if first else watching()
+            events = [odd, frame(2)] if first else [replace(odd, frame_id=6, at_s=0.06)]
+            state = play(events, begun)
+            assert state.cause in (Cause.SIZE, Cause.SCALE, Cause.PIXEL_TYPE)
+            assert reset_after([frame(n) for n in range(7, 13)], state).code == 1
 
 
 def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
@@ -404,16 +402,19 @@ def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
     assert state.lost == 11
 
 
-@pytest.mark.parametrize("interval_s", [0.02, 0.01, 0.001])
-def test_losses_are_limited_in_time_whatever_the_frame_rate(interval_s: float) -> None:
-    before = replace(watching(), at_s=0.051)
-    losses = range(round(0.04 / interval_s) + 1)
-    in_row = [QueueLoss(at_s=0.052 + 1e-5 * n, lost=1, unread_s=interval_s, row=5) for n in losses]
-    assert play(in_row[:-1], before).state is State.WATCHING
-    assert play(in_row, before).cause is Cause.QUEUE_BEHIND
-    apart = [replace(loss, row=n, at_s=0.052 + 1e-4 * n) for n, loss in enumerate(in_row[:-1] * 2)]
-    assert play(apart, before).state is State.WATCHING
-    assert play([*apart, QueueLoss(at_s=0.07, lost=1, unread_s=interval_s, row=99)], before).cause is Cause.QUEUE_BEHIND
+def test_losses_are_limited_in_time_whatever_the_frame_rate() -> None:
+    for interval_s in (0.02, 0.01, 0.001):
+        before = replace(watching(), at_s=0.051)
+        losses = range(round(0.04 / interval_s) + 1)
+        in_row = [QueueLoss(at_s=0.052 + 1e-5 * n, lost=1, unread_s=interval_s, row=5) for n in losses]
+        assert play(in_row[:-1], before).state is State.WATCHING
+        assert play(in_row, before).cause is Cause.QUEUE_BEHIND
+        apart = [replace(loss, row=n, at_s=0.052 + 1e-4 * n) for n, loss in enumerate(in_row[:-1] * 2)]
+        assert play(apart, before).state is State.WATCHING
+        assert (
+            play([*apart, QueueLoss(at_s=0.07, lost=1, unread_s=interval_s, row=99)], before).cause
+            is Cause.QUEUE_BEHIND
+        )
 
 
 def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early() -> None:
@@ -465,24 +466,24 @@ def not_ready() -> MonitorState:
     return play([unusable(n) for n in range(1, 6)])
 
 
-@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
-@pytest.mark.parametrize("name", OPINIONS)
-def test_a_second_opinion_withdraws_at_once_in_every_state(before: Callable[[], MonitorState], name: str) -> None:
-    event, cause = OPINIONS[name]
-    for limits in (LIMITS, OPINED):
-        state, decision = decide(before(), event, limits)
-        assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
-        assert state.fresh == 0
+def test_a_second_opinion_withdraws_at_once_in_every_state() -> None:
+    for name in OPINIONS:
+        for before in (not_ready, watching, withdrawn):
+            event, cause = OPINIONS[name]
+            for limits in (LIMITS, OPINED):
+                state, decision = decide(before(), event, limits)
+                assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
+                assert state.fresh == 0
 
 
-@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
-@pytest.mark.parametrize("name", OVERTAKEN)
-def test_an_overtaken_frame_withdraws_at_once_in_every_state(before: Callable[[], MonitorState], name: str) -> None:
-    read, cause = OVERTAKEN[name]
-    state, decision = decide(before(), OvertakenRead(0.0505, read), LIMITS)
-    assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
-    assert state.fresh == 0
-    assert before is withdrawn or "frame 4, overtaken" in decision.message
+def test_an_overtaken_frame_withdraws_at_once_in_every_state() -> None:
+    for name in OVERTAKEN:
+        for before in (not_ready, watching, withdrawn):
+            read, cause = OVERTAKEN[name]
+            state, decision = decide(before(), OvertakenRead(0.0505, read), LIMITS)
+            assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
+            assert state.fresh == 0
+            assert before is withdrawn or "frame 4, overtaken" in decision.message
 
 
 def test_an_overtaken_frame_that_cannot_be_judged_counts_with_those_that_were_answered() -> None:
@@ -494,17 +495,17 @@ def test_an_overtaken_frame_that_cannot_be_judged_counts_with_those_that_were_an
     assert play([unusable(6), late], watching(), twice).cause is Cause.UNUSABLE
 
 
-@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
-def test_a_harmless_overtaken_frame_changes_nothing_but_the_time(before: Callable[[], MonitorState]) -> None:
-    state = before()
-    after = play([OvertakenRead(0.0515, frame(4))], state)
-    assert after == replace(state, at_s=0.0515)
+def test_a_harmless_overtaken_frame_changes_nothing_but_the_time() -> None:
+    for before in (not_ready, watching, withdrawn):
+        state = before()
+        after = play([OvertakenRead(0.0515, frame(4))], state)
+        assert after == replace(state, at_s=0.0515)
 
 
-@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
-def test_a_harmless_opinion_changes_no_state(before: Callable[[], MonitorState]) -> None:
-    state = before()
-    assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
+def test_a_harmless_opinion_changes_no_state() -> None:
+    for before in (not_ready, watching, withdrawn):
+        state = before()
+        assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
 
 
 def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it() -> None:
@@ -549,15 +550,15 @@ def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
     assert play([*after, opinion(1004), frame(1005)], before, OPINED).state is State.WATCHING
 
 
-@pytest.mark.parametrize("kind", ["frame", "tick"])
-def test_a_second_reader_that_has_gone_is_a_cause(kind: str) -> None:
-    state = play(both(*range(1, 11)), limits=OPINED)
-    assert state.state is State.WATCHING
-    frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]  # the first that gets none comes at 0.11 s
-    assert play(frames, state, OPINED).state is State.WATCHING
-    last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
-    assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
-    assert play([*frames, last], state).state is State.WATCHING, "where none is expected"
+def test_a_second_reader_that_has_gone_is_a_cause() -> None:
+    for kind in ("frame", "tick"):
+        state = play(both(*range(1, 11)), limits=OPINED)
+        assert state.state is State.WATCHING
+        frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]  # the first that gets none comes at 0.11 s
+        assert play(frames, state, OPINED).state is State.WATCHING
+        last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
+        assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
+        assert play([*frames, last], state).state is State.WATCHING, "where none is expected"
 
 
 def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
@@ -751,10 +752,10 @@ def force_at_withdrawal(rate_n_s: float, seed: int) -> tuple[float, Cause | None
     raise AssertionError("no withdrawal")
 
 
-@pytest.mark.parametrize("rate_mn_s", [5, 10, 20, 50, 100])
-def test_ramps_are_withdrawn_from_before_the_bound(rate_mn_s: int) -> None:
-    forces_n = [force_at_withdrawal(rate_mn_s * 1e-3, seed)[0] for seed in range(5)]
-    assert 0.02 < min(forces_n) <= max(forces_n) <= LIMITS.bound_n
+def test_ramps_are_withdrawn_from_before_the_bound() -> None:
+    for rate_mn_s in (5, 10, 20, 50, 100):
+        forces_n = [force_at_withdrawal(rate_mn_s * 1e-3, seed)[0] for seed in range(5)]
+        assert 0.02 < min(forces_n) <= max(forces_n) <= LIMITS.bound_n
 
 
 def test_a_steep_ramp_is_foreseen() -> None:
@@ -800,15 +801,21 @@ def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_befor
     assert risen_force(line[:9], 0.05, 3.0, 10) is None, "too few frames"
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("bound_n", NAN), ("bound_n", 0.0), ("bound_n", 1e-3), ("fresh_frames", 0), ("unusable_frames", 0),
-     ("unusable_opinions", 0),
-     ("silence_s", -1.0), ("reaction_s", float("inf")), ("frozen_frames", 1), ("size", (0, 512))],
-)  # fmt: skip
-def test_limits_that_pass_everything_or_nothing_are_refused(field: str, value: float) -> None:
-    with pytest.raises(InputError, match=r"monitor: "):
-        MonitorLimits(**{field: value})  # type: ignore[arg-type]
+def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
+    for field, value in (
+        ("bound_n", NAN),
+        ("bound_n", 0.0),
+        ("bound_n", 1e-3),
+        ("fresh_frames", 0),
+        ("unusable_frames", 0),
+        ("unusable_opinions", 0),
+        ("silence_s", -1.0),
+        ("reaction_s", float("inf")),
+        ("frozen_frames", 1),
+        ("size", (0, 512)),
+    ):
+        with pytest.raises(InputError, match=r"monitor: "):
+            MonitorLimits(**{field: value})  # type: ignore[arg-type]
 
 
 def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
@@ -818,15 +825,8 @@ def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
     assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
 
 
-@pytest.mark.parametrize("place", [0, 1])
-def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is(place: int) -> None:
-    def changed(share: float) -> tuple[float, float]:
-        scale_m = [1e-5, 5e-6]
-        scale_m[place] *= share
-        return scale_m[0], scale_m[1]
-
+def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is() -> None:
     limits = MonitorLimits(scale_tolerance=0.01)
-    assert of_scale(changed(1.009), (1e-5, 5e-6), limits)
-    assert of_scale(changed(0.991), (1e-5, 5e-6), limits)
-    for share in (1.011, 0.989, -1.0, NAN, float("inf")):
-        assert not of_scale(changed(share), (1e-5, 5e-6), limits)
+    for share in (1.009, 0.991, 1.011, 0.989, -1.0, NAN, float("inf")):
+        for changed_m in ((share * 1e-5, 5e-6), (1e-5, share * 5e-6)):
+            assert of_scale(changed_m, (1e-5, 5e-6), limits) == (share in (1.009, 0.991))

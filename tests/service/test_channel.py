@@ -179,12 +179,12 @@ def changed(record: Any, path: list[Any], value: Any) -> Any:
     return copied
 
 
-@pytest.mark.parametrize("data", [b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"], ids=repr)
-def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(data: bytes) -> None:
-    with pytest.raises(MessageError) as refused:
-        decode_message(data)
-    assert "\n" not in str(refused.value)
-    assert len(str(refused.value)) < 500
+def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
+    for data in (b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"):
+        with pytest.raises(MessageError) as refused:
+            decode_message(data)
+        assert "\n" not in str(refused.value)
+        assert len(str(refused.value)) < 500
 
 
 @given(st.binary(max_size=300))

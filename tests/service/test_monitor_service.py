@@ -46,19 +46,16 @@ CALIBRATED = KnownGlobe(
 )
 
 
-@pytest.mark.parametrize(
-    ("known", "stated"),
-    [
+def test_a_recording_states_what_was_told_of_the_globe() -> None:
+    for known, stated in (
         (None, None),
         (UNKNOWN, None),
         (OPEN, OPEN),
         (SEALED, SEALED),
         (known_globe("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
-        (CALIBRATED, SEALED),  # its rigidity stands in the calibration
-    ],
-)
-def test_a_recording_states_what_was_told_of_the_globe(known: KnownGlobe | None, stated: KnownGlobe | None) -> None:
-    assert stated_globe(stated_eye("mine", Known(globe=known))) == stated
+        (CALIBRATED, SEALED),  # its rigidity is in the calibration
+    ):
+        assert stated_globe(stated_eye("mine", Known(globe=known))) == stated
 
 
 def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are() -> None:
@@ -119,12 +116,12 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]
 
 
-@pytest.mark.parametrize("host", ["", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"])
-def test_a_host_that_is_no_address_of_this_machine_is_refused_in_one_line(host: str) -> None:
-    with pytest.raises(InputError) as refused:
-        listen(host, 0)
-    assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
-    assert "\n" not in str(refused.value)
+def test_a_host_that_is_no_address_of_this_machine_is_refused_in_one_line() -> None:
+    for host in ("", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"):
+        with pytest.raises(InputError) as refused:
+            listen(host, 0)
+        assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
+        assert "\n" not in str(refused.value)
 
 
 def test_a_port_that_is_taken_is_named_with_its_option() -> None:

@@ -40,31 +40,28 @@ def test_the_size_of_a_pixel_is_the_length_of_the_matrixs_first_two_columns() ->
     assert frame.depth_m == pytest.approx(17e-6, rel=1e-12)
 
 
-@pytest.mark.parametrize("little", [True, False])
-@pytest.mark.parametrize(
-    ("sent", "counted"), [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]
-)
-def test_what_is_sent_is_counted_without_a_sign(sent: str, counted: str, little: bool) -> None:
-    limits = np.iinfo(sent)
-    pixels = np.array([[[0, 1, limits.max], [5, 6, 7]]], dtype=sent)
-    received = unpack_image(memoryview(pack_image(Image(pixels), little_endian=little)))
-    frame = frame_of(FrameAssembler().add(received))
-    assert frame.pixels.dtype == np.dtype(counted)
-    assert frame.pixels.tolist() == [[0, 1, limits.max], [5, 6, 7]]
-    assert not frame.pixels.flags.writeable
+def test_what_is_sent_is_counted_without_a_sign() -> None:
+    for sent, counted in (("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")):
+        for little in (True, False):
+            limits = np.iinfo(sent)
+            pixels = np.array([[[0, 1, limits.max], [5, 6, 7]]], dtype=sent)
+            received = unpack_image(memoryview(pack_image(Image(pixels), little_endian=little)))
+            frame = frame_of(FrameAssembler().add(received))
+            assert frame.pixels.dtype == np.dtype(counted)
+            assert frame.pixels.tolist() == [[0, 1, limits.max], [5, 6, 7]]
+            assert not frame.pixels.flags.writeable
 
 
-@pytest.mark.parametrize("dtype", ["int16", "uint16", "uint8"])
-def test_a_whole_image_is_not_copied(dtype: str) -> None:
-    sent = COUNTS.astype(dtype)
-    assert np.shares_memory(frame_of(FrameAssembler().add(image(sent))).pixels, sent)
-    stated = image(sent, size=(9, 6, 1))
-    assert np.shares_memory(frame_of(FrameAssembler().add(stated)).pixels, sent)
+def test_a_whole_image_is_not_copied() -> None:
+    for dtype in ("int16", "uint16", "uint8"):
+        sent = COUNTS.astype(dtype)
+        assert np.shares_memory(frame_of(FrameAssembler().add(image(sent))).pixels, sent)
+        stated = image(sent, size=(9, 6, 1))
+        assert np.shares_memory(frame_of(FrameAssembler().add(stated)).pixels, sent)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
+def test_an_image_that_is_no_b_scan_is_refused_in_one_line() -> None:
+    for wrong, says in (
         (image(COUNTS.astype(np.int16) - np.int16(4000)), "negative"),
         (image(np.array([[0, -1]], dtype=np.int8)), "int8 pixels down to -1"),
         (Image(np.zeros((1, 2, 2, 3), dtype=np.uint8), MATRIX), "1 slices, 3 components"),
@@ -75,14 +72,12 @@ def test_a_whole_image_is_not_copied(dtype: str) -> None:
         (image(matrix=(float("nan"), *MATRIX[1:])), "nan"),
         (image(COUNTS.astype(np.float32)), "float32"),
         (image(COUNTS.astype(">u2")), "byte order"),
-    ],
-)
-def test_an_image_that_is_no_b_scan_is_refused_in_one_line(wrong: Image, says: str) -> None:
-    assembler = FrameAssembler()
-    with pytest.raises(ProtocolError, match=says) as refused:
-        assembler.add(wrong)
-    assert "\n" not in str(refused.value)
-    assert frame_of(assembler.add(image())).pixels.shape == (6, 9)
+    ):
+        assembler = FrameAssembler()
+        with pytest.raises(ProtocolError, match=says) as refused:
+            assembler.add(wrong)
+        assert "\n" not in str(refused.value)
+        assert frame_of(assembler.add(image())).pixels.shape == (6, 9)
 
 
 @settings(max_examples=60, deadline=None)
@@ -111,9 +106,8 @@ UPPER, LOWER = part(slice(0, 4)), part(slice(4, 6))
 OTHER = COUNTS ^ 0xFFF
 
 
-@pytest.mark.parametrize(
-    "second",
-    [
+def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten() -> None:
+    for second in (
         part(slice(3, 6)),
         part(slice(3, 4), slice(8, 9)),
         image(),
@@ -121,17 +115,15 @@ OTHER = COUNTS ^ 0xFFF
         part(slice(4, 6), counts=COUNTS.astype(np.int16)),
         part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
         part(slice(4, 6), coordinates=2),
-    ],
-)
-def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten(second: Image) -> None:
-    assembler = FrameAssembler()
-    assembler.add(UPPER)
-    with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
-        assembler.add(second)
-    with pytest.raises(ProtocolError, match="first pixel"):
-        assembler.add(LOWER)
-    assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
-    assert np.array_equal(frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER)
+    ):
+        assembler = FrameAssembler()
+        assembler.add(UPPER)
+        with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
+            assembler.add(second)
+        with pytest.raises(ProtocolError, match="first pixel"):
+            assembler.add(LOWER)
+        assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
+        assert np.array_equal(frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER)
 
 
 @settings(max_examples=100, deadline=None)

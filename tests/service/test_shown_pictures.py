@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from scleraforce.service.shown_pictures import ShownPictures
@@ -44,14 +43,14 @@ BURNED_IN = {
 }
 
 
-@pytest.mark.parametrize("pictures", [1, 2, 10, 50])
-@pytest.mark.parametrize("what", BURNED_IN)
-def test_old_pictures_in_turns_are_known_whatever_is_burned_in(what: str, pictures: int) -> None:
-    rng = np.random.default_rng(1)
-    shown, old = ShownPictures(MOST), speckled(MOST + 10)[:pictures]
-    assert [shown.back(picture) for picture in old] == [0] * pictures
-    again = [shown.back(changed(rng, picture, BURNED_IN[what])) for picture in (old * 10)[:10]]
-    assert again == [pictures] * 10
+def test_old_pictures_in_turns_are_known_whatever_is_burned_in() -> None:
+    for what in BURNED_IN:
+        for pictures in (1, 2, 10, 50):
+            rng = np.random.default_rng(1)
+            shown, old = ShownPictures(MOST), speckled(MOST + 10)[:pictures]
+            assert [shown.back(picture) for picture in old] == [0] * pictures
+            again = [shown.back(changed(rng, picture, BURNED_IN[what])) for picture in (old * 10)[:10]]
+            assert again == [pictures] * 10
 
 
 def test_a_picture_that_is_older_than_those_remembered_is_new() -> None:
@@ -76,10 +75,10 @@ LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
 }
 
 
-@pytest.mark.parametrize("how", LIVE)
-def test_live_pictures_are_new_whatever_stays_in_them(how: str) -> None:
-    shown = ShownPictures(MOST)
-    assert {shown.back(LIVE[how](picture)) for picture in speckled(MOST + 10)} == {0}
+def test_live_pictures_are_new_whatever_stays_in_them() -> None:
+    for how in LIVE:
+        shown = ShownPictures(MOST)
+        assert {shown.back(LIVE[how](picture)) for picture in speckled(MOST + 10)} == {0}
 
 
 def normal(rng: np.random.Generator) -> NDArray[np.complex128]:
@@ -95,15 +94,15 @@ DISPLAYS: dict[str, Callable[[NDArray[np.float64]], Pixels]] = {
 }
 
 
-@pytest.mark.parametrize("display", DISPLAYS)
-@pytest.mark.parametrize("snr_db", [15.0, 30.0])
-def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it(snr_db: float, display: str) -> None:
-    rng = np.random.default_rng(2)
-    shown, rows = ShownPictures(MOST), np.arange(SIZE[0])[:, None]
-    still = np.where((rows > 100) & (rows < 350), 10 ** (snr_db / 20.0), 0.0) * normal(rng)
-    for _ in range(MOST + 10):
-        level_db = 20.0 * np.log10(abs(still + normal(rng)))
-        assert shown.back(DISPLAYS[display](level_db)) == 0
+def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it() -> None:
+    for snr_db in (15.0, 30.0):
+        for display in DISPLAYS:
+            rng = np.random.default_rng(2)
+            shown, rows = ShownPictures(MOST), np.arange(SIZE[0])[:, None]
+            still = np.where((rows > 100) & (rows < 350), 10 ** (snr_db / 20.0), 0.0) * normal(rng)
+            for _ in range(MOST + 10):
+                level_db = 20.0 * np.log10(abs(still + normal(rng)))
+                assert shown.back(DISPLAYS[display](level_db)) == 0
 
 
 def first_alarm(before: Sequence[Pixels], old: Sequence[Pixels]) -> int | None:
@@ -160,19 +159,17 @@ OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
 }
 
 
-@pytest.mark.parametrize("what", OLD)
-def test_an_old_picture_is_known_whatever_is_done_to_it(what: str) -> None:
-    live = speckled(MOST + 10)
-    found = first_alarm(live[:30], OLD[what](live[30:50], np.random.default_rng(4)))
-    assert found is not None
-    assert found <= 6
+def test_an_old_picture_is_known_whatever_is_done_to_it() -> None:
+    for what in OLD:
+        live = speckled(MOST + 10)
+        found = first_alarm(live[:30], OLD[what](live[30:50], np.random.default_rng(4)))
+        assert found is not None
+        assert found <= 6
 
 
-@pytest.mark.parametrize("share", [0.5, 0.25])
-def test_a_filter_that_keeps_half_of_the_last_picture_or_less_shows_new_ones(
-    share: float,
-) -> None:
-    assert first_alarm((), filtered(speckled(MOST + 10), share)[10:]) is None
+def test_a_filter_that_keeps_half_of_the_last_picture_or_less_shows_new_ones() -> None:
+    for share in (0.5, 0.25):
+        assert first_alarm((), filtered(speckled(MOST + 10), share)[10:]) is None
 
 
 def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:

@@ -84,22 +84,36 @@ MESSAGES: list[WatchdogMessage] = [
 ]
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_what_is_sent_is_what_arrives(message: WatchdogMessage) -> None:
-    assert unpack_for_watchdog(pack_for_watchdog(message)) == message
+def test_what_is_sent_is_what_arrives() -> None:
+    for message in MESSAGES:
+        assert unpack_for_watchdog(pack_for_watchdog(message)) == message
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"", b"X", b"B ", b"QQ", b"C", b"C-1", b"C1 ", b"C1\n", b"C" + b"1" * 19, b"V1", b"V1 ", b"V1 4", b"V1 2 ",
-        b"D", b"Dx", b"M1", b"M1 short", b"M4 " + b"x" * 100, b"M1 " + b"x" * MOST_BYTES, b"C\xd9\xa1",
-    ],
-    ids=lambda data: repr(data[:20]),
-)  # fmt: skip
-def test_what_is_no_message_is_refused(data: bytes) -> None:
-    with pytest.raises(MessageError, match=f"{len(data)} bytes: not a message"):
-        unpack_for_watchdog(data)
+def test_what_is_no_message_is_refused() -> None:
+    for data in (
+        b"",
+        b"X",
+        b"B ",
+        b"QQ",
+        b"C",
+        b"C-1",
+        b"C1 ",
+        b"C1\n",
+        b"C" + b"1" * 19,
+        b"V1",
+        b"V1 ",
+        b"V1 4",
+        b"V1 2 ",
+        b"D",
+        b"Dx",
+        b"M1",
+        b"M1 short",
+        b"M4 " + b"x" * 100,
+        b"M1 " + b"x" * MOST_BYTES,
+        b"C\xd9\xa1",
+    ):
+        with pytest.raises(MessageError, match=f"{len(data)} bytes: not a message"):
+            unpack_for_watchdog(data)
 
 
 @given(st.binary(max_size=80))
@@ -108,12 +122,10 @@ def test_any_bytes_are_a_message_or_that_error(data: bytes) -> None:
         assert pack_for_watchdog(unpack_for_watchdog(data)) == data or data[:1] in b"CVD"  # numbers with zeros before
 
 
-@pytest.mark.parametrize(
-    "message", [Emergency(version=4, status=b"x" * 58), ClientSpeaks(client=1, version=0), ClientCame(client=-1)]
-)
-def test_what_would_not_be_understood_is_not_sent(message: WatchdogMessage) -> None:
-    with pytest.raises(MessageError):
-        pack_for_watchdog(message)
+def test_what_would_not_be_understood_is_not_sent() -> None:
+    for message in (Emergency(version=4, status=b"x" * 58), ClientSpeaks(client=1, version=0), ClientCame(client=-1)):
+        with pytest.raises(MessageError):
+            pack_for_watchdog(message)
 
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:

@@ -1,11 +1,11 @@
 """The console's board, and the share of its pages."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
-import pytest
 from console_monitor import reading
 from small_monitor import decision, verdict
 
@@ -37,19 +37,16 @@ def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None
     assert set(SENTENCES) == {cause.name for cause in Cause}
 
 
-@pytest.mark.parametrize(
-    ("message", "detail"),
-    [
+def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it() -> None:
+    for message, detail in (
         ("WITHDRAW: no frame for 120 ms; class 1; 11.0 mN", "no frame for 120 ms"),
         ("WITHDRAW: a; b; class 2", "a; b"),
         ("WITHDRAW: a; class 1; -0.3 mN; reset refused: 3 of 5 came", "a"),
         ("WITHDRAW: class 2", "class 2"),
         ("WITHDRAW: class 2; class 2; 33.0 mN", "class 2"),
         ("WITHDRAW", ""),
-    ],
-)
-def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it(message: str, detail: str) -> None:
-    assert detail_of(message, "WITHDRAW") == detail
+    ):
+        assert detail_of(message, "WITHDRAW") == detail
 
 
 def test_what_is_true_now_stands_beside_the_first_cause_and_its_time() -> None:
@@ -181,47 +178,46 @@ def test_a_frame_that_is_gone_makes_no_picture() -> None:
     assert pictures.of(7, None, MOST_PIXELS) is not None
 
 
-@pytest.mark.parametrize(
-    ("host", "taken"),
-    [
-        ("127.0.0.1:8080", True), ("localhost", True), ("LOCALHOST:1", True), ("[::1]:8080", True), ("10.0.0.7", True),
-        ("bench.local:8080", True), ("evil.example:8080", False), ("localhost.evil.example", False), ("", False),
-        ("127.0.0.1.evil.example", False), ("[evil]", False),
-    ],
-)  # fmt: skip
-def test_addresses_and_own_names_are_hosts_and_no_name_that_could_be_bound_anew(host: str, taken: bool) -> None:
-    assert (refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None) == taken
+def test_addresses_and_own_names_are_hosts_and_no_name_that_could_be_bound_anew() -> None:
+    for host, taken in (
+        ("127.0.0.1:8080", True),
+        ("localhost", True),
+        ("LOCALHOST:1", True),
+        ("[::1]:8080", True),
+        ("10.0.0.7", True),
+        ("bench.local:8080", True),
+        ("evil.example:8080", False),
+        ("localhost.evil.example", False),
+        ("", False),
+        ("127.0.0.1.evil.example", False),
+        ("[evil]", False),
+    ):
+        assert (refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None) == taken
 
 
-@pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_what_writes_must_come_from_the_consoles_own_page(kind: str) -> None:
-    def status(*origins: str) -> int:
-        headers = [
-            (b"host", b"localhost:80"),
-            (b"content-length", b"2"),
-            *((b"origin", one.encode()) for one in origins),
-        ]
+def test_what_writes_must_come_from_the_consoles_own_page() -> None:
+    own, others = ["http://localhost:80"], (["null"], ["http://localhost:81"], ["http://evil.example"])
+    for kind, origins in product(("http", "websocket"), (own, [], *others, own * 2)):
+        headers = [(b"host", b"localhost:80"), (b"content-length", b"2")]
+        headers += [(b"origin", one.encode()) for one in origins]
         refused = refusal(kind, "POST", headers, "localhost")
-        return refused[0] if refused else 200
-
-    assert status("http://localhost:80") == 200
-    assert status() == status("null") == status("http://localhost:81") == status("http://evil.example") == 403
-    assert status("http://localhost:80", "http://localhost:80") == 403
-    assert (
-        refusal("http", "GET", [(b"host", b"localhost"), (b"origin", b"http://evil.example")], "localhost") is not None
-    )
-    assert refusal("http", "GET", [(b"host", b"localhost"), (b"host", b"localhost")], "localhost") is not None
+        assert (refused[0] if refused else 200) == (200 if origins == own else 403)
+        assert (
+            refusal("http", "GET", [(b"host", b"localhost"), (b"origin", b"http://evil.example")], "localhost")
+            is not None
+        )
+        assert refusal("http", "GET", [(b"host", b"localhost"), (b"host", b"localhost")], "localhost") is not None
 
 
-@pytest.mark.parametrize("length", [None, "4097", "99999999999999999999", "-1", "²", ""])
-def test_a_body_whose_length_is_not_told_or_too_large_is_refused(length: str | None) -> None:
-    headers = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
-    if length is not None:
-        headers.append((b"content-length", length.encode("latin-1")))
-    assert refusal("http", "POST", headers, "localhost") == (
-        413,
-        "a request needs a Content-Length of at most 4096 bytes",
-    )
+def test_a_body_whose_length_is_not_told_or_too_large_is_refused() -> None:
+    for length in (None, "4097", "99999999999999999999", "-1", "²", ""):
+        headers = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
+        if length is not None:
+            headers.append((b"content-length", length.encode("latin-1")))
+        assert refusal("http", "POST", headers, "localhost") == (
+            413,
+            "a request needs a Content-Length of at most 4096 bytes",
+        )
 
 
 def late(thrift: Thrift, times: int, begin_s: float) -> None:
@@ -247,20 +243,19 @@ def test_while_the_machine_is_in_time_all_is_shown() -> None:
         assert thrift.share(0.03 * n).level == 0
 
 
-@pytest.mark.parametrize("sign", ["late", "slow", "behind"])
-def test_three_signs_within_a_second_are_less_and_two_are_not(sign: str) -> None:
-    def give(thrift: Thrift, n: int, at_s: float) -> None:
-        if sign == "late":
-            thrift.woke(0.02, at_s)
-        else:
-            thrift.answered(12.0 if sign == "slow" else 2.4, n if sign == "behind" else 0, at_s)
-
-    short, rare = Thrift(), Thrift()
-    for n in range(1, 4):
-        give(short, n, 10.0 + 0.4 * n)
-        give(rare, n, 10.0 + 0.6 * n)
-        assert rare.share(10.0 + 0.6 * n).level == 0
-    assert short.share(11.2).level == 1
+def test_three_signs_within_a_second_are_less_and_two_are_not() -> None:
+    signs: list[Callable[[Thrift, int, float], None]] = [
+        lambda thrift, _, at_s: thrift.woke(0.02, at_s),
+        lambda thrift, _, at_s: thrift.answered(12.0, 0, at_s),
+        lambda thrift, n, at_s: thrift.answered(2.4, n, at_s),
+    ]
+    for give in signs:
+        short, rare = Thrift(), Thrift()
+        for n in range(1, 4):
+            give(short, n, 10.0 + 0.4 * n)
+            give(rare, n, 10.0 + 0.6 * n)
+            assert rare.share(10.0 + 0.6 * n).level == 0
+        assert short.share(11.2).level == 1
 
 
 def test_frames_that_were_overtaken_once_are_one_sign_however_often_they_are_told() -> None:
