@@ -1,8 +1,8 @@
-"""Requirements and the tests that show them: `docs/requirements.toml` and the names of the tests as one page.
+"""Requirements and their tests: `docs/requirements.toml` as a page.
 
 python benchmarks/requirements_trace.py > docs/requirements.md     (`make trace`)
 
-The names of tests are sentences. One that is not there any more ends the run.
+A test that does not exist ends the run.
 """
 
 import ast
@@ -19,9 +19,9 @@ HEAD = """# Requirements and their tests
 
 **Research use only: not a medical device, not for use on patients.**
 
-What [the hazards](hazards.md) rely on, each with the tests that show it, by their names. `make trace` writes this page
-from `requirements.toml` and from the tests; a test fails where it is old. Tests marked *slow* are left out of `make
-test`; `make slow` has them. That a test passes shows what it tests, on virtual eyes and on faults that were thought of.
+The requirements that [the hazards](hazards.md) rely on, each with the tests that show it, by their names for `pytest`.
+`make trace` writes this page from `requirements.toml`, and a test fails if it is out of date. `make test` leaves out
+tests marked *slow*, which `make slow` runs. A passing test shows what it tests, on virtual eyes and foreseen faults.
 """
 
 
@@ -35,19 +35,18 @@ def trace_page(stated: Path = STATED) -> str:
     for requirement in tomllib.loads(stated.read_text(encoding="utf-8"))["requirement"]:
         if not requirement["tests"]:
             raise ValueError(f"{requirement['id']}: no test")
-        lines = [f"- {_sentence(name)}" for name in requirement["tests"]]
+        lines = [f"- {_line(name)}" for name in requirement["tests"]]
         parts.append("\n".join([f"## {requirement['id']}", requirement["text"], "", *lines, ""]))
     return "\n".join(parts)
 
 
-def _sentence(name: str) -> str:
+def _line(name: str) -> str:
     """Return a test as a line of the page."""
     file, _, function = name.partition("::")
     found = _tests(file)
     if function not in found:
         raise ValueError(f"{name}: there is no such test; it was renamed or removed: mend docs/requirements.toml")
-    words = function.removeprefix("test_").replace("_", " ")
-    return f"{words[0].upper()}{words[1:]}{' *(slow)*' if found[function] else ''} (`{file}`)"
+    return f"`{name}`{' *(slow)*' if found[function] else ''}"
 
 
 @cache

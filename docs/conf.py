@@ -37,12 +37,12 @@ autodoc_preserve_defaults = True
 html_theme = "furo"
 html_title = "scleraforce"
 html_math_renderer = "mathml"  # drawn by the browser: MathJax would be fetched
-html_show_search_summary = False  # a summary is fetched, which browsers refuse to a page that is opened as a file
+html_show_search_summary = False  # summaries are fetched, which browsers refuse to pages opened as files
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_theme_options = {
-    "announcement": "Research software, not a medical device: not for use on patients.",
+    "announcement": "Research use only: not a medical device.",
     "light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"},
     "dark_css_variables": {"color-brand-primary": "#56B4E9", "color-brand-content": "#56B4E9"},
 }

@@ -91,7 +91,7 @@ def test_what_it_holds_reads_a_frame_and_writes_a_study(wheel: Path, tmp_path: P
 
 
 def test_the_scripts_of_the_package_can_be_run() -> None:
-    for script in (ROOT / ".ci").iterdir():
+    for script in (path for path in (ROOT / ".ci").iterdir() if not path.suffix):
         assert os.access(script, os.X_OK), script
         subprocess.run(["bash", "-n", script], check=True)
 

@@ -57,5 +57,5 @@ def test_a_requirement_without_a_test_is_found(tests: str, fault: str, tmp_path:
 
 def test_a_slow_test_is_marked_so() -> None:
     page = trace_page()
-    assert re.search(r"A bound that adapts .* \*\(slow\)\*", page)
-    assert not re.search(r"A steep ramp is foreseen \*\(slow\)\*", page)
+    assert re.search(r"::test_a_bound_that_adapts\w+` \*\(slow\)\*", page)
+    assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)

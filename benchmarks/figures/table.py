@@ -51,94 +51,83 @@ class GroupResult:
 
 
 COLUMNS = (
-    "class accuracy, all frames",
-    "usable frames",
-    "the same by the force log",
+    "eyes, frames",
+    "right class, %",
     "class 2 read as 0",
-    "over 35 mN, read as below 30",
-    "recall of class 2",
-    "unusable, of those in the window",
+    "above 35 mN read below 30",
+    "not usable, %",
     "force error, mN",
-    "90 % intervals that hold",
-    "the same for other eyes",
+    "intervals hold, %",
+    "other eyes, %",
     "median width, mN",
-    "width that would do, over it",
+    "factor",
 )
-ASKED_MODULUS = "after 5 frames within 3 %, plain eyes"
 
 
 def as_markdown(results: Sequence[GroupResult]) -> str:
-    """Return the tables."""
-    return "\n\n".join(["\n".join(_group(result)) for result in results] + ["\n".join(_moduli(results))]) + "\n"
+    """Return one table for each method, a row a group, the first with the goals; and one of the errors of E."""
+    titles = dict.fromkeys(method.title for result in results for method in result.scores)
+    tables = [
+        "\n".join([f"**{title[0].upper()}{title[1:]}**", "", *_method(results, title, goals=number == 0)])
+        for number, title in enumerate(titles)
+    ]
+    return "\n\n".join([*tables, "\n".join(_moduli(results))]) + "\n"
 
 
-def _group(result: GroupResult) -> list[str]:
-    words = GROUPS[result.group].words
-    title = f"**{result.group.capitalize()} eyes** ({words}): {result.eyes} eyes, {result.frames} frames"
-    title += f"; in {result.deep} the dent leaves the window, and {result.mislabelled} are in another class by the log"
-    if result.capped:
-        title += f"; {result.capped} eyes are pushed with less than 60 mN, as far as their path goes"
-    rows = [[method.title, *_cells(scores)] for method, scores in result.scores.items()]
-    return [f"{title}.", "", *_table(["", *COLUMNS], [["asked for", *_asked(result.group)], *rows])]
+def _method(results: Sequence[GroupResult], title: str, *, goals: bool) -> list[str]:
+    """Return the table of a method, without the columns that it has no figures for."""
+    found = (
+        (result, scores) for result in results for method, scores in result.scores.items() if method.title == title
+    )
+    rows = [[result.group, *_cells(result, scores, goals=goals)] for result, scores in found]
+    columns = [cells for cells in zip(["", *COLUMNS], *rows, strict=True) if set(cells[1:]) != {"-"}]
+    head, *rows = map(list, zip(*columns, strict=True))
+    return _table(head, rows)
 
 
-def _asked(group: str) -> list[str]:
-    """Return what is asked of a group, by column."""
-    percent, error_mn = GROUPS[group].accuracy_percent, GROUPS[group].error_mn
-    asked = {
-        "class accuracy, all frames": "" if percent is None else f"{percent} % or more",
-        "class 2 read as 0": "0",
-        "over 35 mN, read as below 30": "0",
-        "force error, mN": "" if error_mn is None else f"{error_mn:g} or less",
-        "the same for other eyes": "90 % among them",
-        "width that would do, over it": "0.5 to 2",
-    }
-    return [asked.get(column, "") for column in COLUMNS]
-
-
-def _cells(scores: Scores) -> list[str]:
+def _cells(result: GroupResult, scores: Scores, *, goals: bool) -> list[str]:
+    goal = GROUPS[result.group]
+    percent, error_mn = (goal.accuracy_percent, goal.error_mn) if goals else (None, None)
     return [
-        _counted(scores.accuracy),
-        _counted(scores.usable_accuracy),
-        f"{_percent(scores.log_accuracy)}, {_percent(scores.log_usable_accuracy)}",
+        f"{result.eyes}, {result.frames}" if goals else "-",
+        _percent(scores.accuracy) + ("" if percent is None else f" (goal {percent})"),
         str(scores.as_harmless),
         f"{scores.as_safe.hits} of {scores.as_safe.total}",
-        _counted(scores.recall),
-        _counted(scores.unusable) + (f"; whole eyes: {scores.refused_eyes}" if scores.refused_eyes else ""),
-        f"{scores.mae_mn:.2f}" if isfinite(scores.mae_mn) else "-",
-        _counted(scores.coverage),
+        _percent(scores.unusable) + (f", {scores.refused_eyes} whole eyes" if scores.refused_eyes else ""),
+        _fixed(scores.mae_mn) + ("" if error_mn is None else f" (goal {error_mn:g})"),
+        _percent(scores.coverage),
         "-"
         if scores.coverage_band is None
-        else "{:.0f} to {:.0f} %".format(*(100 * end for end in scores.coverage_band)),
-        f"{scores.width_mn:.2f}" if isfinite(scores.width_mn) else "-",
-        f"{scores.stretch:.2f}" if isfinite(scores.stretch) else "-",
+        else "{:.0f} to {:.0f}".format(*(100 * end for end in scores.coverage_band)),
+        _fixed(scores.width_mn),
+        _fixed(scores.stretch),
     ]
 
 
 def _moduli(results: Sequence[GroupResult]) -> list[str]:
-    rows = [["asked for", "", ASKED_MODULUS, "", ""]]
-    for result in results:
-        for errors in result.moduli:
-            found = [f"{100 * error:.1f} %" if isfinite(error) else "-" for error in (errors.mean, errors.largest)]
-            rows.append([result.group, str(errors.frames), *found, str(errors.diverged)])
-    return _table(["E of the eyes", "frames", "mean error", "largest", "diverged"], rows)
+    rows = [
+        [
+            result.group,
+            str(errors.frames),
+            *(_fixed(100 * e, 1) for e in (errors.mean, errors.largest)),
+            str(errors.diverged),
+        ]
+        for result in results
+        for errors in result.moduli
+    ]
+    return _table(["error of E", "frames", "mean, %", "largest, %", "diverged"], rows)
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    rule = ["---"] * len(head)
-    return [f"| {' | '.join(cells)} |" for cells in (head, rule, *rows)]
-
-
-def _band(ends: tuple[float, float] | None) -> str:
-    return "-" if ends is None else f"{100 * ends[0]:.0f} to {100 * ends[1]:.0f} %"
-
-
-def _counted(share: Proportion) -> str:
-    return f"{_percent(share)} ({share.hits} of {share.total})" if share.total else "-"
+    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
 
 
 def _percent(share: Proportion) -> str:
-    return f"{100 * share.value:.1f} %" if share.total else "-"
+    return f"{100 * share.value:.1f}" if share.total else "-"
+
+
+def _fixed(value: float, digits: int = 2) -> str:
+    return f"{value:.{digits}f}" if isfinite(value) else "-"
 
 
 def as_json(results: Sequence[GroupResult]) -> dict[str, Any]:

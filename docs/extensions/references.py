@@ -24,9 +24,17 @@ def setup(app: Sphinx) -> dict[str, bool]:
             lines[:] = written.pop(name)
 
     app.connect("missing-reference", _documented_elsewhere)
+    app.connect("autodoc-process-signature", _without_factories)
     app.connect("autodoc-process-docstring", keep, priority=BEFORE_NAPOLEON)
     app.connect("autodoc-process-docstring", restore, priority=AFTER_NAPOLEON)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _without_factories(
+    _app: Sphinx, _what: str, _name: str, _object: object, _options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Show `...` for the default of a field that a function makes."""
+    return signature and signature.replace("<factory>", "..."), returned
 
 
 def _documented_elsewhere(
