@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from scleraforce.cli import doctor as command
+from scleraforce import installation
 from scleraforce.cli.main import run
 from scleraforce.installation import Finding
 
@@ -14,8 +14,13 @@ FOUND = [
 ]
 
 
+def find(monkeypatch: pytest.MonkeyPatch, found: list[Finding]) -> None:
+    for name, value in {"packages": lambda: found, "machine": list, "TRIALS": ()}.items():
+        monkeypatch.setattr(installation, name, value)
+
+
 def test_it_prints_a_line_for_each_finding_and_what_to_do(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(command, "_findings", lambda: iter(FOUND))
+    find(monkeypatch, FOUND)
     assert run(["doctor"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
     assert head.startswith("scleraforce ")
@@ -27,7 +32,7 @@ def test_it_prints_a_line_for_each_finding_and_what_to_do(monkeypatch: pytest.Mo
 
 
 def test_what_has_failed_ends_it_with_code_1(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(command, "_findings", lambda: iter([*FOUND, Finding("a solve", "failed", "wrong", "report")]))
+    find(monkeypatch, [*FOUND, Finding("a solve", "failed", "wrong", "report")])
     assert run(["doctor", "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert not told["ok"]

@@ -15,7 +15,7 @@ from effects import contents
 from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_dicom, write_log
 from small_recordings import write_small_recording
 
-from scleraforce.cli import import_terminal as terminal, main
+from scleraforce.cli import import_ as terminal
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.main import run
 from scleraforce.recording import importing
@@ -344,7 +344,7 @@ def test_a_recording_that_is_there_stays(tmp_path: Path, capsys) -> None:
 
 
 def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "_can_ask", lambda as_json: not as_json)
+    monkeypatch.setattr(terminal, "_can_ask", lambda: True)
     np.save(tmp_path / "a.npy", FRAMES)
     lines = [f"{n / 200},{-0.001 * n}" for n in range(400)]
     (tmp_path / "log.csv").write_text("\n".join(["when,pull", *lines]) + "\n")
@@ -397,8 +397,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
     fields = set(ImportOptions.__dataclass_fields__)
-    assert set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "as_json", "quiet"}
-    assert main.module_name("import") == "import_"
+    assert set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "json", "quiet"}
 
 
 @pytest.mark.real

@@ -9,14 +9,14 @@ from click.testing import CliRunner, Result
 from foreign_files import FRAMES, told, write_log
 from small_recordings import looked_at_frames
 
-from scleraforce.cli import import_terminal as terminal
+from scleraforce.cli import import_ as terminal
 from scleraforce.cli.import_ import import_
 from scleraforce.recording.folder import read_recording
 
 
 @pytest.fixture(autouse=True)
 def on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "_can_ask", lambda as_json: not as_json)
+    monkeypatch.setattr(terminal, "_can_ask", lambda: True)
 
 
 def asked(answers: list[str], *arguments: object) -> Result:

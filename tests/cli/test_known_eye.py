@@ -2,7 +2,7 @@
 
 import pytest
 
-from scleraforce.cli.inputs import globe_words
+from scleraforce.cli.monitor import globe_words
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 
 CALIBRATED = KnownGlobe(

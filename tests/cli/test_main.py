@@ -74,7 +74,7 @@ def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
         (["init"], "Missing argument 'DIRECTORY'", "scleraforce init"),
         (["init", "a", "b"], "unexpected extra argument (b)", "scleraforce init"),
         (["import", "a.tif", "--out", "r", "--bits", "99"], "99 is not in the range", "scleraforce import"),
-        (["replay", "r", "--fault-at-s", "1"], "of which --fault?", "scleraforce replay"),
+        (["replay", "r", "--fault-at-s", "1"], "give the --fault, too", "scleraforce replay"),
     ],
 )
 def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(arguments, words, page, capsys) -> None:

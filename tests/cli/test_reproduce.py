@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from small_recordings import frame_answer
 
-from scleraforce.cli.reproduce import _coverage_words, _stage, _true_metrics
+from scleraforce.cli.first import _coverage_words, _stage, _true_metrics
 from scleraforce.reader.evaluate import Evaluation
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import tifffile
 
+from scleraforce.cli.frames import _wall_line
 from scleraforce.cli.main import run
-from scleraforce.cli.segment import _line
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.study import parse_study
@@ -170,7 +170,7 @@ def test_lengths_for_people_are_in_micrometres_of_one_spelling(recordings, tmp_p
 
 def test_a_wall_without_a_thickness_is_not_printed_as_a_number() -> None:
     entry = {"file": "a.png", "usable": True, "inner_found": False, "thickness_um": None}
-    assert _line(entry) == "a.png: inner boundary not seen; the mask ends 1 mm below the surface"
+    assert _wall_line(entry) == "a.png: inner boundary not seen; the mask ends 1 mm below the surface"
 
 
 def test_a_bad_file_is_told_and_the_others_are_segmented(recordings, tmp_path: Path, capsys) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.models import SHIPPED_READER
-from scleraforce.notebook.counting import counting_for
+from scleraforce.notebook import counting_for
 from scleraforce.notebook.training import library_for
 from scleraforce.reader import load_force_reader
 from scleraforce.study import Study
@@ -15,19 +15,19 @@ from scleraforce.study import Study
 def test_progress_hears_of_its_own_work_alone() -> None:
     told: list[int] = []
     for title in ("library", "frames"):
-        with counting_for("frames", told.append)(title, 3) as advance:
+        with counting_for(told.append, "frames")(title, 3) as advance:
             advance(2)
     assert told == [2]
 
 
 def test_linear_mechanics_needs_no_library() -> None:
-    assert library_for(Study(), "linear", counting_for("library", None)) is None
+    assert library_for(Study(), "linear", counting_for(None, "library")) is None
 
 
 def test_the_papers_library_is_that_of_the_shipped_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     ticks: list[int] = []
-    found = library_for(Study(), "finite-strain", counting_for("library", ticks.append))
+    found = library_for(Study(), "finite-strain", counting_for(ticks.append, "library"))
     assert found is not None
     np.testing.assert_array_equal(found.curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc)
     assert not ticks

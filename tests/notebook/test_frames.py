@@ -9,8 +9,7 @@ import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
 from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.notebook.calibrating import calibrate
-from scleraforce.notebook.evaluating import evaluate
-from scleraforce.notebook.frames import read, segment
+from scleraforce.notebook.frames import evaluate, read, segment
 from scleraforce.notebook.training import train
 from scleraforce.reader.answer import Reading
 

@@ -1,16 +1,27 @@
 """`scleraforce import`: a laboratory's frames and force log as a recording folder."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from scleraforce.cli.options import GLOBE, Quantity
-from scleraforce.cli.output import count_bar, print_json, say
+from scleraforce.cli.options import GLOBE, PATH, Quantity
+from scleraforce.cli.output import Command, Report, count_bar, is_json
+from scleraforce.plain_text import wrapped
+from scleraforce.units import from_si
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+if TYPE_CHECKING:
+    from scleraforce.recording.importing import Asker, Import, Question
+    from scleraforce.recording.scan import UnansweredError
+    from scleraforce.recording.sources import ImportOptions
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+OPEN = "-"  # leaves an optional question open
+UNITS = {"_mm": "mm", "_um": "µm"}
 
 
 def _given(key: str) -> Quantity:
@@ -30,7 +41,7 @@ OPTIONS = (
     click.option("--grey-range", type=float, nargs=2, metavar="LOW HIGH", help="Pixel values that become black and "
                  "white; floats and wide numbers are scaled from their smallest and largest by default."),
     click.option("--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames taken in a second."),
-    click.option("--times", type=click.Path(path_type=Path), help="Table of the frames' times (time_s or another "
+    click.option("--times", type=PATH, help="Table of the frames' times (time_s or another "
                  "unit), with a column of file names or in the frames' order."),
     click.option("--clock-offset-s", type=float, help="What the force log's clock shows more than the frames'."),
     click.option("--column", "columns", multiple=True, metavar="COLUMN=NAME:UNIT", help="Column of a force log: time, "
@@ -55,7 +66,7 @@ OPTIONS = (
 )  # fmt: skip
 
 
-def _import_options(command: Command) -> Command:
+def _import_options(command: Decorated) -> Decorated:
     """Add the options that are fields of `ImportOptions`."""
     for option in reversed(OPTIONS):
         command = option(command)
@@ -63,7 +74,7 @@ def _import_options(command: Command) -> Command:
 
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
-    """Take what another recording was imported with as the defaults of the options."""
+    """Take another recording's import options as defaults."""
     if folder is not None:
         from scleraforce.recording.importing import answers_like
 
@@ -71,33 +82,24 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
     return folder
 
 
-@click.command("import")
-@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.command("import", cls=Command)
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=PATH)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True,
               help="Recording folder to write; must not exist.")  # fmt: skip
-@click.option("--like", type=click.Path(path_type=Path), is_eager=True, callback=_like, metavar="RECORDING",
+@click.option("--like", type=PATH, is_eager=True, callback=_like, metavar="RECORDING",
               help="Take scanner, needle, sensor and the columns of the log from another recording.")  # fmt: skip
 @_import_options
-@click.option("--model", type=click.Path(path_type=Path), help="Model whose limits are noted; by default the reader "
-              "that ships.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--model", type=PATH, help="Model whose limits are noted; by default the bundled reader.")
 @click.pass_context
 def import_(
-    ctx: click.Context,
-    /,
-    sources: tuple[Path, ...],
-    out: Path,
-    like: Path | None,
-    model: Path | None,
-    as_json: bool,
-    **given: Any,
-) -> None:
+    ctx: click.Context, /, sources: tuple[Path, ...], out: Path, like: Path | None, model: Path | None, **given: Any
+) -> Report:
     """Write a laboratory's frames and force log as a recording folder.
 
     A SOURCE is an image, a stack, a volume, a film, a ROS bag, a force log, or
-    a folder of images (docs/formats.md lists the formats). What they do not
-    state (scale, times, columns of a log, needle) is asked for; without a
-    terminal, the command ends and names the option for each.
+    a folder of images (docs/formats.md lists the formats). The command prompts
+    for missing metadata (scale, times, columns of a log, needle); without a
+    terminal, it ends and names the option for each.
 
     RECORDING/preview.png shows the first frames with scale bars, and the force
     curve: look at it. RECORDING/import.json says where each value comes from.
@@ -105,18 +107,111 @@ def import_(
     Example: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
     """
     # Imported here: formats and figures take longer to import than the help to print.
-    from scleraforce.cli.import_terminal import asker, entries, lines
     from scleraforce.models import SHIPPED_READER
-    from scleraforce.notebook.importing import write_imported
+    from scleraforce.notebook.importing import PREVIEW, write_imported
+    from scleraforce.recording.importing import provenance
     from scleraforce.recording.sources import OPTION, ImportOptions
 
     words = {ParameterSource.COMMANDLINE: OPTION, ParameterSource.DEFAULT_MAP: f"like {like}"}
     origins = {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
-    questions = asker(as_json, {param.name or "": param.type for param in ctx.command.params})
-    model = model or SHIPPED_READER
-    done = write_imported(sources, out, ImportOptions(**given), origins, count_bar, questions, model)
-    if as_json:
-        print_json(entries(out, done))
-    else:
-        for line in lines(out, done):
-            say(line)
+    asker = _asker({param.name or "": param.type for param in ctx.command.params})
+    done = write_imported(sources, out, ImportOptions(**given), origins, count_bar, asker, model or SHIPPED_READER)
+    scanner, preview = done.info.oct, out / PREVIEW
+    return Report(
+        {
+            "recording": str(out),
+            "preview": str(preview),
+            "frames": len(done.gathered.scan.names),
+            "force_samples": None if done.log is None else len(done.log.time_s),
+            "width_mm": from_si(scanner.width_m, "mm"),
+            "depth_mm": from_si(scanner.depth_m, "mm"),
+            "refractive_index": scanner.refractive_index,
+            "bits": scanner.bits,
+            **provenance(done),
+        },
+        [*map(wrapped, _lines(done)), f"wrote {out}; look at {preview}"],
+    )
+
+
+def _lines(done: "Import") -> list[str]:
+    """Return the report: frames, times, forces, changed pixels, notes."""
+    from scleraforce.recording.pixels import TOP
+
+    scan, scanner, source, greys, log = done.gathered.scan, done.info.oct, done.sources, done.greys, done.log
+    count = "1 frame" if len(scan.names) == 1 else f"{len(scan.names)} frames"
+    first_s, last_s = done.times.time_s[0], done.times.time_s[-1]
+    begin = f"; 0 s is {done.origin_s:.0f} s of the sources' clock" if done.origin_s else ""
+    found = [
+        f"{count} of {scan.rows} x {scan.columns} pixels (depth x lateral), {scanner.bits} bits; "
+        f"{from_si(scanner.width_m, 'mm'):.4g} mm wide ({source['width_mm']}), "
+        f"{from_si(scanner.depth_m, 'mm'):.4g} mm deep ({source['depth_mm']}), "
+        f"refractive index {scanner.refractive_index:g} ({source['refractive_index']})",
+        f"times: {first_s:.3f} to {last_s:.3f} s ({source['times']}){begin}",
+    ]
+    if log is not None:
+        columns = ", ".join(column.answer() for column in done.gathered.columns) or ", ".join(log.columns)
+        force = done.info.force
+        sign = "" if force is None else f"; contact is {'+' if force.contact_sign > 0 else '-'}{force.axis}"
+        found.append(f"forces: {len(log.time_s)} samples, {log.sample_rate_hz:.4g} a second ({columns}){sign}")
+    if greys.scaled:
+        found.append(f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to {TOP}")
+    elif greys.low:
+        found.append(f"note: {-greys.low:g} was added to all pixels, so that the smallest is 0")
+    if greys.lost:
+        found.append(f"note: {greys.lost} pixels are not finite numbers; they became 0")
+    return [*found, *(f"note: {note}" for note in done.gathered.notes)]
+
+
+def _asker(kinds: "Mapping[str, click.ParamType[Any]]") -> "Asker":
+    """Return the user at the terminal, or nobody; `kinds` are the types of the options by their names."""
+    from scleraforce.recording.importing import NOBODY, Asker
+
+    if is_json() or not _can_ask():
+        return NOBODY
+
+    def ask(questions: "Mapping[str, Question]") -> dict[str, Any]:
+        return {name: _answer(name, question, kinds[name]) for name, question in questions.items()}
+
+    return Asker(_settle, ask, lambda fault: click.echo(f"error: {fault}", err=True))
+
+
+def _can_ask() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _settle(answers: "ImportOptions", open_point: "UnansweredError") -> "ImportOptions":
+    """Ask for missing properties of a source."""
+    click.echo(str(open_point), err=True)
+    name = open_point.option.removeprefix("--").replace("-", "_")
+    if name == "by_arrival":
+        return replace(answers, by_arrival=click.confirm("by arrival", abort=True, err=True))
+    if open_point.forms:
+        shorts = [form.partition("=")[0] for form in open_point.forms]
+        return replace(answers, columns=(*answers.columns, *map(_column, shorts)))
+    answer: dict[str, Any] = {name: click.prompt(open_point.option, err=True)}
+    return replace(answers, **answer)
+
+
+def _column(short: str) -> str:
+    """Ask for a column; take answers with and without its name, which the question shows."""
+    answer = click.prompt(f"{short} (NAME:UNIT)", err=True)
+    return f"{short}={answer.strip().removeprefix(f'{short}=')}"
+
+
+def _answer(name: str, question: "Question", kind: "click.ParamType[Any]") -> Any:
+    """Ask until the answer can be used; an optional question offers the sources' suggestion, or to stay open."""
+
+    def checked(text: str) -> Any:
+        if question.optional and text.strip() == OPEN:
+            return None
+        value = kind.convert(text.strip(), None, None)
+        if fault := question.fault(value):
+            raise click.UsageError(fault)
+        return value
+
+    unit = next((f", in {printed}" for ending, printed in UNITS.items() if name.endswith(ending)), "")
+    words = f"{question.words}{unit}{f' ({OPEN}: not known)' if question.optional else ''}"
+    default = OPEN if question.optional else None
+    if (offered := question.offered()) is not None:
+        words, default = f"{words}; the first frames show {offered:g}", f"{offered:g}"
+    return click.prompt(words, default=default, value_proc=checked, err=True)

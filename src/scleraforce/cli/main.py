@@ -1,4 +1,4 @@
-"""The entry point: finds the command, and turns every failure into one line and an exit code.
+"""The entry point: find the command, and turn every failure into one line and an exit code.
 
 Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted, by Ctrl-C or SIGTERM.
 """
@@ -21,60 +21,34 @@ INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
-# Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`; `import`
-# is a word of Python's own and lives in `cli/import_.py` as `import_`.
+# Command -> its module in `cli`, and one line of help.
 COMMANDS = {
-    "demo": "A first look: a virtual session, as a page.",
-    "doctor": "Check this installation, and say what is missing.",
-    "init": "Write a commented study.toml.",
-    "simulate": "One eye, one force: displacement, slice, picture.",
-    "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
-    "import": "Frames and forces of other programs as a recording.",
-    "segment": "Find the wall in raw frames.",
-    "scanner": "Measure a scanner on its frames, for a simulation.",
-    "library": "Solve the finite-strain load paths that others draw from.",
-    "calibrate": "Estimate Young's modulus from recordings.",
-    "generate": "Simulate the slices that a classifier learns from.",
-    "train": "Train a classifier, a reader or a wall finder.",
-    "read": "Read the force, or its class, from single frames.",
-    "evaluate": "Compare a model's answers with recordings.",
-    "show": "What a study, recording, model, ... is, in words or drawn.",
-    "export": "A recording or answers for other programs.",
-    "monitor": "Tell a robot, from live B-scans, when to withdraw.",
-    "monitor-reset": "The operator's reset after a withdrawal.",
-    "replay": "Play a recording to a monitor, as a scanner does.",
-    "reproduce": "The whole pipeline, to an HTML report.",
+    "demo": ("first", "A first look: a virtual session, as a page."),
+    "doctor": ("first", "Check this installation, and say what is missing."),
+    "init": ("first", "Write a commented study.toml."),
+    "simulate": ("virtual", "One eye, one force: displacement, slice, picture."),
+    "phantom": ("virtual", "Make a virtual acquisition: raw B-scans and a force log."),
+    "import": ("import_", "Frames and forces of other programs as a recording."),
+    "segment": ("frames", "Find the wall in raw frames."),
+    "scanner": ("scanner", "Measure a scanner on its frames, for a simulation."),
+    "library": ("train", "Solve the finite-strain load paths that others draw from."),
+    "calibrate": ("recordings", "Estimate Young's modulus from recordings."),
+    "generate": ("train", "Simulate the slices that a classifier learns from."),
+    "train": ("train", "Train a classifier, a reader or a wall finder."),
+    "read": ("frames", "Read the force, or its class, from single frames."),
+    "evaluate": ("recordings", "Compare a model's answers with recordings."),
+    "show": ("show", "Describe or draw a study, recording, model, ..."),
+    "export": ("show", "A recording or answers for other programs."),
+    "monitor": ("monitor", "Tell a robot, from live B-scans, when to withdraw."),
+    "monitor-reset": ("monitor", "The operator's reset after a withdrawal."),
+    "replay": ("replay", "Play a recording to a monitor, as a scanner does."),
+    "reproduce": ("first", "The whole pipeline, to an HTML report."),
 }
-
-
 ALIASES = {"classify": "read"}
-NEVER_QUIET = {"monitor"}  # its operator has to see what it says
-
-
-def _quiet(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked:
-        from scleraforce.cli.output import be_quiet
-
-        be_quiet(context)
-
-
-# Added to every command, as `--help` is.
-QUIET = click.Option(["-q", "--quiet"], is_flag=True, expose_value=False, callback=_quiet,
-                     help="Print errors only, and with --json its object.")  # fmt: skip
-
-
-def module_name(command: str) -> str:
-    """Return the name of a command's module in `cli`, and of its function.
-
-    >>> module_name("monitor-reset"), module_name("import")
-    ('monitor_reset', 'import_')
-    """
-    name = command.replace("-", "_")
-    return f"{name}_" if iskeyword(name) else name
 
 
 class _LazyGroup(click.Group):
-    """A group that imports a command only when it is asked for, so that `--help` is quick."""
+    """A group that imports commands lazily, so that `--help` is quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         """Return the names of the commands, in the order of the pipeline."""
@@ -85,16 +59,16 @@ class _LazyGroup(click.Group):
         cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
-        name = module_name(cmd_name)
-        command: click.Command = getattr(import_module(f"scleraforce.cli.{name}"), name)
-        if cmd_name not in NEVER_QUIET and QUIET not in command.params:
-            command.params.append(QUIET)
+        module, name = COMMANDS[cmd_name][0], cmd_name.replace("-", "_")
+        command: click.Command = getattr(
+            import_module(f"scleraforce.cli.{module}"), f"{name}_" if iskeyword(name) else name
+        )
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above
         """List the commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([(name, words) for name, (_, words) in COMMANDS.items()])
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -109,7 +83,7 @@ def cli() -> None:
 def main() -> None:
     """Run the command line and exit with its code.
 
-    Who asks the process to end (a cluster's scheduler, `kill`) is heard as Ctrl-C is: nothing unfinished stays behind.
+    SIGTERM (a cluster's scheduler, `kill`) ends it as Ctrl-C does: nothing unfinished stays behind.
     """
     # Jupyter sets it for the commands that a cell starts: a backend that an environment without Jupyter lacks, and that
     # Matplotlib refuses at its import. Commands draw to files; `sf.*` leaves a notebook's own variable alone.
@@ -118,7 +92,7 @@ def main() -> None:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.unraisablehook = _note_interruption
     code = run(sys.argv[1:])
-    if code == INTERRUPTED:  # what zarr's own loop leaves unfinished is no news to the user
+    if code == INTERRUPTED:  # zarr's own loop would report its unfinished tasks
         logging.getLogger("asyncio").disabled = True
     sys.exit(code)
 
@@ -134,7 +108,7 @@ def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
 def run(arguments: list[str]) -> int:
     """Run one command; return its exit code. Failures are one line on standard error.
 
-    What the system says of a file or of a full disk is the user's to mend, wherever it comes from: exit code 2.
+    A system error with a file, or a full disk, is the user's to mend: exit code 2.
     """
     try:
         done = cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
@@ -166,7 +140,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _with_help(usage: click.UsageError) -> str:
-    """Return what is wrong with a call, and where to look."""
+    """Return a usage error with the help page that explains the call."""
     path = "scleraforce" if usage.ctx is None else usage.ctx.command_path
     return f"{usage.format_message().rstrip('.')}; see `{path} --help`"
 

@@ -1,9 +1,9 @@
-"""`scleraforce monitor`: the service in the robot's control loop."""
+"""`scleraforce monitor` and `monitor-reset`: the service in the robot's control loop, and the operator's reset."""
 
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.inputs import globe_words
 from scleraforce.cli.options import EYE, PATH, eye_options, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
@@ -23,19 +22,19 @@ if TYPE_CHECKING:
     from scleraforce.monitor import MonitorLimits
     from scleraforce.reader import Reader
     from scleraforce.service.monitor_service import Address, MonitorSettings
-    from scleraforce.study import Study
 
 PORT = click.IntRange(0, 65535)
+UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
 
 
-@click.command(cls=Command)
+@click.command(cls=Command, can_be_quiet=False)  # the operator has to see its lines
 @click.argument("model", type=PATH)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=PORT, default=18944, show_default=True, help="For OpenIGTLink; 0 takes a free one.")
 @click.option("--web-port", type=PORT, help="For the web console, which needs the extra [web].")
 @click.option("--web-host", default="127.0.0.1", show_default=True, help="Address of the web console.")
 @options("calibration")
-@click.option("--eye", help="Name of the eye in the calibration, and in what is recorded.")
+@click.option("--eye", help="Name of the eye in the calibration, and in recordings.")
 @eye_options(*EYE, default="by default it is not known", stiffening="by default it does not stiffen",
              globe="by default it is not known, and intervals are wider")  # fmt: skip
 @click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
@@ -90,38 +89,50 @@ def monitor(
         raise InputError(f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}")
     _fill_standard_files()
     with one_thread():  # the second core is for the other processes
+        from platformdirs import user_state_path
+
         from scleraforce.reader import load_model
+        from scleraforce.recording.folder import eye_id_fault
         from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
         from scleraforce.service.reset import new_token
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
-    _refuse_unchecked(reader)
+    if not reader.serves_loop:  # it would be its own second opinion
+        raise InputError(
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
+            "what its network reads in the loop"
+        )
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
-    _refuse_untrained(reader, known)
+    if reason := reader.refusal(known):  # all frames would be unusable
+        raise InputError(f"{reader.path}: {reason}")
+    if eye is not None and (fault := eye_id_fault(eye)):
+        raise InputError(f"--eye: {fault}")
+    begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(
-        eye="eye-1" if eye is None else _printable(eye),
+        eye=eye or "eye-1",
         known=known,
         limits=_limits(reader, known, given),
         refractive_index=given["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
-        black_box=_new_black_box(black_box),
+        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
         record=record,
         token=new_token(),
     )
-    with closing(Notes(_say)) as notes:
+    with closing(Notes(_write_line)) as notes:
         with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
-            _greet(reader, settings, address, _doubts(reader, settings, doubt), notes)
+            for line in _greeting(reader, settings, address, doubt):
+                notes(line)
             server.run()
             summary = server.session.summary()
-            notes("ends; the black box writes what it has to keep")
+            notes("ends; the black box writes its last entries")
         notes(f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals")
     return Report({"model": str(model), **summary})
 
 
 def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> "tuple[Known, str | None]":
-    """Return what is known of the eye, with the calibration's modulus; and what is doubtful about that."""
+    """Return the known inputs of the eye, with the calibration's modulus, and a doubt about it."""
     from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
     from scleraforce.notebook.frames import check_calibrated, given_eye
 
@@ -140,12 +151,12 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
 def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
-    study = reader.study
-    columns, rows = given["columns"] or study.oct.columns, given["rows"] or study.oct.rows
-    width_m, depth_m = given["width_m"] or study.oct.width_m, given["depth_m"] or study.oct.depth_m
+    oct_study = reader.study.oct
+    columns, rows = given["columns"] or oct_study.columns, given["rows"] or oct_study.rows
+    width_m, depth_m = given["width_m"] or oct_study.width_m, given["depth_m"] or oct_study.depth_m
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
-        bound_n=_bound_n(study, known, given["bound_mn"], given["adaptive_bound"]),
+        bound_n=_bound_n(reader, known, given["bound_mn"], given["adaptive_bound"]),
         unusable_frames=given["unusable_frames"],
         unusable_opinions=given["unusable_opinions"],
         reaction_s=to_si(given["reaction_ms"], "ms"),
@@ -157,8 +168,9 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     )
 
 
-def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
-    """Return the bound of the force: as given, as it adapts to this eye's wall, or the study's."""
+def _bound_n(reader: "Reader", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
+    """Return the bound of the force: the given one, the study's, or this adapted to the eye's wall."""
+    study = reader.study
     if not adaptive:
         return study.classes.bounds_n[-1] if bound_mn is None else to_si(bound_mn, "mn")
     from scleraforce.mechanics.wall_stress import adaptive_bound_n
@@ -172,86 +184,68 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
     )
 
 
-def _refuse_unchecked(reader: "Reader") -> None:
-    """A model without a second method would be its own second opinion."""
-    if not reader.serves_loop:
-        raise InputError(
-            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
-            "what its network reads in the loop"
-        )
-
-
-def _refuse_untrained(reader: "Reader", known: "Known") -> None:
-    """Refuse an eye that the model cannot read: all its frames would be unusable."""
-    if reason := reader.refusal(known):
-        raise InputError(f"{reader.path}: {reason}")
-
-
-def _printable(eye: str) -> str:
-    """Return an eye's name: one line, for it stands in files, in a terminal and on a page."""
-    from scleraforce.recording.folder import eye_id_fault
-
-    if fault := eye_id_fault(eye):
-        raise InputError(f"--eye: {fault}")
-    return eye
-
-
-def _new_black_box(folder: Path | None) -> Path:
-    from platformdirs import user_state_path
-
-    return folder or user_state_path("scleraforce") / "monitor" / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-
-
-def _doubts(reader: "Reader", settings: "MonitorSettings", doubt: str | None) -> list[str]:
-    """Return what limits the session's readings: a modulus of others, and what the model was not trained on."""
+def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None) -> Iterator[str]:
+    """Yield the lines of the start: model, eye, warnings that limit the readings, limits, addresses, token."""
     from scleraforce.service.monitor_service import session_scan
 
-    limits = reader.limits(settings.known, session_scan(settings))
-    return [*([doubt] if doubt else []), *limits]
-
-
-def _greet(
-    reader: "Reader",
-    settings: "MonitorSettings",
-    address: "Address",
-    doubts: Sequence[str],
-    say: Callable[[str], None],
-) -> None:
-    limits = settings.limits
-    rows, columns = limits.size or (0, 0)
-    lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
+    limits, scan = settings.limits, session_scan(settings)
+    lateral_um, depth_um = from_si(scan.width_m / scan.columns, "um"), from_si(scan.depth_m / scan.rows, "um")
     bound_mn = from_si(limits.bound_n, "mn")
     forces = f", or where the force's interval reaches {bound_mn:.1f} mN" if limits.reads_force else ""
-    say("research use only: not a medical device")
-    say(f"model      {reader.path} ({reader.kind})")
-    say(f"eye        {settings.eye}: {_told(settings.known)}")
-    say(f"globe      {globe_words(settings.known, reader.reads_force)}")
-    for doubt in doubts:
-        say(f"warning    {doubt}")
-    say(f"frames     {columns} x {rows} px of {from_si(lateral_m, 'um'):.2f} x {from_si(depth_m, 'um'):.2f} µm")
-    say(f"withdraws  at class {limits.withdraw_class}{forces}")
-    say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
-    say(f"black box  {settings.black_box}")
-    say(f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}")
+    yield "research use only: not a medical device"
+    yield f"model      {reader.path} ({reader.kind})"
+    yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
+    yield f"globe      {globe_words(settings.known, reader.reads_force)}"
+    for warning in filter(None, (doubt, *reader.limits(settings.known, scan))):
+        yield f"warning    {warning}"
+    yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
+    yield f"withdraws  at class {limits.withdraw_class}{forces}"
+    yield f"listens    on {address.host}:{address.port} (OpenIGTLink)"
+    yield f"black box  {settings.black_box}"
+    yield f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}"
 
 
-def _told(known: "Known") -> str:
+def _eye_words(known: "Known") -> str:
     modulus = known.modulus
-    words = [
-        f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
-        "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg",
-        "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick",
-        "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
-    ]
-    return ", ".join(words)
+    return ", ".join(
+        (
+            f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
+            "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg",
+            "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick",
+            "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
+        )
+    )
+
+
+def globe_words(known: "Known", reads_force: bool) -> str:
+    """Return the globe with which a model reads an eye, and the cost of an unknown one.
+
+    >>> from scleraforce.known import Known
+    >>> from scleraforce.known import SEALED
+    >>> globe_words(Known(globe=SEALED), reads_force=True)
+    'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
+    """
+    from scleraforce.known import UNKNOWN
+
+    globe = UNKNOWN if known.globe is None else known.globe
+    if not reads_force:
+        return "taken for open: a classifier knows no other, and in a sealed eye forces are read too low"
+    if not globe.can_be_sealed:
+        return "open"
+    ends = globe.band if globe.calibrated or globe.rigidity_told else (globe.lowest, globe.highest)
+    low, high = (f"{from_si(end, 'mmhg13_per_ul'):.2g}" for end in ends)
+    k = f"k between {low} and {high} mmHg^(1/3)/µl"
+    if globe.calibrated:
+        return f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k} (calibrated)"
+    return f"sealed, {k}" if globe.kind == "sealed" else UNKNOWN_GLOBE
 
 
 @contextmanager
 def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Let Ctrl-C, a terminal that is closed and whoever tells the process to end call `stop`, and no more.
+    """Have Ctrl-C, a closed terminal, SIGTERM and SIGQUIT call `stop`.
 
-    Those that were ignored at the start, as `nohup` does, stay ignored. Writing to a terminal from the background is
-    never to stop the process.
+    Signals that were ignored at the start, as by `nohup`, stay ignored. Writing to a terminal from the background
+    must never stop the process.
     """
     ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     heard = [number for number in ends if signal.getsignal(number) is not signal.SIG_IGN]
@@ -265,7 +259,7 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _fill_standard_files() -> None:
-    """Open what was closed of the three standard files, or a socket would become one of them."""
+    """Open closed ones of the three standard files, or a socket would become one of them."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -273,7 +267,25 @@ def _fill_standard_files() -> None:
             os.open(os.devnull, os.O_RDWR)
 
 
-def _say(text: str) -> None:
+def _write_line(text: str) -> None:
     """Write a line to standard error, past Python's buffer: a terminal that is stopped must not hold its lock."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in text)  # it may quote what a peer sent
+    plain = "".join(letter if letter.isprintable() else "?" for letter in text)  # it may quote a peer
     os.write(2, f"{plain}\n".encode())
+
+
+@click.command(cls=Command)
+@click.option("--token", required=True, help="As the monitor printed it when it started.")
+@options("host", "port")
+def monitor_reset(token: str, host: str, port: int) -> Report:
+    """Ask the monitor to leave a withdrawal.
+
+    It is granted only while fresh frames come that are usable and harmless;
+    otherwise the exit code is 2, and the answer says why.
+
+    Example: scleraforce monitor-reset --token 3f0c52e6b91d4a78a1c6e0972bd85f14
+    """
+    from scleraforce.service.reset import ask_reset
+
+    granted, message = ask_reset(host, port, token)
+    faults = [] if granted else [InputError(f"{host}:{port}: {message}")]
+    return Report({"granted": granted, "message": message}, [f"reset: {message}"] if granted else [], faults)

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeVar
 
 import click
 
-from scleraforce.errors import StudyError
+from scleraforce.errors import InputError, StudyError
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.study import Study, read_study
 from scleraforce.study.eye import GLOBES
@@ -20,7 +20,7 @@ STUDY_FILE = "study file"  # in the meta of click's context
 
 
 class Quantity(click.FloatRange):
-    """A number that a quantity can have, in the unit of its key; another one is refused with what may have been meant.
+    """A number within the bounds of a quantity, in the unit of its key; the error suggests another unit.
 
     >>> Quantity("thickness_um").convert("650", None, None)
     0.00065
@@ -47,10 +47,10 @@ class Quantity(click.FloatRange):
 
 
 class _Globe(click.Choice[str]):
-    """Open or sealed, which may be called closed."""
+    """Open or sealed; closed means sealed."""
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the word of a study."""
+        """Return a study's word."""
         return super().convert("sealed" if value == "closed" else value, param, ctx)
 
 
@@ -58,12 +58,31 @@ GLOBE = _Globe(GLOBES)
 
 
 def in_radians(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
-    """Return an angle in degrees in radians: the callback of an option."""
+    """Convert an angle from degrees: the callback of an option."""
     return to_si(value, "deg")
 
 
+def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
+    """Check, before the work begins, that a file to write does not exist: the callback of an option.
+
+    Raises:
+        InputError: it exists.
+    """
+    if path is not None and path.exists():
+        raise InputError(f"{path}: exists already; remove it or choose another name")
+    return path
+
+
+def _new_figure(ctx: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
+    if path is not None:
+        from scleraforce.report.files import check_figure_path  # with Matplotlib
+
+        check_figure_path(path)
+    return new_file(ctx, option, path)
+
+
 def _study(ctx: click.Context, _: click.Parameter, path: Path | None) -> Study:
-    """Read the study file, whose name messages need; without one, return the paper's study."""
+    """Read the study file and keep its name for messages; by default, return the paper's study."""
     if path is None:
         return Study()
     ctx.meta[STUDY_FILE] = path
@@ -79,10 +98,11 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "study": ("--study", {"type": PATH, "callback": _study}, "Study file; the paper's by default."),
     "calibration": ("--calibration", PATH, "File of `calibrate`: gives the eye's modulus."),
     "finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
-               "Model of `train --kind wall-finder` that checks the walls; none: nothing checks them. Default: the one "
-               "that ships with scleraforce."),
-    "html": ("--html", PATH, "Page to write as well; must not exist."),
-    "plot": ("--plot", PATH, "Picture to write as well (PNG, SVG, PDF); must not exist."),
+               "Model of `train --kind wall-finder` that checks the walls; none: nothing checks them. Default: the "
+               "bundled one."),
+    "html": ("--html", {"type": PATH, "callback": new_file}, "Page to write as well; must not exist."),
+    "plot": ("--plot", {"type": PATH, "callback": _new_figure},
+             "Picture to write as well (PNG, SVG, PDF); must not exist."),
     "force": ("--force", {"is_flag": True}, "Replace files that exist."),
     "scheduler": ("--scheduler", {"metavar": "ADDRESS"}, "Dask scheduler whose workers do the work."),
     "workers": ("--workers", click.IntRange(min=1), "Processes; default: one for each core."),

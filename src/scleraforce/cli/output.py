@@ -24,26 +24,25 @@ QUIET, JSON = f"{__name__}.quiet", f"{__name__}.json"
 
 
 class Report(NamedTuple):
-    """What a command prints: `result` with --json, else `lines`; and `faults`, for which it ends with code 2."""
+    """Output of a command: `result` with --json, else `lines`; `faults`, which make its exit code 2; another `code`."""
 
     result: Mapping[str, Any]
     lines: Iterable[str] = ()
     faults: Sequence[InputError] = ()
+    code: int = 0
 
 
 class Command(click.Command):
-    """A command with --json, that prints the `Report` which its function returns.
+    """A command with --json and --quiet that prints the `Report` of its function.
 
     Errors of `sf.*` name arguments; here they name the options.
     """
 
-    def __init__(self, *args: Any, **settings: Any) -> None:
+    def __init__(self, *args: Any, can_be_quiet: bool = True, **settings: Any) -> None:
         super().__init__(*args, **settings)
-        self.params.append(
-            click.Option(
-                ["--json"], is_flag=True, expose_value=False, callback=_keep_json, help="Print one JSON object."
-            )
-        )
+        self.params.append(_flag(JSON, "--json", help="Print one JSON object."))
+        if can_be_quiet:
+            self.params.append(_flag(QUIET, "-q", "--quiet", help="Print errors only, and with --json its object."))
 
     def invoke(self, ctx: click.Context) -> None:
         """Run the function and print its report."""
@@ -62,12 +61,15 @@ class Command(click.Command):
                 say(line)
         for one in report.faults:
             fail(_by_options(str(one), ctx), 2)
-        if report.faults:
-            raise click.exceptions.Exit(2)
+        if code := 2 if report.faults else report.code:
+            raise click.exceptions.Exit(code)
 
 
-def _keep_json(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    context.meta[JSON] = asked
+def _flag(key: str, *names: str, help: str) -> click.Option:  # noqa: A002 - click's name
+    def keep(context: click.Context, _: click.Parameter, given: bool) -> None:
+        context.meta[key] = given
+
+    return click.Option(names, is_flag=True, expose_value=False, callback=keep, help=help)
 
 
 def _by_options(text: str, ctx: click.Context) -> str:
@@ -77,11 +79,6 @@ def _by_options(text: str, ctx: click.Context) -> str:
         return f"{ctx.meta[STUDY_FILE]}:{rest}"
     flags = {param.name: param.opts[0] for param in ctx.command.params if isinstance(param, click.Option)}
     return f"{flags[name]}:{rest}" if colon and name in flags and name != "study" else text
-
-
-def be_quiet(context: click.Context) -> None:
-    """Have a command print neither report nor progress: what remains are errors, and the object of `--json`."""
-    context.meta[QUIET] = True
 
 
 def is_quiet() -> bool:
@@ -106,19 +103,8 @@ def print_json(result: Mapping[str, Any]) -> None:
     click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
 
 
-def refuse_existing(*paths: Path | None) -> None:
-    """Check that files to write do not exist, before the work begins.
-
-    Raises:
-        InputError: one exists.
-    """
-    for path in filter(None, paths):
-        if path.exists():
-            raise InputError(f"{path}: exists already; remove it or choose another name")
-
-
 def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[tuple[Item, Result | InputError]]:
-    """Read one frame after the other, behind a progress bar: a bad one is an error in its place, the others go on."""
+    """Yield each frame with its result, or with the error that it raises."""
     for item in progress_bar(items, "frames"):
         try:
             yield item, read(item)
@@ -129,14 +115,14 @@ def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[t
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
-    """Show a bar on standard error while `items` are used up; nothing where that is not a terminal, or to be quiet."""
-    disable = True if is_quiet() else None  # None: where it is not a terminal
+    """Show a bar on standard error while `items` are used up, if it is a terminal and --quiet is not given."""
+    disable = True if is_quiet() else None  # None: unless it is a terminal
     return tqdm(items, desc=title, total=total, file=sys.stderr, disable=disable, leave=False, dynamic_ncols=True)
 
 
 @contextmanager
 def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar for counted work: call what it yields with the number of newly done steps."""
+    """Show a bar for counted work; yield a function of the number of newly done steps."""
     bar: tqdm[None]
     with progress_bar((), title, total=total) as bar:
 
@@ -148,7 +134,7 @@ def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
 @contextmanager
 def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar as `count_bar` does, for work that is resumed: Ctrl-C says how many things are kept in `out`."""
+    """Show a bar as `count_bar` does, for work that can be resumed: Ctrl-C prints the number of things in `out`."""
     done: list[int] = []
     try:
         with count_bar(title, total) as advance:
@@ -165,7 +151,7 @@ def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Ca
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar in per cent: call what it yields with the share of the work that is done."""
+    """Show a bar in per cent; yield a function of the share of the work that is done."""
     bar: tqdm[None]
     with progress_bar((), title, total=100) as bar:
 

@@ -1,6 +1,7 @@
-"""`scleraforce scanner`: what a simulation needs to know of a scanner, measured on its own frames."""
+"""`scleraforce scanner`: measure a scanner on its own frames, for a simulation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,24 +9,34 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.options import FRAME_SIZE, PATH, options
-from scleraforce.cli.output import Command, Report, progress_bar, refuse_existing
+from scleraforce.cli.options import FRAME_SIZE, PATH, new_file, options
+from scleraforce.cli.output import Command, Report, progress_bar
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_text import wrapped
+from scleraforce.study import PhantomStudy
+from scleraforce.study.fields import field_key, field_unit
 from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
     from scleraforce.laboratory.scanner import MeasuredRange, MeasuredScanner
-    from scleraforce.laboratory.scanner_display import ImagedEye
+    from scleraforce.laboratory.scanner_display import ImagedEye, Unmeasured
     from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
 SEED = 0  # of the drawn frame
 MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
 LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or the noise is no noise
-LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, likewise
+LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, the same
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
+
+
+def _new_study(ctx: click.Context, option: click.Parameter, path: Path) -> Path:
+    if path.suffix != ".toml":
+        raise InputError(f"--out: {path}: give a name that ends in .toml")
+    new_file(ctx, option, path.with_suffix(".png"))
+    new_file(ctx, option, path)
+    return path
 
 
 @click.command(cls=Command)
@@ -33,7 +44,7 @@ DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 @options(*FRAME_SIZE)
 @click.option("--bits", type=click.IntRange(8, 16),
               help="Bits of a pixel that are used; by default the recording's, or 8 of a frame of bytes.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=_new_study,
               help="Study file to write (.toml); its picture has the same name, .png.")  # fmt: skip
 @options("finder")
 def scanner(
@@ -53,8 +64,8 @@ def scanner(
     a study: `phantom --study` draws recordings of such frames, and
     `train LIBRARY --kind raw-reader --study` learns to read them. (No other
     network learns from [phantom].) The picture beside it shows a real frame, a
-    drawn one and the histograms of both. What the frames do not show is left as
-    in the paper's study, and said.
+    drawn one and the histograms of both. Quantities that the frames do not show
+    keep the values of the paper's study; the report names them.
 
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
@@ -62,15 +73,12 @@ def scanner(
     from scleraforce.laboratory.scanner import measure_scanner
     from scleraforce.recording.folder import Scanner
 
-    if out.suffix != ".toml":
-        raise InputError(f"--out: {out}: give a name that ends in .toml")
-    picture = out.with_suffix(".png")
-    refuse_existing(out, picture)
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
     measured = measure_scanner(_imaged(frames, size, transpose, bits, finder))
+    picture = out.with_suffix(".png")
     overlap = _write(measured, frames, out, picture)
     result = {"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap}
-    return Report(result, _lines(measured, out, picture, overlap))
+    return Report(result, [*_lines(measured, overlap), f"wrote {out} and {picture}"])
 
 
 def _imaged(
@@ -123,7 +131,7 @@ def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None
 
 
 def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path) -> float:
-    """Write the picture, then the study; return how far the histograms of a real and a drawn frame agree."""
+    """Write the picture, then the study; return the overlap of the histograms of a real and a drawn frame."""
     import numpy as np
 
     from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, oct_of, study_text
@@ -140,18 +148,32 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
     return histogram_overlap(frame.eye.pixels, drawn, frame.eye.top)
 
 
+def _ranges(
+    measured: "MeasuredScanner",
+) -> "Iterator[tuple[str, Callable[[float], float], MeasuredRange | Unmeasured, bool]]":
+    """Yield each quantity: its key in a study, its conversion from SI, its range, and whether a study draws it."""
+    from scleraforce.laboratory.scanner import NOT_DRAWN
+
+    items = {item.name: item for item in fields(PhantomStudy)}
+    for name, found in measured.ranges.items():
+        if name == "roll_off_db_per_m":
+            yield "roll_off_db_per_mm", lambda value: from_si(value, "per_mm"), found, name not in NOT_DRAWN
+        elif name in items:
+            yield field_key(items[name]), field_unit(items[name]).from_si, found, name not in NOT_DRAWN
+        else:
+            yield name, lambda value: value, found, name not in NOT_DRAWN
+
+
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
-    """Return what was measured, by the study's keys, and why the rest was not."""
+    """Return measured quantities by the study's keys, and the reasons for missing ones."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
     found: dict[str, Any] = {}
     missing: dict[str, str] = {}
     not_drawn: dict[str, Any] = {}
-    for name, result in measured.ranges.items():
-        key, change = _key(name)
-        place = found if _is_drawn(name) else not_drawn
+    for key, change, result, is_drawn in _ranges(measured):
         if isinstance(result, MeasuredRange):
-            place[key] = {
+            (found if is_drawn else not_drawn)[key] = {
                 "median": change(result.median),
                 "min": change(result.low),
                 "max": change(result.high),
@@ -170,88 +192,62 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
     }
 
 
-def _is_drawn(name: str) -> bool:
-    from scleraforce.laboratory.scanner import NOT_DRAWN
-
-    return name not in NOT_DRAWN
-
-
-def _key(name: str) -> tuple[str, Any]:
-    """Return the study's key of a field, and what turns its SI value into the key's unit."""
-    from dataclasses import fields
-
-    from scleraforce.study import PhantomStudy
-    from scleraforce.study.fields import field_key, field_unit
-
-    if name == "roll_off_db_per_m":
-        return "roll_off_db_per_mm", lambda value: from_si(value, "per_mm")
-    items = {item.name: item for item in fields(PhantomStudy)}
-    if name not in items:
-        return name, lambda value: value
-    return field_key(items[name]), field_unit(items[name]).from_si
-
-
-def _lines(measured: "MeasuredScanner", out: Path, picture: Path, overlap: float) -> list[str]:
-    """Return what is told: a line for each key, what was not measured, and what the frames are doubted for."""
+def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
+    """Yield a line for each key, what was not measured, and doubts about the frames."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
-    lines = [f"display = {measured.display.name}"]
-    for name, found in measured.ranges.items():
-        key, change = _key(name)
-        if isinstance(found, MeasuredRange) and _is_drawn(name):
-            lines.append(f"{key} = {_words(found, change)}")
-    lines += [f"{name} = {', '.join(map(str, counts))} (of each frame)" for name, counts in measured.counts.items()]
-    lines += [
-        wrapped(f"not measured: {_key(name)[0]}: {found.reason}")
-        for name, found in measured.ranges.items()
-        if not isinstance(found, MeasuredRange) and _is_drawn(name)
-    ]
-    lines += [wrapped(f"note: {note}") for note in _notes(measured, overlap)]
-    return [*lines, f"wrote {out} and {picture}"]
+    yield f"display = {measured.display.name}"
+    missing = []
+    for key, change, found, is_drawn in _ranges(measured):
+        if not is_drawn:
+            continue
+        if not isinstance(found, MeasuredRange):
+            missing.append(f"not measured: {key}: {found.reason}")
+            continue
+        median, low, high = (f"{change(value):.4g}" for value in (found.median, found.low, found.high))
+        if found.at_most:
+            yield f"{key} = {median} at most: finer than the pixels show"
+        else:
+            yield f"{key} = {median}" if low == high else f"{key} = {median} ({low} to {high})"
+    for name, counts in measured.counts.items():
+        yield f"{name} = {', '.join(map(str, counts))} (of each frame)"
+    yield from map(wrapped, missing)
+    yield from (wrapped(f"note: {note}") for note in _notes(measured, overlap))
 
 
-def _words(found: "MeasuredRange", change: Any) -> str:
-    median, low, high = (f"{change(value):.4g}" for value in (found.median, found.low, found.high))
-    if found.at_most:
-        return f"{median} at most: finer than the pixels show"
-    return median if low == high else f"{median} ({low} to {high})"
-
-
-def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
-    """Return in what the scanner differs from what a study draws."""
+def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
+    """Yield differences between the scanner and a study's drawings."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
-    notes = []
     kind = measured.display.name
     roll_off, looks, misfit, skew, slope = (
         measured.ranges[name]
         for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
     )
     if not isinstance(slope, MeasuredRange):
-        notes.append(f"that the display is {kind} is taken for granted: {slope.reason}")
+        yield f"that the display is {kind} is taken for granted: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
-        notes.append(
+        yield (
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
             "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
         )
     if isinstance(looks, MeasuredRange) and looks.median > MOST_LOOKS:
-        notes.append(
+        yield (
             f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its "
             "scale is that of the wall's speckle; a study draws noise of one look, which is rougher"
         )
     if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
-        notes.append(
+        yield (
             f"the noise lies {misfit.median:.1f} dB off that of a {kind} display: it is processed, or something "
             "shows in it"
         )
     if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
-        notes.append(
+        yield (
             f"the wall's speckle has a skew of {skew.median:.2f} in dB, that of one look is -0.20: fibres lie among "
             f"it, or the display is no {kind} one, and levels in dB are wrong"
         )
     if overlap < DRAWN_OVERLAP:
-        notes.append(
+        yield (
             f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "
             "before you train on this study"
         )
-    return notes

@@ -1,20 +1,27 @@
-"""`scleraforce show`: a study, library, data set, model, recording, calibration or decision log, in words or drawn."""
+"""`scleraforce show` and `export`: an artefact in words, as a picture or page, or in the formats of other programs."""
 
+import json
+import os
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from scleraforce.cli.options import PATH, options
-from scleraforce.cli.output import Command, Report, progress_bar, refuse_existing
+from scleraforce.cli.output import Command, Report, progress_bar
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
+    from scleraforce.recording.export import Row
     from scleraforce.report.shown.kinds import Thing
+
+TABLES = (".csv", ".json")
+ENDINGS = (*TABLES, ".mcap", ".nrrd")
 
 
 @click.command(cls=Command)
@@ -37,13 +44,14 @@ def show(
 ) -> Report:
     """Say what THING is and what is in it.
 
-    THING is a study, a library, a data set, a model (or the name of one that
-    ships: default, paper, wall-finder), a recording, a calibration file, or
-    the log of a black box; its kind is found from its content.
+    THING is a study, a library, a data set, a model (or the name of a bundled
+    one: default, paper, wall-finder), a recording, a calibration file, or the
+    log of a black box; its kind is found from its content.
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
-    from scleraforce.report.files import check_figure_path, write_figure
+    # Imported here: figures take longer to import than the help to print.
+    from scleraforce.report.files import write_figure
     from scleraforce.report.shown.kinds import thing_at
 
     if html is not None and model is None:
@@ -51,9 +59,6 @@ def show(
     for name, flag in (("calibration", "--calibration"), ("finder", "--wall-finder")):
         if html is None and ctx.get_parameter_source(name) != ParameterSource.DEFAULT:
             raise InputError(f"{flag}: only used with --html")
-    if plot is not None:
-        check_figure_path(plot)
-    refuse_existing(plot, html)
     found = thing_at(thing, model)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
@@ -85,3 +90,82 @@ def _lines(path: Path, found: "Thing") -> list[str]:
     rows = [wrapped(words, f"{name:<{width}}") for name, words in found.rows]
     return [f"{path}: {found.kind}", "", *rows, *([""] if found.lines else []),
             *(fill(line, 80, subsequent_indent="    ") for line in found.lines)]  # fmt: skip
+
+
+@click.command(cls=Command)
+@click.argument("thing", type=PATH)
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
+              help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.")  # fmt: skip
+@click.option("--answers", type=PATH, help="Output of evaluate, read or segment with --json on the recording: it "
+              "joins the rows of its frames.")  # fmt: skip
+@options("force", force="Replace a file that exists.")
+def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
+    """Write a recording, or a file of answers, for other programs.
+
+    THING is a recording folder, or the output of evaluate, read or segment
+    with --json. .csv and .json have a row for each frame: time, measured force,
+    class, answers. .mcap has images, wrenches and rows as ROS 2 and Foxglove
+    read them; .nrrd the frames as a sequence of 3D Slicer. The last two take a
+    recording.
+
+    Example: scleraforce export eye-1 --answers answers.json --out eye-1.csv
+    """
+    if out.suffix.lower() not in ENDINGS:
+        raise InputError(f"--out: {out}: give a name that ends in {', '.join(ENDINGS)}")
+    if out.exists() and not force:
+        raise InputError(f"{out}: exists already; choose another name, or --force to replace it")
+    rows = (_export_recording if os.path.isdir(thing) else _export_answers)(thing, out, answers)
+    return Report({"out": str(out), "rows": rows}, [f"wrote {out}: {rows} frames"])
+
+
+def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
+    """Write the rows of a file of answers; return their number."""
+    from scleraforce.recording.export import read_answers
+
+    if answers is not None:
+        raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
+    rows = read_answers(thing)
+    if out.suffix.lower() not in TABLES:
+        raise InputError(
+            f"--out: {out}: answers alone become .csv or .json; give their recording, and them as --answers"
+        )
+    _write_table({}, rows, out)
+    return len(rows)
+
+
+def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
+    """Write a recording; return the number of its frames."""
+    import tomllib
+
+    from scleraforce.recording.export import frame_rows, read_answers, with_answers, write_mcap, write_sequence
+    from scleraforce.recording.folder import read_recording
+    from scleraforce.recording.importing import clock_origin_s
+    from scleraforce.study import ClassesStudy
+    from scleraforce.study.toml import format_record
+
+    recording, kind = read_recording(thing), out.suffix.lower()
+    if kind == ".nrrd":
+        if answers is not None:
+            raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
+        write_sequence(recording, out)
+        return len(recording.frames)
+    rows = frame_rows(recording, ClassesStudy())
+    if answers is not None:
+        rows = with_answers(rows, read_answers(answers), thing)
+    if kind == ".mcap":
+        write_mcap(recording, rows, clock_origin_s(thing), out)
+    else:
+        _write_table(tomllib.loads(format_record(recording.info)), rows, out)
+    return len(rows)
+
+
+def _write_table(stated: Mapping[str, Any], rows: "list[Row]", out: Path) -> None:
+    """Write rows as CSV, or as JSON under the keys of recording.toml."""
+    from scleraforce.plain_json import finite
+    from scleraforce.recording.export import csv_text
+    from scleraforce.whole_files import write_whole
+
+    if out.suffix.lower() == ".csv":
+        write_whole(csv_text(rows), out)
+    else:
+        write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)

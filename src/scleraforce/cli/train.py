@@ -1,29 +1,92 @@
-"""`scleraforce train`: train a network on simulated slices, on a response library, or on drawn scenes."""
+"""`scleraforce library`, `generate` and `train`: from a study to a model."""
 
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from scleraforce.cli.options import PATH, chosen_workers, options
-from scleraforce.cli.output import Command, Report, count_bar
-from scleraforce.study import NetworkStudy, Study
-from scleraforce.units import from_si
+from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, say
+from scleraforce.study import Study
 
-if TYPE_CHECKING:
-    from scleraforce.learning.train import Trained
 
-SECONDS = "<seconds>"  # stands for the duration in lines
-Made = tuple[dict[str, Any], list[str]]  # the object of --json, and lines
+@click.command(cls=Command)
+@options("study")
+@click.option("--out", type=PATH, required=True, help="Where the library goes (Zarr).")
+@options("scheduler", "workers", scheduler="Dask scheduler whose workers solve the paths.")
+def library(study: Study, out: Path, scheduler: str | None, workers: int | None) -> Report:
+    """Solve the load paths of the response library.
+
+    Other commands take the library of the paper's study from the bundled
+    reader; another one they make on first need, and keep it in the user's
+    cache. This command writes it where you say, on a Dask cluster if you like.
+    The same command resumes an interrupted run. The library is the same
+    wherever it is made, by any number of workers.
+    """
+    # Imported here: mechanics takes longer to import than the help to print.
+    from scleraforce.library.build import build_library
+    from scleraforce.library.plan import plan_library
+    from scleraforce.study.unused import refuse_unused
+
+    refuse_unused(study, "library")
+    with resumable_bar(out, "load paths", "library", plan_library(study).units) as advance:
+        made = build_library(study, out, workers=chosen_workers(scheduler, workers), progress=advance)
+    return Report(
+        {"paths": made.paths, "seconds": made.seconds}, [f"{out}: {made.paths} load paths, {made.seconds:.1f} s"]
+    )
+
+
+@click.command(cls=Command)
+@options("study", required=("study",), study="Study file (TOML).")
+@click.option("--out", type=PATH, required=True, help="Where the data set goes (Zarr).")
+@options("calibration", "mechanics", "scheduler", "workers",
+         calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
+         scheduler="Dask scheduler whose workers make the slices.")  # fmt: skip
+def generate(
+    study: Study,
+    out: Path,
+    calibration: Path | None,
+    mechanics: str | None,
+    scheduler: str | None,
+    workers: int | None,
+) -> Report:
+    """Simulate slices of the deformed sclera with their forces.
+
+    Finite strain draws from the response library: that of another study than
+    the paper's is made on first need (a minute). The same command resumes an
+    interrupted run. The data set is the same wherever it is made, by any
+    number of workers.
+    """
+    # Imported here: the simulation takes longer to import than the help to print.
+    from scleraforce.learning.dataset import read_population_modulus
+    from scleraforce.notebook.training import simulate_slices
+    from scleraforce.study.unused import refuse_unused
+
+    kind = mechanics or study.mechanics.kind
+    refuse_unused(study, "generate", kind)
+    modulus = read_population_modulus(calibration) if calibration else None
+    if modulus and modulus.mechanics != kind:
+        say(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
+
+    def bar(title: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        return resumable_bar(out, "images", title, total) if title == "generate" else count_bar(title, total)
+
+    made = simulate_slices(study, out, bar, mechanics, chosen_workers(scheduler, workers), calibration=modulus)
+    return Report(
+        {"images": made.images, "seconds": made.seconds, "images_per_second": made.images_per_second},
+        [f"{out}: {made.images} images, {made.seconds:.1f} s, {made.images_per_second:.0f} images/s"],
+    )
 
 
 @click.command(cls=Command)
 @click.argument("dataset_path", metavar="[DATASET]", required=False, type=PATH)
 @click.option("--out", type=PATH, required=True, help="Model folder to write; must not exist.")
 @click.option("--kind", type=click.Choice(["classifier", "reader", "raw-reader", "wall-finder"]),
-              default="classifier", show_default=True, help="What the network answers, and from what.")  # fmt: skip
+              default="classifier", show_default=True, help="Kind of network: its answer and its input.")  # fmt: skip
 @click.option(
     "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
 )
@@ -74,101 +137,83 @@ def train(
     if search and kind != "classifier":
         raise click.UsageError(f"--search is for --kind classifier: a {kind} has the sizes of [{section}]")
     start = time.perf_counter()
+    # Imported here: stores and PyTorch take longer to import than the help to print.
+    import scleraforce as sf
+    from scleraforce.models import read_folder
+
     if dataset_path is None:
-        result, lines = _train_wall_finder(study, out, workers)
+        from scleraforce.learning.train import train_wall_finder
+
+        with count_bar("batches", study.wall_finder.batches) as advance:
+            train_wall_finder(study, out, workers, advance)
+        result = _of_finder(read_folder(out).record)
     elif kind == "classifier":
         given = ctx.get_parameter_source("study") != ParameterSource.DEFAULT
-        result, lines = _train_classifier(dataset_path, out, search, study.network if given else None, workers)
+        dataset = sf.open_dataset(dataset_path)
+        model = sf.train(dataset, out, study if given else None, search=search, workers=workers, counting=count_bar)
+        result = _of_classifier(model.record, model.study.network.hidden)
     else:
-        result, lines = _train_reader(kind, dataset_path, out, study)
+        result = _of_reader(sf.train(sf.open_library(dataset_path), out, study, kind=kind, counting=count_bar).record)
     seconds = time.perf_counter() - start
-    lines = [line.replace(SECONDS, f"{seconds:.1f} s") for line in lines]
+    lines = _LINES[kind](out, result, f"{seconds:.1f} s")
     return Report({"model": str(out), "kind": kind, **result, "seconds": seconds}, lines)
 
 
-def _train_reader(kind: str, library_path: Path, out: Path, study: Study) -> Made:
-    # Imported here: stores take longer to import than the help to print.
-    import scleraforce as sf
-    from scleraforce.notebook.training import train_on_library, train_on_raw_frames
-    from scleraforce.study.unused import refuse_unused
-
-    refuse_unused(study, f"train --kind {kind}")
-    library = sf.open_library(library_path)
-    if kind == "reader":
-        of_slices = train_on_library(library, study, out, count_bar)
-        metrics, learned = of_slices.metrics, {"epochs": of_slices.epochs, "samples": of_slices.samples}
-    else:
-        of_frames = train_on_raw_frames(library, study, out, count_bar)
-        metrics, learned = of_frames.metrics, {"batches": of_frames.batches, "frames": of_frames.frames}
-    result = {
-        "validation_accuracy": metrics.accuracy,
-        "validation_interval": metrics.interval,
-        "mae_mn": from_si(metrics.mae_n, "mn"),
-        "coverage": metrics.coverage,
-        "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
-        **learned,
-    }
-    low, high = metrics.interval
-    return result, [
-        f"wrote {out}: {', '.join(f'{count} {name}' for name, count in learned.items())}, {SECONDS}",
-        f"validation: force {from_si(metrics.mae_n, 'mn'):.2f} mN off, {metrics.coverage:.1%} within the 90 % interval",
-        f"validation accuracy {metrics.accuracy:.2%} (95 % interval {low:.2%} to {high:.2%})",
-    ]
+def _of_finder(record: Mapping[str, Any]) -> dict[str, Any]:
+    return {"batches": record["batches"], "scenes": record["scenes"]["training"], **record["metrics"]}
 
 
-def _train_wall_finder(study: Study, out: Path, workers: int | None) -> Made:
-    # Imported here: PyTorch takes longer to import than the help to print.
-    from scleraforce.learning.train import train_wall_finder
-
-    with count_bar("batches", study.wall_finder.batches) as advance:
-        trained = train_wall_finder(study, out, workers, advance)
-    metrics = trained.metrics
-    return {"batches": trained.batches, "scenes": trained.scenes, **vars(metrics)}, [
-        f"wrote {out}: {trained.scenes} scenes in {trained.batches} batches, {SECONDS}",
-        f"scenes that it never saw: Dice {metrics.dice_mean:.3f} in the mean, {metrics.dice_median:.3f} in the median; "
-        f"{metrics.coverage:.1%} of the boundaries within 1.645 standard deviations",
-    ]
+def _of_classifier(record: Mapping[str, Any], hidden: Sequence[int]) -> dict[str, Any]:
+    keys = ("validation_accuracy", "validation_interval", "validation_loss")
+    reached = {key: record["metrics"][key] for key in keys}
+    return {"hidden": hidden, **reached, "epochs": record["epochs"], "search": record["search"]}
 
 
-def _train_classifier(
-    dataset_path: Path, out: Path, search: bool, network: NetworkStudy | None, workers: int | None
-) -> Made:
-    # Imported here: stores take longer to import than the help to print.
-    import scleraforce as sf
-    from scleraforce.notebook.training import train_on_slices
-
-    trained = train_on_slices(sf.open_dataset(dataset_path), network, out, count_bar, search=search, workers=workers)
-    low, high = trained.validation_interval
-    loss = trained.curves.validation_loss[-1]
-    result = {
-        "hidden": trained.network.hidden,
-        "validation_accuracy": trained.validation_accuracy,
-        "validation_interval": trained.validation_interval,
-        "validation_loss": loss,
-        "epochs": trained.network.epochs,
-        "search": [vars(entry) for entry in trained.candidates],
-    }
-    return result, [
-        *_table(trained),
-        f"wrote {out}: hidden layers {_sizes(trained.network.hidden)}",
-        f"{trained.network.epochs} epochs{' of each' if trained.candidates else ''}, {SECONDS}",
-        f"validation accuracy {trained.validation_accuracy:.2%} (95 % interval {low:.2%} to {high:.2%}), "
-        f"loss {loss:.4f}",
-    ]
+def _of_reader(record: Mapping[str, Any]) -> dict[str, Any]:
+    keys = ("validation_accuracy", "validation_interval", "mae_mn", "coverage", "lateral_mae_mm")
+    steps, samples = ("batches", "frames") if "batches" in record else ("epochs", "samples")
+    learned = {steps: record[steps], samples: record["samples"]["training"]}
+    return {key: record["metrics"][key] for key in keys} | learned
 
 
-def _table(trained: "Trained") -> list[str]:
-    """Return the grid search as a table; nothing where there was none."""
-    if not trained.candidates:
-        return []
-    lines = [f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"]
-    for entry in trained.candidates:
-        chosen = "  <" if entry.hidden == trained.network.hidden else ""
-        reached = "diverged" if entry.validation_accuracy is None else f"{entry.validation_accuracy:.2%}"
-        loss = "" if entry.validation_loss is None else f"{entry.validation_loss:.4f}"
-        lines.append(f"{_sizes(entry.hidden):<24}{entry.weights:>12,}{reached:>22}{loss:>10}{chosen}")
-    return lines
+def _finder_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
+    yield f"wrote {out}: {result['scenes']} scenes in {result['batches']} batches, {took}"
+    yield (
+        f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
+        f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations"
+    )
 
 
-def _sizes(hidden: tuple[int, ...]) -> str:
+def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
+    counts = [f"{result[name]} {name}" for name in ("epochs", "batches", "samples", "frames") if name in result]
+    yield f"wrote {out}: {', '.join(counts)}, {took}"
+    yield (f"validation: force {result['mae_mn']:.2f} mN off, {result['coverage']:.1%} within the 90 % interval")
+    yield _accuracy(result)
+
+
+def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
+    if result["search"]:
+        yield f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
+    for entry in result["search"]:
+        chosen = "  <" if tuple(entry["hidden"]) == tuple(result["hidden"]) else ""
+        reached, loss = entry["validation_accuracy"], entry["validation_loss"]
+        accuracy = "diverged" if reached is None else f"{reached:.2%}"
+        loss = "" if loss is None else f"{loss:.4f}"
+        yield f"{_sizes(entry['hidden']):<24}{entry['weights']:>12,}{accuracy:>22}{loss:>10}{chosen}"
+    yield f"wrote {out}: hidden layers {_sizes(result['hidden'])}"
+    yield f"{result['epochs']} epochs{' of each' if result['search'] else ''}, {took}"
+    yield f"{_accuracy(result)}, loss {result['validation_loss']:.4f}"
+
+
+_LINES = {
+    "classifier": _classifier_lines, "reader": _reader_lines, "raw-reader": _reader_lines, "wall-finder": _finder_lines,
+}  # fmt: skip
+
+
+def _accuracy(result: Mapping[str, Any]) -> str:
+    low, high = result["validation_interval"]
+    return f"validation accuracy {result['validation_accuracy']:.2%} (95 % interval {low:.2%} to {high:.2%})"
+
+
+def _sizes(hidden: Sequence[int]) -> str:
     return "-".join(str(width) for width in hidden) or "none"

@@ -21,9 +21,8 @@ from scleraforce.models import (
     read_folder,
     write_folder,
 )
-from scleraforce.notebook.counting import Counting, counting_for
-from scleraforce.notebook.evaluating import Given, opened
-from scleraforce.notebook.frames import finder_of, summary_of_calibration
+from scleraforce.notebook import Counting, counting_for
+from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
 from scleraforce.notebook.training import library_for
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
@@ -60,13 +59,13 @@ def calibrate(
         recordings: one or more, opened or as folders, with force logs; those of one eye add up.
         study: prior, filter and library; None: the paper's.
         frames: number of frames above 5 mN to take of each recording; None: all.
-        parameters: what is uncertain, of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
+        parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
             stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
         earlier: a calibration, or its file, to continue.
-        wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
+        wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
         thickness_m: of the wall, of a single eye; None: the recordings'.
-        out: a file to write as well, for the commands; it must not exist.
+        out: a file to write as well; it must not exist.
         note: called, at the start, with a sentence for each quantity that a reader of the study would not read.
         progress: called with 1 after each frame.
         counting: for bars, in place of `progress`: a context manager of a title ("library", "frames") and its steps.
@@ -95,7 +94,7 @@ def calibrate(
         raise InputError(f"thickness_m: {thickness_m:g}; give between {LEAST_WALL_M:g} and {LARGEST_WALL_M:g} m")
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
-    study, counting = study or Study(), counting or counting_for("frames", progress)
+    study, counting = study or Study(), counting or counting_for(progress, "frames")
     refuse_unused(study, "calibrate", mechanics)
     sought = None if parameters is None else tuple(parameters)
     if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
@@ -125,7 +124,7 @@ def calibrate(
 
 
 def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:
-    """Return recordings of one eye that state a thickness in place of their own; None: their own."""
+    """Return recordings of one eye with another thickness; None: unchanged."""
     if thickness_m is None:
         return recordings
     eyes = {recording.info.eye.id for recording in recordings}
@@ -145,25 +144,13 @@ def recalibrate_intervals(
     wall_finder: str | PathLike[str] | None,
     note: Callable[[str], object] = lambda _: None,
 ) -> "tuple[Stretch, ...]":
-    """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
+    """Write a reader whose intervals hold on recordings with force logs: counts "calibration" and "reading".
 
-    Each eye is calibrated on some of its frames; the others are read, and their scores stretch the intervals.
-    Few eyes only widen them (`reader.intervals.FEW_EYES`).
-
-    Args:
-        model: folder of a reader.
-        recordings: with force logs.
-        out: the folder to make.
-        counting: how the work is counted.
-        frames: of each recording that calibrate its eye.
-        wall_finder: model that checks the walls; None: nothing does.
-        note: called at the start with a sentence for each quantity of a recording that the model does not read.
-
-    Returns:
-        How the readings of each method with each kind of modulus did, and by how much they are stretched.
+    Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.
+    Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
 
     Raises:
-        InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
+        InputError: the model is not a reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
     from scleraforce.reader.evaluate import recording_scores
     from scleraforce.reader.intervals import intervals_record, stretched, stretches

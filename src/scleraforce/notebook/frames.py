@@ -1,9 +1,10 @@
-"""Single frames, from a file or as an array: find the wall, load a model, read the force.
+"""Find the wall in a frame, load a model, read the force from a frame or from whole recordings.
 
-Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is not a file.
+It imports the small runtime alone (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is not a file.
 """
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite
@@ -25,10 +26,20 @@ from scleraforce.known.calibration_file import (
     summary_of,
 )
 from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.folder import RecordingInfo, ScaledFrame, Scanner, read_scaled_frame, recording_of
+from scleraforce.recording.folder import (
+    Recording,
+    RecordingInfo,
+    ScaledFrame,
+    Scanner,
+    read_recording,
+    read_scaled_frame,
+    recording_of,
+)
 from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
@@ -41,13 +52,14 @@ if TYPE_CHECKING:
     GivenCalibration = Calibration | CalibrationSummary | str | PathLike[str]
 
 Frame = str | PathLike[str] | Pixels
+Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """An answer with its inputs: what was `given` and `stated` (recording.toml), and what was `known` in the end.
+    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, and the `known` combination.
 
-    `notes` are on the frame's file, the calibration's modulus, and what the model was not trained on.
+    `notes` are on the frame's file, the calibration's modulus, and inputs beyond the model's training.
     """
 
     answer: Answer
@@ -74,7 +86,7 @@ def segment(
         depth_m: of the frame as stored; None: the recording's, or the file's own. An array needs it.
         refractive_index: by which depth is stretched; None: the recording's, or 1 (corrected).
         wall_finder: model folder of a network that checks the wall, and whose wall it is where the two methods
-            differ; by default the one that ships. None: nothing checks it.
+            differ; by default the bundled one. None: nothing checks it.
 
     Returns:
         Boundaries in rows, `mask`, `thickness_m`, and whether the wall can be judged: `usable`, or the `reason`.
@@ -97,23 +109,23 @@ def segment(
 
 
 def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
-    """Load a wall finder, the shipped one once; None stays None."""
+    """Load a wall finder, the bundled one once; None stays None."""
     if model is None:
         return None
-    return _shipped_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
+    return _bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
 
 
 @cache
-def _shipped_finder() -> WallFinder:
+def _bundled_finder() -> WallFinder:
     return load_wall_finder(SHIPPED_WALL_FINDER)
 
 
 def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER) -> Reader:
-    """Load a model: one that ships with scleraforce, or a folder.
+    """Load a model: a bundled one, or a folder.
 
     Args:
-        path: "default", the reader that ships, or the folder that `train` or `scleraforce train` wrote, which wins.
-        wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
+        path: "default", the bundled reader, or the folder that `train` or `scleraforce train` wrote, which wins.
+        wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
@@ -200,6 +212,42 @@ def read(
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
 
 
+def evaluate(
+    model: Reader,
+    recordings: Given | Sequence[Given],
+    calibration: "Calibration | str | PathLike[str] | None" = None,
+    *,
+    progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
+) -> Evaluation:
+    """Read every frame of recordings and compare with their force logs.
+
+    Args:
+        model: of `load_model` or `train`.
+        recordings: one or more, opened or as folders.
+        calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its frames are not scored.
+        progress: called with 1 after each frame.
+        counting: for bars, in place of `progress`: a context manager of the title "frames" and their number.
+
+    Returns:
+        The answer to each of the `frames`, `mae_n`, `coverage`, `accuracy`, `confusion` (rows: target), and `notes`.
+
+    Raises:
+        InputError: a recording or the calibration cannot be used, or not with this model.
+
+    >>> import scleraforce as sf
+    >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
+    >>> [frame.answer.predicted for frame in evaluation.frames]
+    [1, 2, 2]
+    """
+    check_model(model)
+    each = opened(recordings)
+    summary = None if calibration is None else summary_of_calibration(calibration)
+    counting = counting or counting_for(progress, "frames")
+    with counting("frames", sum(len(one.frames) for one in each)) as advance:
+        return evaluate_recordings(model, each, summary, advance)
+
+
 def reading(
     model: Reader,
     frame: Frame,
@@ -242,19 +290,13 @@ def given_eye(
     globe: str | None = None,
     rigidity_pa13_per_m3: float | None = None,
 ) -> Known:
-    """Return the known inputs of an eye, checked; the arguments are those of `read`.
+    """Return the known inputs of an eye, checked; arguments as of `read`.
 
     Raises:
         InputError: a value that is not possible, or a rigidity of a globe that is not sealed.
     """
-    quantities = {
-        "youngs_modulus_pa": youngs_modulus_pa,
-        "iop_pa": iop_pa,
-        "thickness_m": thickness_m,
-        "gap_m": gap_m,
-        "polar_angle_rad": polar_angle_rad,
-    }
-    for key, value in quantities.items():
+    quantities = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m}
+    for key, value in (*quantities.items(), ("polar_angle_rad", polar_angle_rad)):
         if value is not None:
             check_quantity(key, value)
     for key, value in (("plane_direction_rad", plane_direction_rad), ("stiffening", stiffening)):
@@ -277,7 +319,7 @@ def given_eye(
 
 
 def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
-    """Check that a calibration and the values that were given do not state the same thing.
+    """Check that a calibration and the given values do not state the same quantity.
 
     Raises:
         InputError: they do, or the name of an eye is given without a calibration.
@@ -296,9 +338,9 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
 
     Args:
         frame: a file, or an array.
-        given: its size, which takes precedence over what its recording and its file state.
-        assumed: its size where nothing states it.
-        source: who assumes that.
+        given: its size, which takes precedence over the recording's and the file's.
+        assumed: its size by default.
+        source: the source of the default.
         transpose: the depth runs along the rows of the file or array.
 
     Raises:
@@ -306,7 +348,7 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
     """
     if isinstance(frame, str | PathLike):
         return read_scaled_frame(Path(frame), given, (assumed, source), transpose)
-    pixels: Any = np.asarray(frame)  # its type is checked where it is read
+    pixels: Any = np.asarray(frame)  # the reader checks its type
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if given.width_m is None or given.depth_m is None:
@@ -342,7 +384,7 @@ def check_model(model: object) -> None:
 
 
 def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummary:
-    """Return what models need of a calibration, or of its file.
+    """Return the summary of a calibration, or of its file, that models read.
 
     Raises:
         CalibrationError: the file cannot be used.
@@ -365,3 +407,15 @@ def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:
             "eye: missing; a calibration has several, and no recording.toml beside the frame names this one"
         )
     return info.eye.id
+
+
+def opened(given: Given | Sequence[Given]) -> list[Recording]:
+    """Return recordings; read folders.
+
+    Raises:
+        InputError: the list is empty, or a recording cannot be read.
+    """
+    each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
+    if not each:
+        raise InputError("recordings: none; give at least one")
+    return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scleraforce import __version__
 from scleraforce.errors import InputError
 from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
-from scleraforce.notebook.counting import Counting, counting_for
+from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
@@ -131,7 +131,7 @@ def import_recording(
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
-        write_imported(paths, Path(out), answers, origins, counting_for("frames", progress), NOBODY)
+        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"), NOBODY)
     except InputError as fault:
         raise InputError(_by_arguments(fault)) from fault
     return read_recording(out)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from scleraforce.errors import InputError
 from scleraforce.learning.dataset import CalibratedModulus, Dataset, open_dataset
@@ -13,14 +12,11 @@ from scleraforce.library.build import build_library, cached_library
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER, read_folder
-from scleraforce.notebook.counting import Counting, counting_for
+from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import load_model
 from scleraforce.reader import Reader
-from scleraforce.study import NetworkStudy, Study
+from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
-
-if TYPE_CHECKING:
-    from scleraforce.learning.train import Trained, TrainedRawReader, TrainedReader
 
 
 def library_of(
@@ -57,6 +53,23 @@ def library_of(
     return open_library(out)
 
 
+def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
+    """Return the library for finite strain: the bundled reader's if it is of this study, else the cache's.
+
+    Linear mechanics needs None. Arguments and errors are those of `library_of`; counts "library".
+    """
+    if mechanics == "linear":
+        return None
+    from scleraforce.library.files import load_library
+    from scleraforce.models import folder_study
+
+    plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
+    if plan_library(folder_study(shipped)).key == plan.key:
+        return load_library(shipped.path / LIBRARY_FILE, shipped.files[LIBRARY_FILE])
+    with counting("library", plan.units) as advance:
+        return cached_library(study, workers=workers, progress=advance)
+
+
 def generate(
     out: str | PathLike[str],
     study: Study | None = None,
@@ -84,16 +97,28 @@ def generate(
     >>> slices.images
     200
     """
-    counting = counting_for("generate", progress)
-    simulate_slices(
-        study or Study(),
-        Path(out),
-        counting,
-        mechanics=mechanics,
-        youngs_modulus_pa=youngs_modulus_pa,
-        workers=workers,
-    )
+    counting = counting_for(progress, "generate")
+    simulate_slices(study or Study(), Path(out), counting, mechanics, workers, youngs_modulus_pa=youngs_modulus_pa)
     return open_dataset(out)
+
+
+def simulate_slices(
+    study: Study,
+    out: Path,
+    counting: Counting,
+    mechanics: str | None,
+    workers: int | None,
+    *,
+    youngs_modulus_pa: float | None = None,
+    calibration: CalibratedModulus | None = None,
+) -> Generation:
+    """Simulate a data set as `generate` does: counts "library", if finite strain needs one, and "generate"."""
+    kind = mechanics or study.mechanics.kind
+    refuse_unused(study, "generate", kind)
+    library = library_for(study, kind, counting, workers)
+    with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
+        return generate_dataset(study, out, youngs_modulus_pa=youngs_modulus_pa, calibration=calibration,
+                                library=library, workers=workers, progress=advance)  # fmt: skip
 
 
 def train(
@@ -101,20 +126,27 @@ def train(
     out: str | PathLike[str],
     study: Study | None = None,
     *,
+    kind: str = "reader",
     search: bool = False,
+    workers: int | None = None,
     progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
 ) -> Reader:
     """Train a model, write its folder and return it loaded; needs the extra `train` (PyTorch).
 
     Args:
         source: a response library for a force reader, a data set for a classifier.
         out: the folder to make; it must not exist.
-        study: whose `[reader]` or `[network]` counts; None: the paper's, or the data set's.
+        study: whose `[reader]`, `[raw_reader]` or `[network]` counts; None: the paper's, or the data set's.
+        kind: "reader", or "raw-reader", which learns from raw frames of the library's walls.
         search: try all sizes of the grid and keep the best (classifier).
+        workers: that try the sizes.
         progress: called with 1 after each epoch.
+        counting: for bars, in place of `progress`: a context manager of a title ("epochs", "batches", "eyes") and its
+            steps.
 
     Returns:
-        The model; `record["metrics"]` has what it reached on its validation samples.
+        The model; `record["metrics"]` has its results on validation samples.
 
     Raises:
         InputError: `out` exists, PyTorch is missing, source and study do not go together, or the study has keys that a
@@ -126,131 +158,35 @@ def train(
     >>> 0.0 <= model.record["metrics"]["validation_accuracy"] <= 1.0
     True
     """
-    counting = counting_for("epochs", progress)
-    if isinstance(source, Library):
-        if search:
-            raise InputError("search: is for classifiers; a reader has the sizes of [reader]")
-        train_on_library(source, study or Study(), Path(out), counting)
-    elif isinstance(source, Dataset):
-        train_on_slices(source, None if study is None else study.network, Path(out), counting, search=search)
-    else:
+    counting = counting or counting_for(progress, "epochs")
+    if isinstance(source, Dataset):
+        from scleraforce.learning.classifier import grid
+        from scleraforce.learning.train import train_classifier
+
+        network = source.study.network if study is None else study.network
+        with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
+            train_classifier(source, Path(out), network, search, advance, workers=workers)
+        return load_model(out)
+    if not isinstance(source, Library):
         raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
+    if search:
+        raise InputError("search: is for classifiers; a reader has the sizes of [reader]")
+    if kind not in ("reader", "raw-reader"):
+        raise InputError(f"kind: {kind!r}; give 'reader' or 'raw-reader'")
+    study = study or Study()
+    refuse_unused(study, f"train --kind {kind}")
+    from scleraforce.learning.train import train_raw_reader, train_reader
+
+    if kind == "reader":
+        reader = study.reader
+        with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
+            train_reader(source, study, Path(out), progress=advance, measured=measured)
+    else:
+        raw = study.raw_reader
+        with (
+            counting("epochs", raw.slice_epochs) as advance,
+            counting("batches", raw.batches) as learned,
+            counting("eyes", raw.interval_eyes) as measured,
+        ):
+            train_raw_reader(source, study, Path(out), progress=advance, learned=learned, measured=measured)
     return load_model(out)
-
-
-def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
-    """Return the library that finite strain draws from; linear mechanics needs None.
-
-    It is the bundled reader's if that was made for this study, else it comes from the user's cache.
-
-    Args:
-        study: the study.
-        mechanics: "linear" or "finite-strain".
-        counting: of "library".
-        workers: processes that solve it if it does not exist; None: one for each core.
-
-    Raises:
-        InputError: the cache cannot be written.
-        SolverError: a load path could not be followed.
-    """
-    if mechanics == "linear":
-        return None
-    from scleraforce.library.files import load_library
-    from scleraforce.models import folder_study
-
-    plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
-    if plan_library(folder_study(shipped)).key == plan.key:
-        return load_library(shipped.path / LIBRARY_FILE, shipped.files[LIBRARY_FILE])
-    with counting("library", plan.units) as advance:
-        return cached_library(study, workers=workers, progress=advance)
-
-
-def simulate_slices(
-    study: Study,
-    out: Path,
-    counting: Counting,
-    *,
-    mechanics: str | None,
-    youngs_modulus_pa: float | None = None,
-    calibration: CalibratedModulus | None = None,
-    workers: int | None,
-) -> Generation:
-    """Simulate the data set of a study: counts "library", where finite strain needs one, and "generate".
-
-    The arguments are those of `generate_dataset`; mechanics: None: the study's.
-
-    Raises:
-        InputError: `out` holds something else, or the study has keys that this mechanics does not use.
-    """
-    kind = mechanics or study.mechanics.kind
-    refuse_unused(study, "generate", kind)
-    library = library_for(study, kind, counting, workers)
-    with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
-        return generate_dataset(
-            study,
-            out,
-            youngs_modulus_pa=youngs_modulus_pa,
-            calibration=calibration,
-            library=library,
-            workers=workers,
-            progress=advance,
-        )
-
-
-def train_on_library(library: Library, study: Study, out: Path, counting: Counting) -> "TrainedReader":
-    """Train a force reader and write its folder: counts "epochs", then the "eyes" of its intervals.
-
-    Raises:
-        InputError: as of `sf.train`.
-        SolverError: the training diverged.
-    """
-    refuse_unused(study, "train --kind reader")
-    from scleraforce.learning.train import train_reader
-
-    reader = study.reader
-    with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
-        return train_reader(library, study, out, progress=advance, measured=measured)
-
-
-def train_on_raw_frames(library: Library, study: Study, out: Path, counting: Counting) -> "TrainedRawReader":
-    """Train a raw reader and write its folder: counts "epochs" of slices, "batches" of raw frames, then "eyes".
-
-    Raises:
-        InputError: as of `sf.train`.
-        SolverError: the training diverged.
-    """
-    refuse_unused(study, "train --kind raw-reader")
-    from scleraforce.learning.train import train_raw_reader
-
-    raw = study.raw_reader
-    with (
-        counting("epochs", raw.slice_epochs) as advance,
-        counting("batches", raw.batches) as learned,
-        counting("eyes", raw.interval_eyes) as measured,
-    ):
-        return train_raw_reader(library, study, out, progress=advance, learned=learned, measured=measured)
-
-
-def train_on_slices(
-    dataset: Dataset,
-    network: NetworkStudy | None,
-    out: Path,
-    counting: Counting,
-    *,
-    search: bool,
-    workers: int | None = None,
-) -> "Trained":
-    """Train a classifier, of the data set's network where None is given, and write its folder: counts "epochs".
-
-    With `search` it tries all sizes of the grid, by `workers` where they are given.
-
-    Raises:
-        InputError: as of `sf.train`.
-        SolverError: the training diverged.
-    """
-    from scleraforce.learning.classifier import grid
-    from scleraforce.learning.train import train_classifier
-
-    network = network or dataset.study.network
-    with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
-        return train_classifier(dataset, out, network, search, advance, workers=workers)

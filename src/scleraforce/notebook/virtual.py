@@ -1,10 +1,11 @@
 """Virtual eyes: one under one force, or a whole recording of one."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import radians
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from scleraforce.errors import InputError
 from scleraforce.laboratory.acquisition import Acquisition
@@ -12,7 +13,7 @@ from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.mechanics.contact import Contact
-from scleraforce.notebook.counting import Counting, counting_for
+from scleraforce.notebook import Counting, counting_for
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
@@ -37,7 +38,7 @@ def simulate(
     r"""Bend one eye by one force.
 
     Args:
-        study: the study; None: the paper's. It has what is not given below.
+        study: the study; None: the paper's. It has the values that are None below.
         thickness_m: of the wall.
         force_n: of the needle, along the inward normal.
         youngs_modulus_pa: of the wall.
@@ -47,7 +48,7 @@ def simulate(
         mechanics: "linear" or "finite-strain".
         globe: "open" or "sealed" (finite strain only).
         rigidity_pa13_per_m3: of a sealed globe (`[globe]` of the study has it in mmHg^(1/3) per µl).
-        progress: called with the share of the load path that is done (finite strain).
+        progress: called with the completed share of the load path (finite strain).
 
     Returns:
         Mesh, displacements, the tip's displacement `tip_m`, the pressure under the needle and the binary `slice`.
@@ -67,18 +68,13 @@ def simulate(
     study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "simulate", study.mechanics.kind)
     check_quantity("force_n", force_n)
-    eye, needle = replace(study.eye, thickness_m=fixed(thickness_m)), study.needle
-    if youngs_modulus_pa is not None:
-        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
-    if iop_pa is not None:
-        eye = replace(eye, iop_pa=iop_pa)
-    if polar_angle_rad is not None:
-        needle = replace(needle, polar_angle_rad=fixed(polar_angle_rad))
-    if gap_m is not None:
-        needle = replace(needle, gap_m=gap_m)
-    study = replace(study, eye=eye, needle=needle)
+    polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
+    eye = replace(
+        study.eye, thickness_m=fixed(thickness_m), **given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa)
+    )
+    needle = replace(study.needle, **given(polar_angle_rad=polar, gap_m=gap_m))
     contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
-    return simulate_eye(study, thickness_m, force_n, contact, progress)
+    return simulate_eye(replace(study, eye=eye, needle=needle), thickness_m, force_n, contact, progress)
 
 
 def phantom(
@@ -113,9 +109,9 @@ def phantom(
         forces_n: true force at each frame, one step-and-hold push each; with `rate_hz` the turning points of the force.
         thickness_m: of the wall.
         eye: its name.
-        youngs_modulus_pa: of the wall; None: the study's.
-        iop_pa: intraocular pressure; None: the study's.
-        gap_m: distance of the B-scan plane from the needle axis; None: the study's.
+        youngs_modulus_pa: of the wall; None: the study's, as for IOP and gap.
+        iop_pa: intraocular pressure.
+        gap_m: distance of the B-scan plane from the needle axis.
         polar_angle_rad: of the contact, from the pole.
         azimuth_rad: of the contact, about the pole.
         direction_rad: of the B-scan plane, about the needle axis.
@@ -123,7 +119,7 @@ def phantom(
         mechanics: "linear" or "finite-strain"; None: the study's.
         globe: "open" or "sealed" (finite strain only); None: the study's.
         rigidity_pa13_per_m3: of a sealed globe; None: the study's.
-        seed: of all that is drawn; None: the study's.
+        seed: of all random choices; None: the study's.
         rate_hz: frames a second of a needle that moves; None: it is held at each force.
         ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
         hold_s: how long a moving needle stays at each force; None: 1.
@@ -143,23 +139,21 @@ def phantom(
     """
     study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "phantom", study.mechanics.kind)
-    counting = counting or counting_for("frames", progress)
-    given = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "gap_m": gap_m}
-    usual = {
-        "youngs_modulus_pa": study.eye.youngs_modulus_pa,
-        "iop_pa": study.eye.iop_pa,
-        "gap_m": study.needle.gap_m,
-    }
+    if Path(out).exists():
+        raise InputError(f"{out}: exists already; remove it or choose another name")
+    counting = counting or counting_for(progress, "frames")
     pushed = PhantomEye(
         id=eye,
         thickness_m=thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa if iop_pa is None else iop_pa,
+        gap_m=study.needle.gap_m if gap_m is None else gap_m,
         polar_rad=polar_angle_rad,
         azimuth_rad=azimuth_rad,
         direction_rad=direction_rad,
         tilt_rad=tilt_rad,
-        **(usual | stated_of(given)),
     )
-    moves = stated_of({"ramp_n_per_s": ramp_n_per_s, "hold_s": hold_s})
+    moves = given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s)
     seed = study.phantom.seed if seed is None else seed
     plan = Acquisition(tuple(forces_n), study, seed, rate_hz=rate_hz, **moves).plan(pushed)
     with counting("load path", 100) as advance:
@@ -186,13 +180,13 @@ def declared(
     return replace(study, globe=study.globe.with_known(globe, rigidity_pa13_per_m3))
 
 
-def stated_of(values: Mapping[str, float | None]) -> dict[str, float]:
-    """Return the values that are not None; the others have defaults elsewhere."""
+def given(**values: Any) -> dict[str, Any]:
+    """Return the values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _percent(advance: Callable[[int], None]) -> Callable[[float], None]:
-    """Return a function of the share of the work that is done; it counts steps of one per cent."""
+    """Return a function of the completed share of the work; it counts steps of one per cent."""
     done = 0
 
     def reach(share: float) -> None:

@@ -152,7 +152,7 @@ class Stage:
     by_reader: bool = False
 
 
-def open_run(folder: Path, study: Study, workers: int, *, train: bool = False, study_file: Path | None = None) -> Run:
+def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
     """Make or continue the folder of a reproduction.
 
     Args:
@@ -160,14 +160,13 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False, s
         study: of all that is computed.
         workers: processes.
         train: train the force reader, in place of reading with the bundled one.
-        study_file: the study's file, for the message.
 
     Raises:
         InputError: the folder holds something else, or was made from another study.
         StudyError: the bundled reader was trained for other values than the study's.
     """
     if not train:
-        _check_bundled(study, study_file)
+        _check_bundled(study)
     run = Run(folder, study, workers, train)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -277,15 +276,16 @@ def _reader_of(run: Run) -> str:
     return "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
 
 
-def _check_bundled(study: Study, file: Path | None) -> None:
+def _check_bundled(study: Study) -> None:
     bundled = folder_study(read_folder(SHIPPED_READER))
     for section, names in TRAINED_FOR.items():
         mine, its = getattr(study, section), getattr(bundled, section)
         for item in fields(mine):
             if (names is None or item.name in names) and getattr(mine, item.name) != getattr(its, item.name):
-                where = f"{file or 'study'}: {section}.{field_key(item)}"
                 remedy = "give --train, which trains a reader for this study"
-                raise StudyError(f"{where}: the bundled reader was trained for another value; {remedy}")
+                raise StudyError(
+                    f"study: {section}.{field_key(item)}: the bundled reader was trained for another value; {remedy}"
+                )
 
 
 def framed_for_laboratory(study: Study) -> Study:

@@ -6,7 +6,6 @@ A study file serves all commands, so keys for other work than a command's own pa
 
 from collections.abc import Iterator
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import StudyError
@@ -47,21 +46,20 @@ REASONS = {
 }
 
 
-def refuse_unused(study: Study, command: str, mechanics: str | None = None, file: Path | None = None) -> None:
+def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> None:
     """Refuse a study that sets a key which a command, with its mechanics if it has a choice, does not use.
 
-    A key that another key of the study switches off is refused as well. `file` is for the message.
+    A key that another key of the study switches off is refused as well.
     """
-    place = "study" if file is None else file
     changed = set(_changed(study))
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
         wall += "".join(f" ({reason})" for key, reason in REASONS.items() if key in found)
         remedy = f"leave {'it' if len(found) == 1 else 'them'} out{_other_mechanics(command, found)}"
-        raise StudyError(f"{place}: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
+        raise StudyError(f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
     for key, cause, remedy in _switched_off(study):
         if key in changed:
-            raise StudyError(f"{place}: {key}: has no effect with {cause}; leave it out, or give {remedy}")
+            raise StudyError(f"study: {key}: has no effect with {cause}; leave it out, or give {remedy}")
 
 
 def _changed(study: Study) -> Iterator[str]:

@@ -1,19 +1,107 @@
-"""`scleraforce phantom`: make a virtual acquisition."""
+"""`scleraforce simulate` and `phantom`: virtual eyes."""
 
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import PATH, chosen_workers, eye_options, in_radians, options
-from scleraforce.cli.output import Command, Report, count_bar, refuse_existing, resumable_bar
+from scleraforce.cli.options import PATH, Quantity, chosen_workers, eye_options, in_radians, new_file, options
+from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, share_bar
 from scleraforce.errors import StudyError
 from scleraforce.study import Study
 from scleraforce.study.fields import check_quantity
-from scleraforce.units import to_si
+from scleraforce.units import from_si, to_si
+
+if TYPE_CHECKING:
+    from scleraforce.laboratory.simulation import SimulatedEye
 
 STUDYS = "the study's by default"
+GLOBE, RIGIDITY = f"finite strain only; {STUDYS} (open, if it does not say)", f"{STUDYS} (0.03, if it does not say)"
 THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
+
+
+@click.command(cls=Command)
+@options("study")
+@eye_options("thickness_m", default="", required=("thickness_m",))
+@click.option("--force-mn", "force_n", type=Quantity("force_mn"), required=True,
+              help="Force of the needle, along the inward normal.")  # fmt: skip
+@eye_options("youngs_modulus_pa", "iop_pa", "polar_angle_rad", "gap_m", "globe", "rigidity_pa13_per_m3",
+             default=STUDYS, polar_angle_rad="the middle of the study's by default", globe=GLOBE,
+             rigidity_pa13_per_m3=RIGIDITY)  # fmt: skip
+@options("mechanics", mechanics="Small displacements, or any; the study's by default (linear, if it does not say).")
+@click.option("--vtu", type=PATH, callback=new_file, help="Write the mesh and its displacement (VTK) here.")
+@click.option("--xdmf", type=PATH, callback=new_file, help="Write it at rest and under the force here (XDMF).")
+@options("html", "plot", html="Write a page here, with the wall to be turned in 3-D.",
+         plot="Write a picture of the deformed mesh and the slice here (PNG, SVG, PDF).")  # fmt: skip
+def simulate(
+    study: Study,
+    globe: str | None,
+    rigidity_pa13_per_m3: float | None,
+    mechanics: str | None,
+    vtu: Path | None,
+    xdmf: Path | None,
+    html: Path | None,
+    plot: Path | None,
+    **given: Any,
+) -> Report:
+    """Bend one eye by one force: displacement, slice, picture.
+
+    Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
+    """
+    # Imported here: mechanics and figures take longer to import than the help to print.
+    import scleraforce as sf
+    from scleraforce.laboratory.simulation import write_vtu, write_xdmf
+    from scleraforce.notebook.virtual import declared
+
+    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
+    start = perf_counter()
+    with share_bar("load path") as reach:
+        eye = sf.simulate(study, progress=reach, **given)
+    seconds = perf_counter() - start
+    if vtu is not None:
+        write_vtu(eye, vtu)
+    if xdmf is not None:
+        write_xdmf(eye, xdmf)
+    if plot is not None:
+        from scleraforce.report.files import write_figure
+        from scleraforce.report.model_figures import draw_simulation
+
+        write_figure(draw_simulation(eye), plot)
+    if html is not None:
+        from scleraforce.report.eye_view import write_simulation_html
+
+        write_simulation_html(eye, html, datetime.now(UTC))
+    result = {
+        "tip_displacement_mm": from_si(eye.tip_m, "mm"),
+        "dent_mm": from_si(eye.dent_m, "mm"),
+        "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
+        "globe": study.globe.kind,
+        "stiffening": study.tissue.stiffening,
+        "elements": len(eye.mesh.cells_en),
+        "dofs": eye.mesh.points_nc.size,
+        "seconds": round(seconds, 3),
+        "mechanics": study.mechanics.kind,
+    }
+    resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
+    size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
+    written = [f"wrote {path}" for path in (vtu, xdmf, plot, html) if path is not None]
+    return Report(result, [*_lines(eye, study, resting_pa), size, *written])
+
+
+def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str]:
+    yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN"
+    if study.globe.kind == "sealed":
+        resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (resting_pa, eye.pressure_pa))
+        yield (
+            f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
+            f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure"
+        )
+    if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
+        ratio = eye.tip_m / eye.mesh.thickness_m
+        yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"
 
 
 class _Forces(click.ParamType[tuple[float, ...]]):
@@ -50,28 +138,20 @@ class _Forces(click.ParamType[tuple[float, ...]]):
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames a second of a needle that moves: --forces-mn "
               "are then the turning points of its force, which begins at 0.")  # fmt: skip
-@click.option("--ramp-mn-per-s", type=click.FloatRange(0.01, 1e5), help="How fast the force changes between them; "
+@click.option("--ramp-mn-per-s", type=click.FloatRange(0.01, 1e5), help="Rate of change of the force between them; "
               "20 by default.")  # fmt: skip
-@click.option("--hold-s", type=click.FloatRange(0, 3600), help="How long it stays at each; 1 by default.")
+@click.option("--hold-s", type=click.FloatRange(0, 3600), help="Time at each of them; 1 by default.")
 @eye_options("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m", "polar_angle_rad", default=STUDYS,
              thickness_m="600 by default", polar_angle_rad="35 by default")  # fmt: skip
-@click.option(
-    "--azimuth-deg", "azimuth_rad", type=float, callback=in_radians, help="Contact, about the pole; 0 by default."
-)
+@click.option("--azimuth-deg", "azimuth_rad", type=float, callback=in_radians,
+              help="Contact, about the pole; 0 by default.")  # fmt: skip
 @click.option("--direction-deg", "direction_rad", type=float, callback=in_radians,
               help="B-scan plane about the needle axis; 0 by default.")  # fmt: skip
-@click.option(
-    "--tilt-deg",
-    "tilt_rad",
-    type=float,
-    callback=in_radians,
-    help="B-scan plane against the needle axis; 0 by default.",
-)
-@eye_options("globe", "rigidity_pa13_per_m3", default=STUDYS,
-             globe=f"finite strain only; {STUDYS} (open, if it does not say)",
-             rigidity_pa13_per_m3=f"{STUDYS} (0.03, if it does not say)")  # fmt: skip
+@click.option("--tilt-deg", "tilt_rad", type=float, callback=in_radians,
+              help="B-scan plane against the needle axis; 0 by default.")  # fmt: skip
+@eye_options("globe", "rigidity_pa13_per_m3", default=STUDYS, globe=GLOBE, rigidity_pa13_per_m3=RIGIDITY)
 @options("mechanics", mechanics="How the wall bends; the study's by default (linear, if it does not say).")
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of all that is drawn; the study's by default.")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of all random choices; the study's by default.")
 def phantom(
     out: Path,
     study: Study,
@@ -87,7 +167,7 @@ def phantom(
     rigidity_pa13_per_m3: float | None,
     mechanics: str | None,
     seed: int | None,
-    **given: Any,
+    **values: Any,
 ) -> Report:
     """Make a virtual acquisition: raw B-scans, a force log, truth.json.
 
@@ -105,18 +185,16 @@ def phantom(
     """
     # Imported here: mechanics takes longer to import than the help to print.
     import scleraforce as sf
-    from scleraforce.notebook.virtual import declared, stated_of
+    from scleraforce.notebook.virtual import declared, given
 
     if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
     if count is None and not (scheduler is None and workers is None):
         raise click.UsageError("--scheduler and --workers are for --count: one eye is one process's work")
     study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
-    eye: dict[str, Any] = stated_of(given)
-    seed = study.phantom.seed if seed is None else seed
-    moves: dict[str, Any] = stated_of({"ramp_n_per_s": to_si(ramp_mn_per_s, "mn_per_s"), "hold_s": hold_s})
+    eye, seed = given(**values), study.phantom.seed if seed is None else seed
+    moves = given(ramp_n_per_s=to_si(ramp_mn_per_s, "mn_per_s"), hold_s=hold_s)
     if count is None:
-        refuse_existing(out)
         eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
         made = sf.phantom(out, study, forces_n=forces_n, eye=name or "eye-1", seed=seed, rate_hz=rate_hz,
                           counting=count_bar, **eye, **moves)  # fmt: skip

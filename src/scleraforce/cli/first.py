@@ -1,0 +1,252 @@
+"""`scleraforce demo`, `doctor`, `init` and `reproduce`: a first session."""
+
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scleraforce import __version__
+from scleraforce.cli.options import PATH, STUDY_FILE, options
+from scleraforce.cli.output import Command, Report, progress_bar, say, share_bar
+from scleraforce.errors import StudyError
+from scleraforce.plain_text import wrapped
+from scleraforce.study import PRESETS, Study, preset_toml
+from scleraforce.units import from_si
+
+if TYPE_CHECKING:
+    from scleraforce.installation import Finding
+    from scleraforce.reader.evaluate import Evaluation
+    from scleraforce.reproduction.run import Progress
+
+REMEDY = " " * 25 + "-> "
+
+
+@click.command(cls=Command)
+@click.option("--out", type=PATH, default=Path("scleraforce-demo"), show_default=True,
+              help="Folder to make; must not exist.")  # fmt: skip
+@click.option("--open", "open_page", is_flag=True, help="Open the page in the browser.")
+def demo(out: Path, open_page: bool) -> Report:
+    """A small virtual session, read by the bundled reader, as a page.
+
+    A virtual eye is pushed twelve times (finite strain), imaged, and calibrated
+    on three of its frames; the reader `default` reads the others. The folder
+    has the recording, the calibration and the page. It takes about ten seconds.
+    """
+    start = time.perf_counter()
+    # Imported here: mechanics takes longer to import than the help to print.
+    from scleraforce.reader.metrics import mean_absolute_error
+    from scleraforce.reproduction.demo import EYE, run_demo
+
+    with share_bar("demo") as reach:
+        done = run_demo(out, datetime.now(UTC), reach)
+    evaluation, seconds = done.evaluation, time.perf_counter() - start
+    true_mpa, found_mpa = from_si(EYE.youngs_modulus_pa, "mpa"), from_si(done.modulus_pa, "mpa")
+    frames, read, right = len(evaluation.frames), evaluation.accuracy.total, evaluation.accuracy.hits
+    mae_mn, held = from_si(mean_absolute_error(evaluation.true_forces), "mn"), evaluation.true_coverage.hits
+    if open_page:
+        click.launch(str(done.page))
+    return Report(
+        {
+            "page": str(done.page),
+            "recording": str(done.recording),
+            "calibration": str(done.calibration),
+            "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa},
+            "frames": frames,
+            "read": read,
+            "right": right,
+            "mae_mn": mae_mn,
+            "intervals_hold": held,
+            "seconds": seconds,
+        },
+        [
+            "research use only: not a medical device",
+            f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed {frames} times",
+            f"calibrated on {frames - read} frames: {found_mpa:.2f} MPa",
+            f"read the other {read}: {right} in the right class, {mae_mn:.2f} mN off in the mean,",
+            f"  {held} of their 90 % intervals hold the true force",
+            f"{seconds:.0f} s; the page: {done.page}",
+        ],
+    )
+
+
+@click.command(cls=Command)
+def doctor() -> Report:
+    """Check this installation: packages, machine, and three small runs.
+
+    A load path is solved, a frame read and a reader trained, ten seconds in
+    all. A `missing` package is optional; the line below it says how to get it.
+    If anything has `failed`, the exit code is 1.
+    """
+    start = time.perf_counter()
+    # Imported here: mechanics takes longer to import than the help to print.
+    from scleraforce.installation import TRIALS, machine, packages, tried
+
+    found = [*packages(), *machine(), *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS)))]
+    python, system = platform.python_version(), f"{platform.system()} {platform.machine()}"
+    ok = all(finding.state != "failed" for finding in found)
+    result = {
+        "scleraforce": __version__,
+        "python": python,
+        "system": system,
+        "ok": ok,
+        "findings": [asdict(finding) for finding in found],
+        "seconds": time.perf_counter() - start,
+    }
+    lines = [f"scleraforce {__version__}, Python {python}, {system}", *(line for one in found for line in _lines(one))]
+    return Report(result, lines, code=0 if ok else 1)
+
+
+def _lines(finding: "Finding") -> list[str]:
+    lines = [wrapped(finding.found, f"{finding.state:<8} {finding.name:<15} ")]
+    return [*lines, wrapped(finding.remedy, REMEDY)] if finding.remedy else lines
+
+
+@click.command(cls=Command)
+@click.argument("directory", type=PATH)
+@click.option("--preset", type=click.Choice(PRESETS), default=PRESETS[0], show_default=True,
+              help="Eyes to begin with: the paper's, or at living pressure and stiffness.")  # fmt: skip
+def init(directory: Path, preset: str) -> Report:
+    """Write DIRECTORY/study.toml, the paper's study or another preset, with comments."""
+    path = directory / "study.toml"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(preset_toml(preset))
+    except FileExistsError as fault:
+        raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
+    except OSError as fault:
+        raise StudyError(f"{path}: {fault.strerror}") from fault
+    return Report({"path": str(path), "preset": preset}, [f"wrote {path}"])
+
+
+@click.command(cls=Command)
+@click.option("--out", type=PATH, required=True, help="Folder of all results; new, or a former run's.")
+@options("study", study="Study file; by default the paper's, with framing ranges.")
+@click.option(
+    "--train", is_flag=True, help="Train the force reader, in place of the bundled one (10 to 30 minutes more)."
+)
+@options("workers")
+@click.pass_context
+def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, workers: int | None) -> Report:
+    """Run the whole pipeline and write OUT/report.html.
+
+    Five virtual eyes in the paper's design (45 trials), the simulated slices,
+    the paper's classifier trained on them, its answers to the raw frames, and a
+    page that shows them beside the paper's; then the same eyes computed at
+    finite strain, read by the paper's method and by the force reader.
+
+    The force reader and its library are the bundled ones. --train makes both
+    for this study; a study for another eye, needle or slice, or with other
+    classes, needs it.
+
+    After Ctrl-C, the same command continues. Results from other versions of the
+    code are not reused: the command says so, and repeats all stages. A folder
+    of another study is refused. With and without --train share a folder.
+
+    On a terminal each stage has a progress bar; in a pipe, one line on standard
+    error when it is done, with its time.
+
+    By default the study is the paper's, with framing ranges of the virtual
+    laboratory; your own study is used unchanged.
+
+    Example: scleraforce reproduce --out out/reproduce
+    """
+    # Imported here: mechanics and training take longer to import than the help to print.
+    from scleraforce.models import model_name
+    from scleraforce.processes import available_cores
+    from scleraforce.reproduction.run import framed_for_laboratory, open_run
+    from scleraforce.reproduction.stages import reproduce as run_stages
+    from scleraforce.study.unused import refuse_unused
+
+    file = ctx.meta.get(STUDY_FILE)
+    refuse_unused(study, "reproduce")
+    study = framed_for_laboratory(study) if file is None else study
+    run = open_run(out, study, workers or available_cores(), train=train)
+    reader = f"the bundled reader, {model_name(run.reader)!r} (--train trains one)"
+    reader = "a reader that this run trains" if train else reader
+    say(f"reads walls of finite strain with {reader}", err=True)
+    found = run_stages(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
+    evaluation, others, bent = found.evaluation, found.to_the_bounds, found.bent_reader
+    mean_pa, spread_pa = found.calibration.population
+    seconds = sum(found.seconds.values())
+    result = {
+        "report": str(run.report),
+        **_metrics(evaluation, "accuracy", "confusion", "recall", "precision", "intervals", "scored"),
+        "to_the_bounds": _metrics(others, "accuracy", "confusion", "scored"),
+        "youngs_modulus_mpa": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(spread_pa, "mpa")},
+        "finite_strain": {"paper": _metrics(found.bent_paper, *FORCES),
+                          "reader": _metrics(bent, *FORCES) | _true_metrics(bent)},
+        "reader": {"model": model_name(run.reader), "trained": train},
+        "seconds": found.seconds | {"total": round(seconds, 2)},
+    }  # fmt: skip
+    accuracy = evaluation.accuracy
+    counted = {
+        "with forces up to the bounds of the classes": others,
+        "on walls of finite strain: the paper's method": found.bent_paper,
+        f"on walls of finite strain: {reader}": bent,
+    }
+    return Report(
+        result,
+        [
+            f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes",
+            f"{accuracy.hits} of {accuracy.total} simulated trials read right "
+            f"({from_si(accuracy.value, 'percent'):.0f} %)",
+            *(f"{words} {one.accuracy.hits} of {one.accuracy.total}" for words, one in counted.items()),
+            _coverage_words(bent),
+            f"wrote {run.report} in {seconds:.0f} s",
+        ],
+    )
+
+
+FORCES = ("accuracy", "confusion", "recall", "scored", "mae_mn", "coverage")
+
+
+def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
+    answer = evaluation.as_json()
+    return {key: answer[key] for key in keys}
+
+
+def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
+    """Return the error of forces against the true ones, and the share of these in their 90 % intervals."""
+    from scleraforce.reader.metrics import band_of, coverage, coverage_by_eye, mean_absolute_error
+
+    true = evaluation.true_forces
+    return {
+        "true_mae_mn": from_si(mean_absolute_error(true), "mn"),
+        "true_coverage": coverage(true).value,
+        "true_coverage_interval": band_of(true),
+        "true_coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(true).items()},
+    }
+
+
+def _coverage_words(evaluation: "Evaluation") -> str:
+    """Return the coverage of the 90 % intervals: of the log's forces, with its own error, and of the true ones."""
+    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye
+
+    logged, true = evaluation.coverage, evaluation.true_coverage
+    return (
+        f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(evaluation.true_forces)}; they "
+        f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
+        f"{SHARED_ERROR}"
+    )
+
+
+@contextmanager
+def _stage(title: str, length: int) -> "Iterator[Progress]":
+    """Show a stage: a progress bar on a terminal, else a line with its time at the end."""
+    start = time.perf_counter()
+    with progress_bar(range(length), title, total=length) as bar:
+
+        def advance(steps: int) -> None:
+            bar.update(steps)
+
+        yield advance
+    if not sys.stderr.isatty():
+        say(f"{title}: {time.perf_counter() - start:.1f} s", err=True)

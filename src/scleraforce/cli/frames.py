@@ -1,0 +1,386 @@
+"""`scleraforce segment` and `read`: the wall and the force in single frames."""
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from scleraforce.cli.options import EYE, FRAME_SIZE, PATH, eye_options, options
+from scleraforce.cli.output import Command, Report, each_of
+from scleraforce.errors import FrameError, InputError
+from scleraforce.plain_text import wrapped
+from scleraforce.study import OctStudy
+from scleraforce.units import HumanUnit, from_si
+
+if TYPE_CHECKING:
+    from scleraforce.known import Known
+    from scleraforce.notebook.frames import Reading
+    from scleraforce.reader import Reader
+    from scleraforce.reader.answer import Answer
+    from scleraforce.recording.folder import ScaledFrame, Scanner
+    from scleraforce.recording.pixels import Pixels
+    from scleraforce.segmentation.wall_finder import WallFinder
+
+ASSUMED = "assumed"  # the source of a default
+RIGIDITY_UNIT: Final = "mmhg13_per_ul"
+RIGIDITY, STIFFENING = f"rigidity_{RIGIDITY_UNIT}", "stiffening"
+WORDS = {  # name and unit of each key, for people
+    "youngs_modulus_mpa": ("modulus", " MPa"),
+    "iop_mmhg": ("IOP", " mmHg"),
+    "thickness_um": ("thickness", " µm"),
+    "gap_mm": ("gap", " mm"),
+    "polar_angle_deg": ("polar angle", "°"),
+    "plane_direction_deg": ("plane's direction", "°"),
+    STIFFENING: ("stiffening", ""),
+    "globe": ("globe", ""),
+    RIGIDITY: ("k", " mmHg^(1/3)/µl"),
+}
+Value = float | str | None
+Sources = list[tuple[str, Value, str]]  # key, value, source
+
+
+@click.command(cls=Command)
+@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
+@options(*FRAME_SIZE)
+@click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
+@options("finder", "force", force="Replace masks that exist.")
+def segment(
+    frames: tuple[Path, ...],
+    out: Path,
+    width_m: float | None,
+    depth_m: float | None,
+    refractive_index: float | None,
+    transpose: bool,
+    overlay: bool,
+    finder: Path | None,
+    force: bool,
+) -> Report:
+    """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
+
+    Writes a mask for each frame, of the same size and name (.png): 255 is
+    wall, from the tissue's surface to the inner boundary, or to 1 mm below the
+    surface where that boundary cannot be seen. Frames of several recordings go
+    into a folder for each. If the size of a frame is not stated, 15 x 4 mm are
+    assumed, and said.
+
+    Two methods to find the wall check each other: one follows steps of light,
+    the other is a network that learned from drawn scenes. A frame in which they
+    differ by more than they are unsure of is not usable.
+
+    Example: scleraforce segment recordings/eye-1 --out masks --overlay
+    """
+    # Imported here: segmentation takes longer to import than the help to print.
+    from scleraforce.notebook.frames import finder_of
+    from scleraforce.recording.folder import Scanner
+
+    size, network = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index), finder_of(finder)
+    masks = _masks(frames, out)
+    found = list(
+        each_of(masks, lambda frame: _segment_frame(frame, masks[frame], size, transpose, network, overlay, force))
+    )
+    entries: list[dict[str, Any]] = [
+        {"file": str(frame), "mask": None, "usable": False, "error": str(one)} if isinstance(one, InputError) else one
+        for frame, one in found
+    ]
+    segmented = [one for one in entries if "error" not in one]
+    lines = [
+        *map(_wall_line, segmented),
+        *(wrapped(note, "note: ") for one in segmented for note in one["notes"]),
+        *(wrapped(words, "note: ") for words in _assumed(segmented)),
+    ]
+    faults = [one for _, one in found if isinstance(one, InputError)]
+    return Report({"out": str(out), "frames": entries}, lines, faults)
+
+
+def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
+    """Return the mask of each frame of files and recording folders.
+
+    Raises:
+        InputError: nothing is there, or two masks would have one name, or a mask would replace a frame.
+    """
+    found = [pair for path in given for pair in _frames_of(path)]
+    recordings = {recording.resolve() for _, recording in found if recording is not None}
+    frames, masks, taken = {frame.resolve() for frame, _ in found}, dict[Path, Path](), dict[Path, Path]()
+    for frame, recording in found:
+        folder = out / recording.resolve().name if recording is not None and len(recordings) > 1 else out
+        mask = folder / f"{frame.stem}.png"
+        if mask in taken:
+            raise InputError(f"{frame}: its mask would be {mask}, as that of {taken[mask]}; use two folders")
+        if mask.resolve() in frames:
+            raise InputError(f"--out: the mask {mask} would replace a frame; choose another folder")
+        masks[frame] = mask
+        taken[mask] = frame
+    return masks
+
+
+def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
+    """Return frames with their recording: all of a recording folder, or the one file."""
+    from scleraforce.recording.folder import read_recording, recording_of
+
+    if not os.path.isdir(path):
+        return [(path, recording_of(path))]
+    recording = read_recording(path)
+    return [(recording.frame_path(entry), path) for entry in recording.frames]
+
+
+def _segment_frame(
+    path: Path,
+    mask: Path,
+    size: "Scanner",
+    transpose: bool,
+    finder: "WallFinder | None",
+    overlay: bool,
+    force: bool,
+) -> dict[str, Any]:
+    """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
+    from scleraforce.notebook.frames import scaled
+    from scleraforce.recording.folder import Scanner
+    from scleraforce.segmentation.needle import needle_entry
+    from scleraforce.segmentation.overlay import draw_overlay
+    from scleraforce.segmentation.wall import find_wall
+
+    usual = OctStudy()
+    assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
+    frame = scaled(path, size, assumed, ASSUMED, transpose)
+    try:
+        thickness_m = None if frame.info is None else frame.info.eye.thickness_m
+        found = find_wall(frame.pixels, frame.scale, thickness_m, finder)
+    except ValueError as fault:
+        raise FrameError(f"{path}: {fault}") from fault
+    _write(mask, found.mask.T if transpose else found.mask, force)
+    if overlay:
+        picture = draw_overlay(frame.pixels, found)
+        _write(mask.with_suffix(".overlay.png"), picture.swapaxes(0, 1) if transpose else picture, force)
+    return {
+        "file": str(path),
+        "mask": str(mask),
+        "usable": found.usable,
+        "reason": found.reason,
+        "inner_found": found.inner_found,
+        "thickness_um": None if isnan(found.thickness_m) else from_si(found.thickness_m, "um"),
+        "needle": needle_entry(found.needle),
+        "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
+        "scale": _scale_entry(frame),
+        "notes": list(frame.notes),
+    }
+
+
+def _write(path: Path, picture: "Pixels", force: bool) -> None:
+    """Write a PNG, whole or not at all; keep another file of that name unless `force`."""
+    import cv2
+    import numpy as np
+
+    from scleraforce.whole_files import KINDS, read_bytes, write_whole
+
+    data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
+    if not force and path.exists() and read_bytes(path, KINDS["frame"]) != data:
+        raise InputError(f"{path}: exists already and differs; choose another --out, or --force to replace it")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(data, path)
+
+
+def _wall_line(entry: Mapping[str, Any]) -> str:
+    if not entry["usable"]:
+        return f"{entry['file']}: not usable: {entry['reason']}"
+    if entry["thickness_um"] is None:
+        return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
+    guess = "" if entry["inner_found"] else "; its inner boundary is the network's guess"
+    return f"{entry['file']}: wall of {entry['thickness_um']:.0f} µm{guess}"
+
+
+def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield sentences on assumed scales of frames."""
+    scanner = OctStudy()
+    taken = {
+        "width_mm": f"width (taken as {from_si(scanner.width_m, 'mm'):g} mm; give --width-mm)",
+        "depth_mm": f"depth (taken as {from_si(scanner.depth_m, 'mm'):g} mm; give --depth-mm)",
+        "refractive_index": f"refractive index (taken as {scanner.refractive_index:g}; give --refractive-index)",
+    }
+    missing = Counter(
+        tuple(words for key, words in taken.items() if entry["scale"][key]["source"] == ASSUMED) for entry in entries
+    )
+    for words, count in missing.items():
+        if words:
+            yield f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
+
+
+@click.command(cls=Command)
+@click.argument("model", type=PATH)
+@click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
+@options(*FRAME_SIZE)
+@eye_options(*EYE, default="by default it is not known", stiffening="by default it does not stiffen",
+             globe="by default it is not known, and intervals are wider")  # fmt: skip
+@options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
+@click.option("--eye", help="Name of the eye in the calibration; by default the recording's.")
+@options("finder")
+def read(
+    model: Path,
+    frames: tuple[Path, ...],
+    width_m: float | None,
+    depth_m: float | None,
+    refractive_index: float | None,
+    transpose: bool,
+    calibration: Path | None,
+    eye: str | None,
+    finder: Path | None,
+    **given: Any,
+) -> Report:
+    """Read the force, or its class, from raw frames (PNG, TIFF, JPEG, DICOM).
+
+    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
+
+    A model of kind "reader" reads the force as well, the better the more is
+    known of the eye; one of kind "classifier" knows one modulus only. A frame
+    that cannot be judged is class 2 (withdraw) and not usable.
+
+    The size of a frame and the known inputs of its eye come from the options,
+    then from the recording.toml beside its folder, then from the file.
+    `evaluate` reads whole recordings. `classify` is another name of `read`.
+
+    Example: scleraforce read default frames/0001.png
+    --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
+    --globe open
+    """
+    # Imported here: models take longer to import than the help to print.
+    import scleraforce as sf
+    from scleraforce.known import NOTHING_KNOWN
+    from scleraforce.notebook.frames import check_calibrated, given_eye, reading, summary_of_calibration
+    from scleraforce.recording.folder import Scanner
+
+    for path in filter(os.path.isdir, frames):
+        raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
+    known, size = given_eye(**given), Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
+    check_calibrated(known, calibration is not None, eye)
+    reader = sf.load_model(model, wall_finder=finder)
+    summary = None if calibration is None else summary_of_calibration(calibration)
+    found = list(each_of(frames, lambda path: reading(reader, path, known, size, summary, eye, transpose)))
+    answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
+    notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
+    if reader.fixed_modulus_pa is not None and (known != NOTHING_KNOWN or calibration is not None):
+        modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
+        notes.insert(0, "a classifier ignores the known inputs of an eye; it reads each as one of "
+                     f"{modulus_mpa:g} MPa")  # fmt: skip
+    entries = [_entry(path, one, reader) for path, one in found]
+    lines = [
+        *(_answer_line(path, one.answer) for path, one in answered),
+        *_read_with(answered),
+        *(wrapped(note, "note: ") for note in notes),
+    ]
+    faults = [one for _, one in found if isinstance(one, InputError)]
+    return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
+
+
+def _entry(path: Path, found: "Reading | InputError", reader: "Reader") -> dict[str, Any]:
+    """Return a frame for JSON; one that could not be read is withdrawn from, and has an `error`."""
+    if isinstance(found, InputError):
+        from scleraforce.reader.answer import unusable
+
+        return {"file": str(path), **unusable(reader.classes, str(found)).as_json(), "error": str(found)}
+    sources = _known_sources(found.given, found.stated, found.known)
+    known = {key: {"value": value, "source": source} for key, value, source in sources}
+    return {"file": str(path), **found.answer.as_json(), "scale": _scale_entry(found.frame), "known": known}
+
+
+def _answer_line(path: Path, answer: "Answer") -> str:
+    if answer.probabilities is None:
+        return f"{path}: class {answer.predicted} (withdraw): not usable: {answer.reason}"
+    probabilities = ", ".join(f"{one:.3f}" for one in answer.probabilities)
+    words = f"{path}: class {answer.predicted} (probabilities {probabilities})"
+    if answer.force_n is not None and answer.interval_n is not None:
+        low, high = (f"{from_si(end, 'mn'):.1f}" for end in answer.interval_n)
+        words += f", {from_si(answer.force_n, 'mn'):.1f} mN (90 %: {low} to {high})"
+    if answer.iop_at_dent_pa is not None:
+        words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
+    return "\n".join([words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
+
+
+def _read_with(answered: "list[tuple[Path, Reading]]") -> Iterator[str]:
+    """Yield the inputs of frames, equal ones together."""
+    equal: dict[str, list[Path]] = {}
+    for path, one in answered:
+        words = f"{_size_words(one.frame)}; {_known_words(_known_sources(one.given, one.stated, one.known))}"
+        equal.setdefault(words, []).append(path)
+    for words, paths in equal.items():
+        names = f"{paths[0]} and {len(paths) - 1} more" if paths[1:] else str(paths[0])
+        yield wrapped(f"{names}: {words}", "read with: ")
+
+
+def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
+    """Return the scale of a frame with its sources, for JSON."""
+    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
+    return {
+        "width_mm": {"value": from_si(width.value, "mm"), "source": width.source},
+        "depth_mm": {"value": from_si(depth.value, "mm"), "source": depth.source},
+        "refractive_index": {"value": index.value, "source": index.source},
+    }
+
+
+def _size_words(frame: "ScaledFrame") -> str:
+    """Return the same for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
+    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
+    mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
+    sizes = (
+        f"{mm[0]} x {mm[1]} mm ({width.source})"
+        if width.source == depth.source
+        else f"{mm[0]} mm ({width.source}) x {mm[1]} mm ({depth.source})"
+    )
+    return f"{sizes}, refractive index {index.value:g} ({index.source})"
+
+
+def _known_sources(given: "Known", stated: "Known", known: "Known") -> Sources:
+    """Return key, value and source of all known inputs; stiffening and k only if they are known.
+
+    Args:
+        given: by options.
+        stated: by the recording.
+        known: both, with the calibration's.
+    """
+    from scleraforce.known import completed
+
+    by_option, by_both, used = _values(given), _values(completed(given, stated)), _values(known)
+    found: Sources = []
+    for key, value in used.items():
+        if value is None:
+            source = "unknown"
+        elif value == by_option[key]:
+            source = "option"
+        else:
+            source = "recording.toml" if value == by_both[key] else "calibration"
+        if value is not None or key not in (RIGIDITY, STIFFENING):
+            found.append((key, value, source))
+    return found
+
+
+def _known_words(sources: Sources) -> str:
+    """Return the same for people: "modulus 0.3 MPa (option), IOP unknown"."""
+    words = []
+    for key, value, source in sources:
+        name, unit = WORDS[key]
+        printed = value if isinstance(value, str | None) else f"{value:.4g}{unit}"
+        words.append(f"{name} unknown" if value is None else f"{name} {printed} ({source})")
+    return ", ".join(words)
+
+
+def _values(known: "Known") -> dict[str, Value]:
+    """Return all inputs of an eye, each in the unit of its key."""
+    globe = known.globe
+    return {
+        "youngs_modulus_mpa": _in_unit(known.modulus.mean_pa if known.modulus else None, "mpa"),
+        "iop_mmhg": _in_unit(known.iop_pa, "mmhg"),
+        "thickness_um": _in_unit(known.thickness_m, "um"),
+        "gap_mm": _in_unit(known.gap_m, "mm"),
+        "polar_angle_deg": _in_unit(known.polar_rad, "deg"),
+        "plane_direction_deg": _in_unit(known.direction_rad, "deg"),
+        STIFFENING: known.stiffening,
+        "globe": None if globe is None else globe.kind,
+        RIGIDITY: _in_unit(globe.mean, RIGIDITY_UNIT) if globe and globe.rigidity_told else None,
+    }
+
+
+def _in_unit(value: float | None, unit: HumanUnit) -> float | None:
+    return None if value is None else float(f"{from_si(value, unit):.12g}")

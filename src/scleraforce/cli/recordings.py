@@ -1,0 +1,256 @@
+"""`scleraforce calibrate` and `evaluate`: whole recordings with their force logs."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scleraforce.cli.options import PATH, eye_options, options
+from scleraforce.cli.output import Command, Report, count_bar, is_json, say
+from scleraforce.plain_text import wrapped
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+if TYPE_CHECKING:
+    from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+    from scleraforce.reader.intervals import Stretch
+    from scleraforce.reader.metrics import Proportion
+
+CALIBRATED = 3  # frames of each recording for the eye's modulus, where the others are read
+
+
+def _names(_: click.Context, __: click.Parameter, value: str | None) -> tuple[str, ...] | None:
+    return None if value is None else tuple(part.strip().lower() for part in value.split(","))
+
+
+class _Notes(list[str]):
+    """Notes on recordings: printed at once, or with JSON in its object."""
+
+    def __call__(self, sentence: str) -> None:
+        self.append(sentence)
+        if not is_json():
+            say(wrapped(sentence, "note: "))
+
+
+@click.command(cls=Command)
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@options("study")
+@click.option("--out", type=PATH, required=True, help="File to write; must not exist.")
+@click.option("--frames", type=click.IntRange(1), help="Number of frames above 5 mN to take of each recording: the "
+              "highest force, and even shares of it.")  # fmt: skip
+@click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
+              show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
+@click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",
+              help="Uncertain ones of e, stiffening, iop, thickness, gap.")  # fmt: skip
+@eye_options("thickness_m", default="by default the recordings'")
+@options("finder")
+@click.option("--resume", "earlier", type=PATH, help="Continue from an earlier file of this command.")
+@click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Stretch a reader's intervals (a folder's, or "
+              "`default`) to hold on these recordings; --out is its copy.")  # fmt: skip
+@options("plot", plot="Picture to write as well; must not exist.")
+@click.pass_context
+def calibrate(
+    ctx: click.Context,
+    /,
+    recordings: tuple[Path, ...],
+    study: Study,
+    out: Path,
+    frames: int | None,
+    mechanics: str,
+    parameters: tuple[str, ...] | None,
+    thickness_m: float | None,
+    finder: Path | None,
+    earlier: Path | None,
+    model: Path | None,
+    plot: Path | None,
+) -> Report:
+    """Estimate Young's modulus of each eye from its RECORDINGs.
+
+    A reduced-order unscented Kalman filter compares points on the wall's
+    boundaries with those of the simulated section, frame by frame. The
+    population's modulus is the mean of the eyes' means. How much the tissue
+    stiffens is found by trying it. Finite strain needs the response library:
+    that of another study than the paper's is made on first need (a minute).
+    Quantities that a reader of the study would ignore are noted at the start.
+
+    With --intervals, each eye is calibrated on three of its frames (or on
+    --frames); the reader reads the others, and its copy in --out has intervals
+    that hold for 90 % of them.
+    """
+    notes = _Notes()
+    if model is not None:
+        default = click.core.ParameterSource.DEFAULT
+        others = ("study", "earlier", "plot", "parameters", "thickness_m", "mechanics")
+        if any(ctx.get_parameter_source(name) != default for name in others):
+            raise click.UsageError(
+                "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
+            )
+        from scleraforce.notebook.calibrating import recalibrate_intervals
+
+        changes = recalibrate_intervals(
+            model, recordings, out, count_bar, frames=frames or CALIBRATED, wall_finder=finder, note=notes
+        )
+        each = [asdict(change) for change in changes]
+        result = {"model": str(out), "from": str(model), "stretches": each, "notes": notes}
+        return Report(result, [*_stretches(changes), f"wrote {out}"])
+    # Imported here: calibration takes longer to import than the help to print.
+    import scleraforce as sf
+    from scleraforce.calibration.result import calibration_as_json
+    from scleraforce.report.shown.calibration import calibration_lines
+
+    found = sf.calibrate(
+        recordings,
+        study,
+        frames=frames,
+        parameters=parameters,
+        mechanics=mechanics,
+        earlier=earlier,
+        wall_finder=finder,
+        thickness_m=thickness_m,
+        out=out,
+        note=notes,
+        counting=count_bar,
+    )
+    if plot is not None:
+        from scleraforce.report.calibration_figures import draw_calibration
+        from scleraforce.report.files import write_figure
+
+        write_figure(draw_calibration(found), plot)
+    return Report({**calibration_as_json(found), "notes": notes}, [*calibration_lines(found), f"wrote {out}"])
+
+
+def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
+    """Yield a table of the changes of a reader's intervals."""
+    from scleraforce.reader.intervals import FEW_EYES
+
+    yield f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}"
+    for change in changes:
+        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
+        yield f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
+    if min(change.eyes for change in changes) < FEW_EYES:
+        yield f"note: of fewer than {FEW_EYES} eyes the widest reading counts; no interval becomes narrower"
+
+
+@click.command(cls=Command)
+@click.argument("model", type=PATH)
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@options("calibration", "finder", "html",
+         calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
+def evaluate(
+    model: Path, recordings: tuple[Path, ...], calibration: Path | None, finder: Path | None, html: Path | None
+) -> Report:
+    """Read every frame of RECORDINGs with MODEL and compare with the force log.
+
+    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
+
+    A label is given with the standard deviation of its error, by the log's own
+    noise, steps and drift. Intervals are held against labels with that error,
+    and against truth.json where the eye is a virtual one.
+
+    Trials over the largest force of the model's study, and pierced ones, are
+    listed and left out. A frame that cannot be judged counts as class 2. A
+    model of kind "reader" reads an eye that the calibration knows with its own
+    modulus, others with the population's; a classifier knows one modulus only.
+    """
+    import scleraforce as sf
+
+    reader = sf.load_model(model, wall_finder=finder)
+    evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
+    if html is not None:
+        from scleraforce.report.evaluation_page import write_evaluation_html
+        from scleraforce.report.frames import look_at_all, shown_frames
+
+        looks = look_at_all(shown_frames(evaluation.frames))
+        write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
+    parts = ("\n".join(part(evaluation)) for part in (_frames, _confusion, _forces, _notes))
+    return Report(evaluation.as_json(), ["\n\n".join(filter(None, parts))])
+
+
+def _frames(evaluation: "Evaluation") -> Iterator[str]:
+    """Yield a table of all frames, recording by recording."""
+    for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
+        read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.reads_force else "  remark"
+        yield recording
+        yield f"  {'frame':<16}{'force/mN':>12}{'target':>7}{'read':>5}{'p':>7}{read}"
+        for frame in evaluation.frames:
+            if frame.recording == recording:
+                yield from _frame(frame, evaluation.reads_force)
+
+
+def _frame(frame: "FrameAnswer", with_force: bool) -> Iterator[str]:
+    force = "-" if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
+    force += "" if frame.measured_force_sd_n is None else f" ± {from_si(frame.measured_force_sd_n, 'mn'):.1f}"
+    target = "-" if frame.target is None else str(frame.target)
+    answer = frame.answer
+    share = "-" if answer.probabilities is None else f"{max(answer.probabilities):.3f}"
+    figures = f"  {frame.file:<16}{force:>12}{target:>7}{answer.predicted:>5}{share:>7}"
+    remarks = [
+        "misread" if frame.scored and frame.misread else "",
+        "" if answer.usable else f"not usable: {answer.reason}",
+        f"left out: {frame.excluded}" if frame.excluded else "",
+        "left out: calibrated on" if frame.calibration else "",
+        *answer.warnings,
+    ]
+    remark = "; ".join(filter(None, remarks))
+    if not with_force:
+        yield wrapped(remark, f"{figures}  ")
+        return
+    if answer.force_n is None or answer.interval_n is None:
+        yield f"{figures}{'-':>9}{'-':>14}"
+    else:
+        low, high = (from_si(end, "mn") for end in answer.interval_n)
+        yield f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+    if remark:
+        yield wrapped(remark, "    ")
+
+
+def _confusion(evaluation: "Evaluation") -> Iterator[str]:
+    """Yield Table 3: rows are targets, with recall; columns are answers, with precision."""
+    if not evaluation.scored:
+        yield "no frame has a label that counts: no metrics"
+        return
+    classes = range(len(evaluation.confusion))
+    yield "target \\ read" + "".join(f"{label:>8}" for label in classes) + "   recall (95 % interval)"
+    for label, row, share in zip(classes, evaluation.confusion, evaluation.recall, strict=True):
+        yield f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {_share(share)}"
+    precisions = (f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision)
+    yield "precision    " + "".join(f"{share:>8}" for share in precisions)
+    total, usable = evaluation.accuracy, evaluation.usable.accuracy
+    yield f"accuracy      {_share(total)}: {total.hits} of {total.total}"
+    if usable.total < total.total:
+        yield f"  usable only {_share(usable)}: {usable.hits} of {usable.total}"
+
+
+def _forces(evaluation: "Evaluation") -> Iterator[str]:
+    """Yield the error of the forces and the coverage of their intervals.
+
+    Interval and label agree where their difference is within both errors at 90 % (`ForceTrial.covered`).
+    """
+    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye, mean_absolute_error
+
+    if not evaluation.forces:
+        return
+    logged, true, sd_mn = evaluation.coverage, evaluation.true_coverage, from_si(evaluation.label_sd_n, "mn")
+    yield f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames"
+    yield f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)"
+    if true.total:
+        true_mn = from_si(mean_absolute_error(evaluation.true_forces), "mn")
+        yield f"              {true_mn:.2f} mN against the true forces of truth.json"
+        yield f"90 % interval holds the true force in {_share(true)}: {true.hits} of {true.total}"
+    yield f"90 % interval and label agree in {_share(logged)}: {logged.hits} of {logged.total}"
+    compared = evaluation.true_forces or evaluation.forces
+    if len({trial.eye for trial in compared}) > 1:
+        yield wrapped(held_by_eye(compared), "  by eye: ")
+    yield wrapped(SHARED_ERROR)
+
+
+def _notes(evaluation: "Evaluation") -> Iterator[str]:
+    yield from (wrapped(note, "note: ") for note in evaluation.notes)
+
+
+def _share(share: "Proportion") -> str:
+    low, high = share.interval
+    return f"{share.value:.2f} ({low:.2f} to {high:.2f})" if share.total else "-"
