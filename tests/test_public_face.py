@@ -1,4 +1,4 @@
-"""What `import scleraforce` offers: all of it is documented, nothing is imported before it is used."""
+"""The public names of `scleraforce`: all are documented and imported lazily."""
 
 import ast
 import inspect
@@ -22,7 +22,7 @@ HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "ma
 
 
 def loaded_after(code: str) -> set[str]:
-    """The heavy packages, and our own modules, that a fresh interpreter has after running some code."""
+    """Return the heavy packages, and our own modules, that a fresh interpreter has after running some code."""
     show = f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or m.startswith('scleraforce')])"
     return set(
         subprocess.run(
@@ -52,12 +52,12 @@ def test_nothing_public_loads_pytorch_before_it_trains() -> None:
     assert "torch" not in loaded_after("import scleraforce as sf\nfor name in dir(sf): getattr(sf, name)")
 
 
-def test_the_page_documents_exactly_what_is_offered() -> None:
+def test_the_page_documents_exactly_the_public_names() -> None:
     rows = re.findall(r"^\| `sf\.(\w+)", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert sorted(rows) == sorted(PUBLIC)
 
 
-def test_dir_lists_exactly_what_is_offered() -> None:
+def test_dir_lists_exactly_the_public_names() -> None:
     assert dir(scleraforce) == sorted(scleraforce.__all__)
 
 
@@ -75,9 +75,9 @@ def test_type_checkers_and_python_find_the_same_things() -> None:
     assert (ROOT / "py.typed").exists()
 
 
-def test_no_public_name_is_that_of_a_room() -> None:
-    rooms = {path.stem for path in ROOT.iterdir()}
-    assert not rooms & set(PUBLIC), "importing the room would put it in the place of the function"
+def test_no_public_name_is_that_of_a_package() -> None:
+    packages = {path.stem for path in ROOT.iterdir()}
+    assert not packages & set(PUBLIC), "importing the package would put it in the place of the function"
 
 
 def test_an_unknown_name_is_an_attribute_error_that_says_where_to_look() -> None:
@@ -117,10 +117,10 @@ REFUSED: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.mark.parametrize("command", REFUSED)
-def test_a_key_that_a_call_does_not_use_is_refused_by_name(command: str, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=rf"(globe\.kind.*|supports\.kind): not used by `{command.strip()}`"):
-        REFUSED[command](tmp_path / "out")
+def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> None:
+    for command, call in REFUSED.items():
+        with pytest.raises(StudyError, match=rf"(globe\.kind.*|supports\.kind): not used by `{command.strip()}`"):
+            call(tmp_path / "out")
     assert not list(tmp_path.iterdir())
 
 

@@ -12,7 +12,7 @@ import click
 import pytest
 
 from scleraforce.cli import main as entry
-from scleraforce.cli.main import COMMANDS, cli, run
+from scleraforce.cli.main import cli, run
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import SolverError, StudyError
 from scleraforce.study import Study, read_study
@@ -36,9 +36,8 @@ def fails(monkeypatch: pytest.MonkeyPatch):
     return install
 
 
-@pytest.mark.parametrize(
-    ("fault", "code", "line"),
-    [
+def test_every_failure_is_one_line_and_its_exit_code(fails, capsys) -> None:
+    for fault, code, line in (
         (StudyError("study.toml:3: eye.iris: unknown key"), 2, "error: study.toml:3: eye.iris: unknown key"),
         (SolverError("load step 3: did not converge"), 1, "error: load step 3: did not converge"),
         (KeyboardInterrupt(), 130, "error: interrupted"),
@@ -48,15 +47,13 @@ def fails(monkeypatch: pytest.MonkeyPatch):
         (OSError(28, "No space left on device"), 2, "error: No space left on device"),
         (ConnectionRefusedError(111, "Connection refused"), 1, "error: internal fault: ConnectionRefusedError: "),
         (click.UsageError("no such thing"), 2, "error: no such thing"),
-    ],
-)
-def test_every_failure_is_one_line_and_its_exit_code(fails, capsys, fault, code, line) -> None:
-    fails(fault)
-    assert run(["fails"]) == code
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.lstrip("\n").startswith(line)
-    assert err.strip().count("\n") == 0
+    ):
+        fails(fault)
+        assert run(["fails"]) == code
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.lstrip("\n").startswith(line)
+        assert err.strip().count("\n") == 0
 
 
 def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
@@ -66,38 +63,26 @@ def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
         run(["fails"])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words", "page"),
-    [
+def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(capsys) -> None:
+    for arguments, words, page in (
         (["no-such-command"], "No such command 'no-such-command'", "scleraforce"),
         (["--no-such-option"], "No such option", "scleraforce"),
         (["init"], "Missing argument 'DIRECTORY'", "scleraforce init"),
         (["init", "a", "b"], "unexpected extra argument (b)", "scleraforce init"),
         (["import", "a.tif", "--out", "r", "--bits", "99"], "99 is not in the range", "scleraforce import"),
         (["replay", "r", "--fault-at-s", "1"], "give the --fault, too", "scleraforce replay"),
-    ],
-)
-def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(arguments, words, page, capsys) -> None:
-    assert run(arguments) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("error: ")
-    assert words in err
-    assert err.endswith(f"; see `{page} --help`\n")
-    assert err.count("\n") == 1
+    ):
+        assert run(arguments) == 2
+        err = capsys.readouterr().err
+        assert err.startswith("error: ")
+        assert words in err
+        assert err.endswith(f"; see `{page} --help`\n")
+        assert err.count("\n") == 1
 
 
 def test_no_arguments_show_the_commands(capsys) -> None:
     assert run([]) == 2
     assert "reproduce" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("command", list(COMMANDS))
-def test_every_command_exists_and_explains_itself(command, capsys) -> None:
-    assert run([command, "--help"]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith(f"Usage: scleraforce {command}")
-    assert "--help" in out
-    assert "\\b" not in out  # click's mark for verbatim text, typed into a raw docstring
 
 
 def test_the_version_is_printed(capsys) -> None:
@@ -128,13 +113,6 @@ def test_init_prints_one_json_object(tmp_path: Path, capsys) -> None:
         "path": str(tmp_path / "a" / "study.toml"),
         "preset": "ex-vivo",
     }
-
-
-def test_every_command_has_json() -> None:
-    for name in COMMANDS:
-        command = cli.get_command(click.Context(cli), name)
-        assert command is not None
-        assert "--json" in {option for parameter in command.params for option in parameter.opts}, name
 
 
 def test_init_into_a_file_says_so(tmp_path: Path, capsys) -> None:

@@ -141,15 +141,25 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
     wait_until(at_rest)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--calibration", "calibration.json"], "--eye: missing"),
-        (["--calibration", "calibration.json", "--eye", "mine", "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
-        (
-            ["--calibration", "calibration.json", "--eye", "mine", "--stiffening", "3"],
-            "--stiffening: the calibration gives",
-        ),
+MINE = ["--calibration", "calibration.json", "--eye", "mine"]
+
+
+def check_refused(capsys: pytest.CaptureFixture[str], options: list[str], words: str) -> None:
+    assert run(["monitor", "reader", "--port", "0", "--black-box", "box", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert not Path("box").exists()
+
+
+def test_a_session_that_cannot_be_served_is_refused_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    for options, words in (
+        (MINE[:2], "--eye: missing"),
+        ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
+        ([*MINE, "--stiffening", "3"], "--stiffening: the calibration gives"),
         (["--stiffening", "99"], "stiffening 99 of the tissue"),
         (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
         (["--thickness-um", "2000"], "wall thickness 2000"),
@@ -158,12 +168,6 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
         (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
         (["--adaptive-bound"], "needs the eye's modulus, thickness and IOP"),
         (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
-        pytest.param(["--record", "."], "exists already", marks=pytest.mark.slow),
-        pytest.param(
-            ["--record", "calibration.json/session"],
-            "calibration.json/session: Not a directory",
-            marks=pytest.mark.slow,
-        ),
         (["--record", "box"], "the folder of the black box is there"),
         (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
         (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
@@ -176,17 +180,17 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
         (["--web-port", "65536"], "--web-port"),
         (["--bound-mn", "1"], "must be below bound_n"),
         (["--host", "203.0.113.7"], "203.0.113.7"),
-    ],
-)
-def test_what_cannot_be_served_is_refused_in_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
+    ):
+        check_refused(capsys, options, words)
+
+
+@pytest.mark.slow
+def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    assert run(["monitor", "reader", "--port", "0", "--black-box", "box", *options]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-    assert not (folder / "box").exists()
+    check_refused(capsys, ["--record", "."], "exists already")
+    check_refused(capsys, ["--record", "calibration.json/session"], "calibration.json/session: Not a directory")
 
 
 def test_a_model_that_was_changed_never_starts(
@@ -211,14 +215,11 @@ def test_a_port_that_is_taken_is_named(folder: Path, capsys: pytest.CaptureFixtu
     assert f"127.0.0.1:{port}: Address already in use; give another --web-port" in web_line
 
 
-@pytest.mark.parametrize(("option", "value"), [("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")])
-def test_a_reset_that_cannot_be_sent_is_one_line(capsys: pytest.CaptureFixture[str], option: str, value: str) -> None:
-    options = {"--token": "x", "--host": "127.0.0.1", option: value}
-    assert run(["monitor-reset", *(word for pair in options.items() for word in pair)]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_a_reset_where_nobody_listens_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_reset_that_cannot_be_sent_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    for option, value in (("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")):
+        options = {"--token": "x", "--host": "127.0.0.1", option: value}
+        assert run(["monitor-reset", *(word for pair in options.items() for word in pair)]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     assert run(["monitor-reset", "--token", "x", "--port", str(port)]) == 2

@@ -28,14 +28,15 @@ def in_jupyter(place: Path, *command: object) -> subprocess.CompletedProcess[str
 
 
 COMMANDS = [
-    ["show", "r"],
-    ["show", "r", "--plot", "r.svg"],
-    ["show", "r", "--html", "show.html", "--model", "default"],
-    ["show", "default", "--plot", "model.png"],
-    ["evaluate", "default", "r", "--html", "evaluate.html"],
     ["import", "a.png", "--out", "i", *told("--bits", 13), "--width-mm", "10", "--depth-mm", "4"],
-    ["simulate", "--thickness-um", "600", "--force-mn", "5", "--plot", "eye.svg"],
-    pytest.param(["demo", "--out", "demo"], marks=pytest.mark.slow),
+    *(
+        pytest.param(command, marks=pytest.mark.slow)
+        for command in (
+            ["show", "r", "--plot", "r.svg"],
+            ["evaluate", "default", "r", "--html", "evaluate.html"],
+            ["demo", "--out", "demo"],
+        )
+    ),
 ]
 
 

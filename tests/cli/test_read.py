@@ -92,32 +92,21 @@ RECORDED = {
 }
 
 
-@pytest.mark.parametrize(
-    ("stated", "options", "used"),
-    [
+def test_the_globe_is_that_of_the_option_then_of_the_recording_then_unknown(model, frame, capsys) -> None:
+    stiff = f'globe = "sealed"\n{K} = 0.03'
+    opened, closed = ({"globe": {"value": kind, "source": "option"}} for kind in ("open", "sealed"))
+    for stated, options, used in (
         ("", [], {"globe": {"value": None, "source": "unknown"}}),
-        ("", ["--globe", "open"], {"globe": {"value": "open", "source": "option"}}),
+        ("", ["--globe", "open"], opened),
         ('globe = "sealed"', [], {"globe": {"value": "sealed", "source": "recording.toml"}}),
-        (f'globe = "sealed"\n{K} = 0.03', [], RECORDED),
-        (f'globe = "sealed"\n{K} = 0.03', ["--globe", "open"], {"globe": {"value": "open", "source": "option"}}),
-        (
-            f'globe = "sealed"\n{K} = 0.03',
-            ["--globe", "sealed"],
-            {**RECORDED, "globe": {"value": "sealed", "source": "option"}},
-        ),
-        (
-            f'globe = "sealed"\n{K} = 0.03',
-            ["--globe", "sealed", "--rigidity", 0.012],
-            {"globe": {"value": "sealed", "source": "option"}, K: {"value": 0.012, "source": "option"}},
-        ),
-    ],
-)
-def test_the_globe_is_that_of_the_option_then_of_the_recording_then_unknown(
-    model, frame, capsys, stated, options, used
-) -> None:
-    (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", f"{stated}\n[needle]"))
-    (entry,) = read(capsys, model, frame, *options)
-    assert {key: told for key, told in entry["known"].items() if key in RECORDED} == used
+        (stiff, [], RECORDED),
+        (stiff, ["--globe", "open"], opened),
+        (stiff, ["--globe", "sealed"], RECORDED | closed),
+        (stiff, ["--globe", "sealed", "--rigidity", 0.012], closed | {K: {"value": 0.012, "source": "option"}}),
+    ):
+        (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", f"{stated}\n[needle]"))
+        (entry,) = read(capsys, model, frame, *options)
+        assert {key: known for key, known in entry["known"].items() if key in RECORDED} == used
 
 
 def test_a_frame_says_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(model, frame, capsys) -> None:

@@ -65,28 +65,25 @@ def test_a_folder_of_the_name_wins(frame: Path, capsys: pytest.CaptureFixture[st
     assert "default/card.md: SHA-256" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("classify", "defualt", "{frame}"),
-        ("evaluate", "defualt", "{recording}"),
+def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (
+        ("classify", "defualt", frame),
+        ("evaluate", "defualt", frame.parents[1]),
         ("monitor", "defualt"),
-        ("calibrate", "{recording}", "--intervals", "defualt", "--out", "new"),
-        ("segment", "{frame}", "--wall-finder", "defualt", "--out", "masks"),
-    ],
-    ids=lambda arguments: arguments[0],
-)
-def test_a_wrong_name_is_an_error_that_lists_the_shipped_ones(
-    frame: Path, arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    names = {"frame": frame, "recording": frame.parents[1]}
-    assert run([word.format(**names) for word in arguments]) == 2
+        ("calibrate", frame.parents[1], "--intervals", "defualt", "--out", "new"),
+        ("segment", frame, "--wall-finder", "defualt", "--out", "masks"),
+    ):
+        check_wrong_name(arguments, capsys)
+        assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]
+
+
+def check_wrong_name(arguments: tuple[str | Path, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(list(map(str, arguments))) == 2
     told = capsys.readouterr()
     assert told.err.startswith(
         "error: defualt: no such folder, and no model that ships with scleraforce (default, paper, wall-finder)"
     )
     assert len(told.err.splitlines()) == 1
-    assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]
 
 
 def test_a_shipped_model_of_another_kind_is_refused() -> None:

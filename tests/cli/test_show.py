@@ -81,41 +81,32 @@ SAID = {
 }
 
 
-@pytest.mark.parametrize("name", SAID)
-def test_each_thing_is_known_and_described_within_80_columns(things: Path, name: str, capsys: Captured,
-                                                             monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+def test_each_thing_is_known_and_described_within_80_columns_and_as_json(
+    things: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(things)
-    kind, words = SAID[name]
-    assert run(["show", name]) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
-    assert first == f"{name}: {kind}"
-    assert words in "\n".join(lines)
-    assert max(map(len, lines)) <= 80
-
-
-@pytest.mark.parametrize("name", SAID)
-def test_json_is_one_object_with_the_kind(things: Path, name: str, capsys: Captured,
-                                          monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    monkeypatch.chdir(things)
-    assert run(["show", name, "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert (said["kind"], said["path"]) == (SAID[name][0], name)
+    for name, (kind, words) in SAID.items():
+        assert run(["show", name]) == 0
+        first, *lines = capsys.readouterr().out.splitlines()
+        assert first == f"{name}: {kind}"
+        assert words in "\n".join(lines)
+        assert max(map(len, lines)) <= 80
+        assert run(["show", name, "--json"]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert (said["kind"], said["path"]) == (kind, name)
 
 
 BEGINS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
-
-
 DRAWN = {"study.toml": ".png", "eye": ".svg", "modulus.json": ".pdf", "box": ".svg", "reader/library.npz": ".svg",
          "default": ".svg", "wall-finder": ".svg"}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", DRAWN)
-def test_each_thing_is_drawn(things: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_thing_is_drawn(things: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(things)
-    ending = DRAWN[name]
-    plot = tmp_path / f"plot{ending}"
-    assert run(["show", name, "--plot", str(plot)]) == 0
-    assert plot.read_bytes().startswith(BEGINS[ending])
+    for number, (name, ending) in enumerate(DRAWN.items()):
+        plot = tmp_path / f"plot-{number}{ending}"
+        assert run(["show", name, "--plot", str(plot)]) == 0
+        assert plot.read_bytes().startswith(BEGINS[ending])
 
 
 def test_a_thing_of_a_shipped_name_is_shown_itself(things: Path, tmp_path: Path, capsys: Captured,
@@ -126,16 +117,14 @@ def test_a_thing_of_a_shipped_name_is_shown_itself(things: Path, tmp_path: Path,
     assert capsys.readouterr().out.startswith("default: recording")
 
 
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [("default", "the network alone"), ("paper", "simulated slices"), ("wall-finder", "drawn scenes")],
-)
-def test_what_the_figures_of_a_training_are_of_is_said_before_them(model: str, words: str, capsys: Captured) -> None:
-    assert run(["show", model]) == 0
-    text = " ".join(capsys.readouterr().out.split())
-    said = text.index("figures below are of")
-    assert words in text[said : said + 60]
-    assert said < min(text.find(name) % len(text) for name in ("mean error", "validation accuracy", "overlap"))
+def test_the_subject_of_a_trainings_figures_precedes_them(capsys: Captured) -> None:
+    subjects = {"default": "the network alone", "paper": "simulated slices", "wall-finder": "drawn scenes"}
+    for model, words in subjects.items():
+        assert run(["show", model]) == 0
+        text = " ".join(capsys.readouterr().out.split())
+        said = text.index("figures below are of")
+        assert words in text[said : said + 60]
+        assert said < min(text.find(name) % len(text) for name in ("mean error", "validation accuracy", "overlap"))
 
 
 def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captured) -> None:
@@ -210,31 +199,29 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_shown_is_one_line_and_writes_nothing(
-    things: Path, words: str, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+def test_wrong_input_is_one_line_and_writes_nothing(
+    things: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(things)
-    Path("empty").mkdir(exist_ok=True)
+    Path("empty").mkdir()
     Path("old.svg").write_text("old")
     before = contents(things)
-    assert run(["show", *words.split()]) == 2
-    said = capsys.readouterr()
-    assert REFUSED[words] in said.err
-    assert (said.out, said.err.count("\n")) == ("", 1)
+    for arguments, words in REFUSED.items():
+        assert run(["show", *arguments.split()]) == 2
+        said = capsys.readouterr()
+        assert words in said.err
+        assert (said.out, said.err.count("\n")) == ("", 1)
     assert contents(things) == before
 
 
-@pytest.mark.parametrize("record", [{"kind": "entry", "entry": {"class": 1}}, {"kind": "entry"}])
-def test_a_whole_record_that_is_no_decision_is_named_with_its_place(
-    tmp_path: Path, capsys: Captured, record: dict[str, object]
-) -> None:
-    log = DecisionLog(tmp_path)
-    log.append({"kind": "note", "text": "here"})
-    log.append(record)
-    log.close()
-    assert run(["show", str(tmp_path)]) == 2
-    assert "decisions-000001.jsonl: byte" in capsys.readouterr().err
+def test_a_whole_record_that_is_not_a_decision_is_named_with_its_place(tmp_path: Path, capsys: Captured) -> None:
+    for name, more in {"wrong": {"entry": {"class": 1}}, "none": {}}.items():
+        log = DecisionLog(tmp_path / name)
+        log.append({"kind": "note", "text": "here"})
+        log.append({"kind": "entry", **more})
+        log.close()
+        assert run(["show", str(tmp_path / name)]) == 2
+        assert "decisions-000001.jsonl: byte" in capsys.readouterr().err
 
 
 def test_a_pipe_in_a_log_is_refused_and_not_waited_for(tmp_path: Path, capsys: Captured) -> None:

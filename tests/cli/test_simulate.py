@@ -1,4 +1,5 @@
 import json
+from itertools import product
 from pathlib import Path
 
 import meshio
@@ -74,9 +75,8 @@ def test_files_are_written_and_named(study: str, tmp_path: Path, capsys) -> None
     assert "exists already" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
+def test_bad_input_is_exit_code_2_and_one_line_that_names_it(study: str, capsys) -> None:
+    for options, named in (
         ({"--thickness-um": "200"}, "thickness_um: 200 is below"),
         ({"--thickness-um": "1300"}, "thickness_um: 1300 is above"),
         ({"--force-mn": "-1"}, "'--force-mn': -1 is below"),
@@ -88,14 +88,12 @@ def test_files_are_written_and_named(study: str, tmp_path: Path, capsys) -> None
         ({"--mechanics": "magic"}, "linear"),
         ({"--vtu": "no/such/folder/eye.vtu"}, "no/such/folder"),
         ({"--study": "no-such-study.toml"}, "no-such-study.toml"),
-    ],
-)
-def test_bad_input_is_exit_code_2_and_one_line_that_names_it(options: dict, named: str, study: str, capsys) -> None:
-    arguments = {"--study": study, "--thickness-um": "500", "--force-mn": "10", **options}
-    assert run(["simulate", *(word for pair in arguments.items() for word in pair)]) == 2
-    err = capsys.readouterr().err
-    assert named in err
-    assert err.count("\n") == 1
+    ):
+        arguments = {"--study": study, "--thickness-um": "500", "--force-mn": "10", **options}
+        assert run(["simulate", *(word for pair in arguments.items() for word in pair)]) == 2
+        err = capsys.readouterr().err
+        assert named in err
+        assert err.count("\n") == 1
 
 
 @pytest.mark.slow
@@ -138,12 +136,12 @@ def test_a_sealed_eye_gives_way_less_and_tells_its_pressure(tmp_path: Path, caps
     assert "the pressure rises from 2 to " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [("simulate", "--force-mn", "25"), ("phantom", "--out", "eye")])
-@pytest.mark.parametrize("globe", [(), ("--globe", "open")])
-@pytest.mark.parametrize("rigidity", ["0.02", "0.03"])  # the latter is the default's
-def test_a_rigidity_of_an_open_globe_is_refused(command, globe, rigidity, tmp_path, monkeypatch, capsys) -> None:
+def test_a_rigidity_of_an_open_globe_is_refused(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    told = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", rigidity)
-    assert run([*command, *told, *globe]) == 2
-    assert "--rigidity: of a sealed globe" in capsys.readouterr().err
+    commands = (("simulate", "--force-mn", "25"), ("phantom", "--out", "eye"))
+    globes, rigidities = ((), ("--globe", "open")), ("0.02", "0.03")  # the last is the default's
+    for command, globe, rigidity in product(commands, globes, rigidities):
+        given = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", rigidity)
+        assert run([*command, *given, *globe]) == 2
+        assert "--rigidity: of a sealed globe" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

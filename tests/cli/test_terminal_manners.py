@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import termios
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -88,53 +89,52 @@ def test_every_command_is_tried_here() -> None:
     assert {*RUNS, *REFUSED} == set(COMMANDS)
 
 
-@pytest.mark.parametrize("name", [*COMMANDS, ""])
-def test_help_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*name.split(), "--help"]) == 0
-    out = capsys.readouterr().out
-    assert max(map(len, out.splitlines())) <= 80
-    assert not CONTROL.search(out)
-    assert ("--quiet" in out) == (name not in ("", *NEVER_QUIET))
+def test_every_command_explains_itself_within_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in (*COMMANDS, ""):
+        assert run([*name.split(), "--help"]) == 0
+        out = capsys.readouterr().out
+        assert out.startswith(f"Usage: scleraforce {name}")
+        assert max(map(len, out.splitlines())) <= 80
+        assert not CONTROL.search(out)
+        assert "\\b" not in out  # click's mark for verbatim text, typed into a raw docstring
+        assert ("--quiet" in out) == (name not in ("", *NEVER_QUIET))
+        assert ("--json" in out) == bool(name)
 
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
-def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_when_told_so(
+def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words(name, tmp_path)) == 0
-    told = capsys.readouterr()
-    assert told.out
-    assert not CONTROL.search(told.out + told.err)
-    for line in told.out.splitlines():
+    printed = capsys.readouterr()
+    assert printed.out
+    assert not CONTROL.search(printed.out + printed.err)
+    for line in printed.out.splitlines():
         # A record stays one line, so that it can be searched for; tables and prose fit.
         assert len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line, line
-    assert run([*words(name, tmp_path, 1), "--json"]) == 0
-    told = capsys.readouterr()
-    assert isinstance(json.loads(told.out), dict)
-    assert told.err == ""
-    assert run([*words(name, tmp_path, 2), "--quiet"]) == 0
+    for number, options in enumerate((["--json"], ["--quiet", "--json"]), start=1):
+        assert run([*words(name, tmp_path, number), *options]) == 0
+        printed = capsys.readouterr()
+        assert isinstance(json.loads(printed.out), dict)
+        assert printed.err == ""
+    assert run([*words(name, tmp_path, 3), "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
-    assert run([*words(name, tmp_path, 3), "--quiet", "--json"]) == 0
-    told = capsys.readouterr()
-    assert isinstance(json.loads(told.out), dict)
-    assert told.err == ""
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("name", REFUSED)
-@pytest.mark.parametrize("option", ["", "--json", "--quiet"])
-def test_what_cannot_begin_is_one_line_whatever_the_options(
-    name: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if option == "--quiet" and name in NEVER_QUIET:
-        return
-    assert run([*words(name, tmp_path), *option.split()]) in (1, 2)
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("error: ")
-    assert told.err.count("\n") == 1
-    assert not CONTROL.search(told.err)
+    for name, option in product(REFUSED, ("", "--json", "--quiet")):
+        if option == "--quiet" and name in NEVER_QUIET:
+            continue
+        assert run([*words(name, tmp_path), *option.split()]) in (1, 2)
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("error: ")
+        assert printed.err.count("\n") == 1
+        assert not CONTROL.search(printed.err)
 
 
 def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tuple[str, str]:
@@ -186,7 +186,7 @@ def test_the_sources_write_no_colour() -> None:
 
 
 def test_commands_print_through_what_can_be_quiet() -> None:
-    """`say` and `print_json` of `cli.output` know --quiet; what echoes by itself is listed."""
+    """`say` and `print_json` of `cli.output` know --quiet; other modules that echo are listed."""
     root = Path(library_build.__file__).parents[1] / "cli"
     echoing = {path.name for path in root.glob("*.py") if "click.echo(" in path.read_text()}
     # Questions on a terminal; errors; what commands print with; the live line.

@@ -85,20 +85,18 @@ def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
     assert "kind: found 'wall-finder', classifier, reader or raw-reader is needed here" in message
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
+def test_options_that_exclude_each_other_are_refused(tmp_path, capsys) -> None:
+    for options, said in (
         (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
         ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
         (["--kind", "reader"], "--kind reader: DATASET is missing"),
         (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
         (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
         (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall-finder has the sizes"),
-    ],
-)
-def test_what_does_not_go_together_is_refused(options: list[str], said: str, tmp_path, capsys) -> None:
-    assert said in refused(capsys, "train", *options, "--out", tmp_path / "model")
-    assert not (tmp_path / "model").exists()
+        (["slices", "--scheduler", "tcp://127.0.0.1:9"], "--scheduler: for --search and --kind wall-finder"),
+    ):
+        assert said in refused(capsys, "train", *options, "--out", tmp_path / "model")
+        assert not (tmp_path / "model").exists()
 
 
 def test_sizes_that_cannot_be_halved_are_refused_with_their_line(tmp_path, capsys) -> None:
@@ -122,10 +120,3 @@ def test_training_prints_what_it_reached_and_its_model_segments(frame, tmp_path,
     assert run([str(word) for word in words]) == 0
     (entry,) = json.loads(capsys.readouterr().out)["frames"]
     assert entry["reason"] == ""
-
-
-def test_a_scheduler_is_for_what_many_can_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "model"
-    told = refused(capsys, "train", "slices", "--out", out, "--scheduler", "tcp://127.0.0.1:9")
-    assert "--scheduler: for --search and --kind wall-finder" in told
-    assert not out.exists()

@@ -322,13 +322,11 @@ def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, c
     assert " frames sent, " in out
 
 
-@pytest.mark.parametrize(
-    "options", [["--step", "--speed", "2"], ["--fault-at-s", "3"], ["--fault", "gremlins"], ["--version", "4"]]
-)
-def test_wrong_usage_is_exit_code_2(tmp_path, capsys, options) -> None:
+def test_wrong_usage_is_exit_code_2(tmp_path, capsys) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
-    assert run(["replay", str(path), *options]) == 2
-    assert capsys.readouterr().err.startswith("error: ")
+    for options in ("--step --speed 2", "--fault-at-s 3", "--fault gremlins", "--version 4"):
+        assert run(["replay", str(path), *options.split()]) == 2
+        assert capsys.readouterr().err.startswith("error: ")
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""How commands print: a report or its JSON on standard output, progress and errors on standard error."""
+"""Output of commands: a report or its JSON on standard output, progress and errors on standard error."""
 
 import json
 import sys

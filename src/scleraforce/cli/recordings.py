@@ -70,7 +70,7 @@ def calibrate(
     """Estimate Young's modulus of each eye from its RECORDINGs.
 
     A reduced-order unscented Kalman filter compares points on the wall's
-    boundaries with those of the simulated section, frame by frame. The
+    boundaries with the simulated section's, frame by frame. The
     population's modulus is the mean of the eyes' means. How much the tissue
     stiffens is found by trying it. Finite strain needs the response library:
     that of another study than the paper's is made on first need (a minute).

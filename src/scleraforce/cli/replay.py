@@ -286,5 +286,5 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
         after = "" if found["after_ms"] is None else f", {found['after_ms']:.2f} ms after it was sent"
         yield f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"
     if (fault := result["fault"]) is not None:
-        said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot goes on"
+        said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot continues"
         yield f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SEED = 0  # of the drawn frame
 MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
-LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or the noise is no noise
+LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or other light is in the noise
 LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, the same
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 

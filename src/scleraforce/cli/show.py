@@ -29,7 +29,7 @@ ENDINGS = (*TABLES, ".mcap", ".nrrd")
 @options("plot", "html", plot="Draw it to this file as well (PNG, SVG, PDF).",
          html="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
 @click.option("--model", type=PATH, help="Of a recording: the model that reads the frames of --html, and whose limits "
-              "are noted; by default those of the bundled reader.")  # fmt: skip
+              "are noted; by default the bundled reader's.")  # fmt: skip
 @options("calibration", "finder", calibration="File of `calibrate`: gives a reader the eye's modulus.")
 @click.pass_context
 def show(

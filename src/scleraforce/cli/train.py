@@ -91,8 +91,8 @@ def generate(
     "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
 )
 @options("study", "scheduler",
-         study="Study file whose [network], [reader], [raw_reader] or [wall_finder], with what these are drawn from, "
-         "to use; default: the data set's, the paper's.",
+         study="Study file whose [network], [reader], [raw_reader] or [wall_finder] to use, with the sections that "
+         "samples are drawn from; default: the data set's, the paper's.",
          scheduler="Dask scheduler whose workers train the sizes of --search, or draw the scenes of a wall "
          "finder.")  # fmt: skip
 @click.pass_context
@@ -140,6 +140,7 @@ def train(
     # Imported here: stores and PyTorch take longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.models import read_folder
+    from scleraforce.study.unused import refuse_unused
 
     if dataset_path is None:
         from scleraforce.learning.train import train_wall_finder
@@ -153,6 +154,7 @@ def train(
         model = sf.train(dataset, out, study if given else None, search=search, workers=workers, counting=count_bar)
         result = _of_classifier(model.record, model.study.network.hidden)
     else:
+        refuse_unused(study, f"train --kind {kind}")  # before the library is opened
         result = _of_reader(sf.train(sf.open_library(dataset_path), out, study, kind=kind, counting=count_bar).record)
     seconds = time.perf_counter() - start
     lines = _LINES[kind](out, result, f"{seconds:.1f} s")

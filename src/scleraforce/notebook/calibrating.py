@@ -56,7 +56,7 @@ def calibrate(
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
-        recordings: one or more, opened or as folders, with force logs; those of one eye add up.
+        recordings: one or more, opened or as folders, with force logs; recordings of one eye add up.
         study: prior, filter and library; None: the paper's.
         frames: number of frames above 5 mN to take of each recording; None: all.
         parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the

@@ -180,7 +180,9 @@ def write_imported(
         with counting("frames", len(scan.names)) as advance:
             counts = (greys.counts(picture) for picture in _counted(scan.pictures(), advance))
             named = zip(frame_files(scan.names), done.times.time_s.tolist(), counts, strict=True)
-            write_frames(part, done.info, f"imported by scleraforce {__version__}; import.json says from what", named)
+            write_frames(
+                part, done.info, f"imported by scleraforce {__version__}; import.json names the sources", named
+            )
         if done.log is not None:
             write_log(part, done.log)
         (part / IMPORT_RECORD).write_text(record_text(done, answers, __version__), encoding="utf-8")

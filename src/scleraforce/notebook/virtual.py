@@ -38,7 +38,7 @@ def simulate(
     r"""Bend one eye by one force.
 
     Args:
-        study: the study; None: the paper's. It has the values that are None below.
+        study: the study; None: the paper's. Arguments below that are omitted take its values.
         thickness_m: of the wall.
         force_n: of the needle, along the inward normal.
         youngs_modulus_pa: of the wall.

@@ -105,7 +105,7 @@ class AnswerLog:
 
     @property
     def ok(self) -> bool:
-        """Whether the last STATUS lets the robot continue."""
+        """True if the last STATUS lets the robot continue."""
         return self.status is not None and self.status.code == OK
 
     def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:

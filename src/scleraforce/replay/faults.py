@@ -30,7 +30,7 @@ BOUND_N = MonitorLimits().bound_n
 # Clear of the monitor's bounds by the error of a reading.
 CONTACT_N, HARMLESS_N, DANGEROUS_N = 4e-3, BOUND_N - 6e-3, BOUND_N + 3e-3
 RISE_N_PER_S = 0.15
-FLOOD = 100  # frames of a second; fewer might be read as fast as they come, which is not a fault
+FLOOD = 100  # frames of a second; a monitor might read fewer without delay, which is not a fault
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
 CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
 OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
