@@ -131,7 +131,7 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
         yield f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
     if min(change.eyes for change in changes) < FEW_EYES:
-        yield f"note: of fewer than {FEW_EYES} eyes the widest reading counts; no interval becomes narrower"
+        yield f"note: of fewer than {FEW_EYES} eyes the widest reading counts; no interval narrows"
 
 
 @click.command(cls=Command)

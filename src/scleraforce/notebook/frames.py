@@ -159,7 +159,7 @@ def read(
 ) -> Answer:
     """Read the force from one raw frame.
 
-    By default, the eye and the frame's size are those of the recording beside the file, if there is one.
+    By default, the eye and the frame's size are the recording's beside the file.
 
     Args:
         model: of `load_model` or `train`.
