@@ -98,7 +98,7 @@ class ReaderStudy(Section):
     deviation), polar angle and direction by `pole_noise_rad`; a modulus that is surer than 6 % was calibrated with
     these. Each value is missing in `*_missing_fraction` of the samples.
 
-    `globe_open_fraction` of the globes are declared open, `globe_missing_fraction` unknown (`known.eye`: the rigidity
+    `globe_open_fraction` of the globes are declared open, `globe_missing_fraction` unknown (`known`: the rigidity
     is uniform in its range); the others are sealed. `rigidity_missing_fraction` of these have an unknown rigidity,
     the rest a mean and a standard deviation, as a calibration finds them (the logarithm uniform over
     `rigidity_sd_pa13_per_m3`). Most samples have most values: the answer for an eye with all of them is sharp, and
