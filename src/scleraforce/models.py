@@ -36,7 +36,7 @@ SHIPPED = {"default": SHIPPED_READER, "paper": SHIPPED_PAPER, "wall-finder": SHI
 
 
 def model_folder(given: Path) -> Path:
-    """Return the folder that MODEL means: itself where it exists, else the shipped one of that name, if there is one.
+    """Return the folder of MODEL: itself if it exists, else the bundled model of that name.
 
     >>> model_folder(Path("default")) == SHIPPED_READER
     True
@@ -47,7 +47,7 @@ def model_folder(given: Path) -> Path:
 
 
 def model_name(folder: Path) -> str:
-    """Return what MODEL calls a folder: its path, or the name of one that ships, wherever that is installed.
+    """Return MODEL's name for a folder: its path, or the name of a bundled model, wherever it is installed.
 
     >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
     ('default', 'models/mine')
@@ -84,11 +84,7 @@ def sha256(content: bytes) -> str:
 
 
 def read_folder(path: Path) -> ModelFolder:
-    """Read a model folder, or the shipped one of that name, and check the hashes of its files.
-
-    Raises:
-        ModelError: a file is missing or does not match `model.json`, or `model.json` cannot be used.
-    """
+    """Read a model folder, or the shipped one of that name, and check the hashes of its files; raises `ModelError`."""
     path = model_folder(path)
     if not path.is_dir():
         raise ModelError(
@@ -128,11 +124,7 @@ def _check_hash(path: Path, name: str, content: bytes, hashes: Mapping[str, Any]
 
 
 def check_place(out: Path) -> None:
-    """Check, before any work is done, that a model folder can be made.
-
-    Raises:
-        ModelError: `out` exists, or the folder that it is to stand in cannot be written to.
-    """
+    """Check, before any work is done, that a model folder can be made; raises `ModelError`."""
     if out.exists() or out.is_symlink():
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
     above = next(folder for folder in out.absolute().parents if folder.exists())
@@ -150,19 +142,7 @@ def write_folder(
     record: Mapping[str, Any],
     more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
-    """Write a model folder under a temporary name beside `out`, then rename it.
-
-    Args:
-        out: the folder to make.
-        network: the ONNX model.
-        study_toml: the study, in canonical form.
-        card: the model card.
-        record: what `model.json` keeps besides format and hashes.
-        more: further files by name.
-
-    Raises:
-        ModelError: `out` exists, or cannot be written.
-    """
+    """Write a model folder under a temporary name beside `out`, then rename it; raises `ModelError`."""
     check_place(out)
     files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
     hashes = {name: sha256(content) for name, content in files.items()}
@@ -180,11 +160,7 @@ def write_folder(
 
 
 def folder_study(folder: ModelFolder) -> Study:
-    """Return the study of a model folder.
-
-    Raises:
-        ModelError: it is none.
-    """
+    """Return the study of a model folder; raises `ModelError`."""
     try:
         return parse_study(folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE))
     except (StudyError, UnicodeDecodeError) as fault:
@@ -197,16 +173,7 @@ def folder_session(folder: ModelFolder, threads: int) -> "InferenceSession":
 
 
 def network_session(network: bytes, place: str, threads: int) -> "InferenceSession":
-    """Return a session of a network on the CPU.
-
-    Args:
-        network: the ONNX model.
-        place: what the messages name.
-        threads: within one operation.
-
-    Raises:
-        ModelError: it is no such network, or has data in other files.
-    """
+    """Return a session of a network on the CPU; raises `ModelError`."""
     import onnxruntime
 
     # `scleraforce` switches telemetry off before ONNX Runtime is imported; this is for those who imported that first.
@@ -225,11 +192,7 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
 
 
 def check_provenance(folder: ModelFolder, session: "InferenceSession") -> None:
-    """Check that the network was made with the study beside it.
-
-    Raises:
-        ModelError: it was not.
-    """
+    """Check that the network was made with the study beside it; raises `ModelError`."""
     try:
         stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
     except ValueError as fault:  # names that are no text
@@ -245,17 +208,7 @@ def check_interface(
     outputs: Mapping[str, tuple[str, list[int]]],
     place: str,
 ) -> None:
-    """Check that a network has just these inputs and outputs.
-
-    Args:
-        session: of the network.
-        inputs: type and shape of each, but for its first axis, by its name.
-        outputs: likewise.
-        place: what the messages name.
-
-    Raises:
-        ModelError: it has others.
-    """
+    """Check types and shapes, without the first axis, of a network's inputs and outputs; raises `ModelError`."""
     for which, wanted in (("inputs", inputs), ("outputs", outputs)):
         items = session.get_inputs() if which == "inputs" else session.get_outputs()
         found = {item.name: (item.type, item.shape[1:]) for item in items}
@@ -266,11 +219,7 @@ def check_interface(
 def run_network(
     session: "InferenceSession", outputs: list[str], inputs: dict[str, NDArray[Any]], place: str
 ) -> list[NDArray[Any]]:
-    """Run a network; return its outputs.
-
-    Raises:
-        ModelError: it cannot be run, or answers with numbers that are not finite; names `place`.
-    """
+    """Run a network; return its outputs; raises `ModelError`."""
     try:
         answers: list[NDArray[Any]] = session.run(outputs, inputs)
     except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own

@@ -384,13 +384,6 @@ def begin(
 ) -> EyeSession:
     """Return an eye before its first frame.
 
-    Args:
-        study: prior, filter, and for linear mechanics the mesh.
-        constants: stated values of the eye and the B-scan's plane.
-        library: finite-strain responses; None: linear mechanics.
-        parameters: the uncertain ones, of `e`, `iop`, `thickness`, `gap`; `e` among them.
-        zero_covariance: of the forces' zero (N) and drift (N/s), (2, 2).
-
     Raises:
         CalibrationError: the eye cannot be meshed, or the library does not have it.
         ValueError: an unknown or repeated parameter.
@@ -401,14 +394,7 @@ def begin(
 
 
 def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float = 0.0) -> EyeSession:
-    """Return the eye after one more frame.
-
-    Args:
-        session: the eye so far.
-        boundaries: of the frame, see `segmented_boundaries`.
-        force_n: the needle's force under the frame.
-        since_start_s: time of the frame since the beginning of the log, for the zero's drift.
-    """
+    """Return the eye after one more frame."""
     eye = session.filter
     if isinstance(eye.model, LibraryEye):
         boundaries = without_form(eye.model, boundaries, eye.study)

@@ -166,11 +166,7 @@ def calibration_passes(library: Library | None, parameters: tuple[str, ...] | No
 
 
 def stated_tissue(library: Library, study: Study) -> Library:
-    """Return the library of a study's tissue.
-
-    Raises:
-        InputError: the library does not hold such tissue.
-    """
+    """Return the library of a study's tissue; raises `InputError`."""
     return library.for_stiffening(study.tissue.stiffening)
 
 
@@ -394,11 +390,7 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
-    """Return what a recording states about its eye, by default the study's values.
-
-    Raises:
-        CalibrationError: the wall's thickness is not stated; nothing in a frame determines E as much.
-    """
+    """Return what a recording states about its eye, by default the study's values; raises `CalibrationError`."""
     info = recording.info
     if info.eye.thickness_m is None:
         raise CalibrationError(
@@ -490,16 +482,7 @@ def _recordings(
 def _settled(
     eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], refused: int, library: Library, study: Study
 ) -> TissueTrial[EyeCalibration]:
-    """Return a calibration after its frames are read again.
-
-    Args:
-        eye: the calibration.
-        known: of the eye after it.
-        taken: boundaries of the frames that were used now, by their place among the eye's; others were read before.
-        refused: the number of frames that the filter did not take.
-        library: for any contact.
-        study: of the calibration.
-    """
+    """Return a calibration after its frames are read again."""
     frames = list(eye.frames)
     asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]

@@ -196,15 +196,7 @@ def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) 
 def parameter_sections(
     model: EyeModel, names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
 ) -> Array:
-    """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2).
-
-    Args:
-        model: the eye.
-        names: of the fields of `WallState`, in the order of the columns.
-        values_rp: their values, SI.
-        force_n: force of the needle.
-        polar_rad: polar angle of the contact.
-    """
+    """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
     return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
 

@@ -103,13 +103,7 @@ class Found:
 
 
 def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Found:
-    """Return the estimate from frames of one eye, by reweighted least squares.
-
-    Args:
-        frames: as they were read again.
-        known: of the eye after the filter.
-        place: ln E and k over the reference's (2,) that they were read with.
-    """
+    """Return the estimate from frames of one eye, by reweighted least squares."""
     center = np.concatenate([place_of(known), np.zeros(2)])
     direction, left, weight = np.zeros((len(frames), 4)), np.zeros(len(frames)), np.zeros(len(frames))
     for row, frame in enumerate(frames):
@@ -272,15 +266,7 @@ def settled(
     library: Library,
     study: Study,
 ) -> Settled:
-    """Return the known eye after its frames are read again.
-
-    Args:
-        known: of the eye, with its own modulus, after the filter.
-        frames: boundaries, and the known force, N.
-        earlier: frames that were read again before, and are no longer at hand.
-        library: for any contact.
-        study: of the calibration.
-    """
+    """Return the known eye after its frames are read again."""
     now, again = known, read_again(frames, known, library, study)
     read = _all_read(earlier, again)
     found = regression(read, known, place_of(now))
@@ -309,12 +295,6 @@ def read_again(
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
     E and k, which the frames share, are taken for certain: they are no noise between them.
-
-    Args:
-        frames: boundaries, and the known force, N.
-        known: of the eye, with its own modulus.
-        library: for any contact.
-        study: of the calibration.
     """
     assert known.modulus is not None  # its own
     near = library.nearest_contact(known.polar_rad)
@@ -442,10 +422,6 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
 
     It begins with those that the library holds walls of, from the lowest, until one explains the frames and the next
     much worse; it continues beside the best one. A stiffening that refuses frames which others use is ruled out.
-
-    Args:
-        library: for any contact.
-        calibrate: with the library of one stiffening; returns None if such an eye does not exist.
     """
     tried = dict[float, TissueTrial[Trial]]()
 

@@ -227,11 +227,7 @@ class LibraryEye:
 
 
 def library_eye(study: Study, constants: EyeConstants, library: Library) -> LibraryEye:
-    """Return the model of an eye.
-
-    Raises:
-        CalibrationError: the library is for another eye or needle, or has no walls of this thickness.
-    """
+    """Return the model of an eye; raises `CalibrationError`."""
     mine = (study.eye.radius_m, study.eye.poisson_ratio, study.needle.outer_diameter_m / 2)
     if not np.allclose(mine, (library.radius_m, library.poisson_ratio, library.needle_radius_m), rtol=1e-6):
         raise CalibrationError(

@@ -57,14 +57,7 @@ def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
 
 
 def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Placed:
-    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7).
-
-    Args:
-        model: the eye.
-        state: of its wall.
-        nuisance: pose and its kin (5,), in the order of `NUISANCES`; the state's polar angle takes precedence.
-        places: of the frame.
-    """
+    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
     states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
@@ -160,16 +153,7 @@ def register(
     prior: PoseBelief,
     rigidity_pa13_per_m3: float | None = None,
 ) -> Registered:
-    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss.
-
-    Args:
-        model: the eye.
-        boundaries: of the frame.
-        force_n: force of the needle.
-        modulus_pa: where the search of the frame's modulus begins.
-        prior: of the frame's nuisances.
-        rigidity_pa13_per_m3: where the search of the globe's begins; None: the known globe's mean.
-    """
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss."""
     sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity_pa13_per_m3)
     fit = _Fit(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = gauss_newton(fit, fit.start(), STOPPING)

@@ -292,11 +292,7 @@ def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
-    """Return the calibration of a file, to continue it or to report it.
-
-    Raises:
-        CalibrationError: naming the file and the key.
-    """
+    """Return the calibration of a file, to continue it or to report it; raises `CalibrationError`."""
     name, content = file.path, file.content
     eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
     study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")

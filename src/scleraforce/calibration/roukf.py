@@ -66,11 +66,7 @@ RULES = {"simplex": simplex, "canonical": canonical, "star": star}
 
 
 def sigma_points(rule: str, dimension: int) -> SigmaPoints:
-    """Return the points of a rule by its name in the study.
-
-    Raises:
-        ValueError: an unknown rule, or a dimension below 1.
-    """
+    """Return the points of a rule by its name in the study; raises `ValueError`."""
     if rule not in RULES or dimension < 1:
         raise ValueError(f"sigma points {rule!r} in {dimension} dimensions: one of {', '.join(RULES)}, from 1 up")
     return RULES[rule](dimension)

@@ -1,9 +1,9 @@
-"""What is known of an eye beside its frame: modulus, IOP, thickness, gap, globe, discrepancy of its forces.
+"""Known inputs of an eye beside its frame: modulus, IOP, thickness, gap, globe, discrepancy of its forces.
 
 Each may be missing. A globe is open, sealed with some rigidity, or unknown; the rigidity is an unknown of fit and
-filter: normal about a mean, within bounds. Frames of known force move and narrow it. They also show how far an eye's
-forces lie off those of the library's walls: tissue stiffens, walls are uneven, corneas have a stiffness of their own.
-Most of that a calibration's E absorbs; what is left grows with the force, and frames of the same eye share it. It is
+filter: normal about a mean, within bounds. Frames of known force move and narrow it. They also show the discrepancy of
+an eye's forces from those of the library's walls: tissue stiffens, walls are uneven, corneas have a stiffness of their
+own. A calibration's E absorbs most of that; the rest grows with the force, and frames of the same eye share it. It is
 learned per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
 
     ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
@@ -26,12 +26,10 @@ MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding 
 
 
 def correlation_of(covariance: NDArray[np.float64], first: int, second: int) -> float:
-    """Return the correlation of two unknowns of a covariance (unknown, unknown), never beyond `MOST_CORRELATED`.
+    """Return the correlation of two unknowns of a covariance (unknown, unknown), at most `MOST_CORRELATED`.
 
     >>> correlation_of(np.array([[4.0, 1.0], [1.0, 1.0]]), 0, 1)
     0.5
-    >>> correlation_of(np.array([[1.0, -1.1], [-1.1, 1.0]]), 0, 1) == -MOST_CORRELATED
-    True
     """
     found = covariance[first, second] / np.sqrt(covariance[first, first] * covariance[second, second])
     return float(np.clip(found, -MOST_CORRELATED, MOST_CORRELATED))
@@ -40,13 +38,7 @@ def correlation_of(covariance: NDArray[np.float64], first: int, second: int) -> 
 def within_bounds(
     mean: NDArray[np.float64], covariance: NDArray[np.float64], place: int, bounds: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Return the mean of unknowns (unknown,) where one of them stays within its bounds: given the bound, if it left.
-
-    Args:
-        mean: of normal unknowns (unknown,).
-        covariance: of them (unknown, unknown).
-        place: of the one.
-        bounds: its least and its largest value.
+    """Return the mean of normal unknowns (unknown,) given that one of them stays within its bounds.
 
     >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
     [0.5, 2.0]
@@ -58,7 +50,7 @@ def within_bounds(
 
 Floats = NDArray[np.float64]
 
-REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy stays as it is
+REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy is constant
 
 
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
@@ -69,11 +61,11 @@ _Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
 class ForceDiscrepancy:
     """Means and standard deviations of level and growth, which are normal, and their correlation.
 
-    All are given E and the globe's rigidity at their means; a standard deviation of either above it takes level and
-    growth along by `level_by` and `growth_by` (by E, by the rigidity): an eye's frames tell all of these together.
-    `scatter`: how far the forces of single frames lie off these, in standard deviations of what is expected.
-    `largest_n`: the largest of these forces, N, beyond which the eye is extrapolated; `widest_gap`: the widest gap
-    between two of them, or below the first, as a share of the largest. None where they are not known.
+    All are given E and the globe's rigidity at their means; one standard deviation of these above it moves level and
+    growth by `level_by` and `growth_by` (by E, by the rigidity), since an eye's frames determine all of them together.
+    `scatter`: residuals of single frames in standard deviations of their expectation. `largest_n`: the largest of their
+    forces, N, beyond which the eye is extrapolated; `widest_gap`: the widest gap between two of them, or below the
+    first, as a share of the largest. None if unknown.
     """
 
     level: _Log
@@ -94,13 +86,10 @@ class ForceDiscrepancy:
         growth_z: Floats | float = 0.0,
         eye_z: Floats | tuple[float, float] = (0.0, 0.0),
     ) -> Floats:
-        """Return the forces of the eye where the library's are `library_n`, N.
+        """Return the forces of the eye for the library's forces, N.
 
-        Args:
-            library_n: forces of the library's wall, N.
-            level_z: standard normal numbers, by which the level is drawn; 0: its mean.
-            growth_z: likewise, of the growth.
-            eye_z: by how many standard deviations E and rigidity are above their means (..., 2).
+        `level_z` and `growth_z` are standard normal numbers that draw level and growth (0: the mean); `eye_z` (..., 2)
+        are the deviations of E and rigidity from their means, in standard deviations.
 
         >>> stiffer = ForceDiscrepancy(level=0.0, growth=0.2, level_sd=0.0, growth_sd=0.0, correlation=0.0)
         >>> (1e3 * stiffer.corrected_n(np.array([0.0, 30e-3, 60e-3]))).round(2).tolist()
@@ -113,13 +102,7 @@ class ForceDiscrepancy:
         return forces
 
     def at_reference(self) -> tuple[float, float]:
-        """Return mean and standard deviation of ln(F / F_library) at 60 mN.
-
-        >>> stiffer = ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.03, growth_sd=0.08, correlation=0.0)
-        >>> mean, sd = stiffer.at_reference()
-        >>> round(mean, 3), round(sd, 3)
-        (0.12, 0.05)
-        """
+        """Return mean and standard deviation of ln(F / F_library) at 60 mN."""
         half = 0.5 * self.growth_sd
         variance = self.level_sd**2 + half**2 + 2.0 * self.correlation * self.level_sd * half
         return self.level + 0.5 * self.growth, sqrt(variance)
@@ -129,7 +112,7 @@ NO_DISCREPANCY = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd
 
 
 def beside_middle(library_n: Floats) -> Floats:
-    """Return where forces lie beside the middle of the range, -1/2 to 1/2: what growth is multiplied by."""
+    """Return the factor of the growth: the distance of forces from the middle of the range, -1/2 to 1/2."""
     return np.clip(library_n / REFERENCE_N, 0.0, 1.0) - 0.5
 
 
@@ -137,18 +120,17 @@ Kind = Literal["open", "sealed", "unknown"]
 
 REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
 SLACKEST, STIFFEST = REFERENCE_RIGIDITY / 6.0, 2.0 * REFERENCE_RIGIDITY  # 0.005 and 0.06 mmHg^(1/3)/ul
-STATED_SD, STATED_ENDS = 0.08, 1.3  # relative, of a rigidity that is told without its uncertainty
+STATED_SD, STATED_ENDS = 0.08, 1.3  # relative, of a rigidity that is given without its uncertainty
 NINETY_PERCENT = 1.6449  # standard deviations to either side
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownGlobe:
-    """A globe of which so much is known.
+    """The known inputs of a globe.
 
-    `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` say where
-    it lies. All are Pa^(1/3)/m^3 and 0 for an open globe. `correlation` is that with the logarithm of the modulus that
-    was estimated with it; `calibrated` says whether frames of known force have told these, `rigidity_told` whether k
-    was told as a number.
+    `kind` is the declared one. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` describe it.
+    All are Pa^(1/3)/m^3 and 0 for an open globe. `correlation` is that with the logarithm of the modulus that was
+    estimated with it; `calibrated`: it is from frames of known force; `rigidity_told`: k was given as a number.
     """
 
     kind: Kind
@@ -163,11 +145,11 @@ class KnownGlobe:
 
     @property
     def can_be_sealed(self) -> bool:
-        """Whether the pressure may rise with the dent."""
+        """True if the pressure may rise with the dent."""
         return self.highest > 0.0
 
     def globe(self, rigidity: Floats | float) -> Globe:
-        """Return the globe, or as many, of a rigidity k, Pa^(1/3)/m^3; a little below 0 the law goes on."""
+        """Return the globe of one or n rigidities k, Pa^(1/3)/m^3; the law continues a little below 0."""
         return sealed_globe(rigidity, self.law)
 
     @property
@@ -189,10 +171,7 @@ SEALED = KnownGlobe(
 
 
 def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
-    """Return what is known of a globe of which this was told; None: nothing.
-
-    Raises:
-        StudyError: a kind that there is none of, or a rigidity that no globe has, as in a study file.
+    """Return the globe of a declared kind and rigidity; None: unknown. Raises `StudyError` as for a study file.
 
     >>> known_globe(None).kind, known_globe("open").can_be_sealed
     ('unknown', False)
@@ -211,20 +190,6 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
     )
 
 
-def completed_globe(told: KnownGlobe | None, stated: KnownGlobe | None) -> KnownGlobe | None:
-    """Return what was told of a globe, and what else was stated of one of the same kind; None: nothing.
-
-    >>> k = 0.5 * REFERENCE_RIGIDITY
-    >>> completed_globe(known_globe("sealed"), known_globe("sealed", k)).rigidity_told
-    True
-    >>> completed_globe(known_globe("open"), known_globe("sealed", k)).kind
-    'open'
-    """
-    if told is None or stated is None or told.kind != stated.kind:
-        return told or stated
-    return replace(told, law=stated.law) if told.rigidity_told else stated
-
-
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
@@ -241,28 +206,22 @@ class Modulus:
 
     @property
     def relative_sd(self) -> float:
-        """Standard deviation over mean, never less than 1 %.
-
-        >>> Modulus(mean_pa=250e3, sd_pa=10e3, source="own").relative_sd
-        0.04
-        """
+        """Standard deviation over mean, at least 1 %."""
         return max(self.sd_pa / self.mean_pa, LEAST_MODULUS_SD)
 
     @classmethod
     def stated(cls, mean_pa: float) -> "Modulus":
-        """A modulus that someone gives, without saying how sure it is."""
+        """A modulus that is given without its uncertainty."""
         return cls(mean_pa=mean_pa, sd_pa=STATED_MODULUS_SD * mean_pa, source="stated")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """What is known of an eye and of the B-scan's place; None: unknown.
+    """Known inputs of an eye and of the B-scan's place; None: unknown.
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
-    `direction_rad` that of the plane's lateral axis from the meridian.
-    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `stiffening` is b of the tissue
-    (`mechanics.material`); None is read as 0, tissue that does not stiffen. `discrepancy` goes with an eye's own
-    modulus.
+    `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
+    b of the tissue (`mechanics.stiffening`), by default 0. `discrepancy` belongs to an eye's own modulus.
     """
 
     modulus: Modulus | None = None
@@ -277,12 +236,12 @@ class Known:
 
     @property
     def has_own_modulus(self) -> bool:
-        """Whether E was found on frames of the eye."""
+        """True if E was found on frames of the eye."""
         return self.modulus is not None and self.modulus.source == "own"
 
     @property
     def scatter(self) -> float:
-        """By how much intervals are wider for what the eye's frames of known force showed (`ForceDiscrepancy`)."""
+        """Factor of intervals from the scatter of the eye's frames of known force (`ForceDiscrepancy`)."""
         return 1.0 if self.discrepancy is None else self.discrepancy.scatter
 
 
@@ -290,7 +249,7 @@ NOTHING_KNOWN = Known()
 
 
 def known_of_recording(info: RecordingInfo) -> Known:
-    """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
+    """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
     needle = info.needle
     return Known(
         modulus=None,
@@ -304,14 +263,14 @@ def known_of_recording(info: RecordingInfo) -> Known:
 
 
 def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
-    """Return what a recording says of its globe; None: nothing."""
+    """Return the globe that a recording states; None: unknown."""
     if eye.globe is None:
         return None
     return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
 
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
-    """Return what a recording of an eye may state of it: what was told; what a calibration found stands in its file."""
+    """Return a recording's statements on a known eye, without the findings of a calibration."""
     globe = known.globe
     if globe is None or globe.kind != "sealed":
         told = None if globe is None or globe.kind == "unknown" else globe.kind
@@ -327,7 +286,7 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
 
 
 def open_doubts(globe: str | None) -> tuple[str, ...]:
-    """Return a sentence on what linear mechanics makes of a globe; none of an open or unknown one.
+    """Return a sentence if linear mechanics, which takes every globe for open, reads a sealed one.
 
     >>> open_doubts("open")
     ()
@@ -335,12 +294,14 @@ def open_doubts(globe: str | None) -> tuple[str, ...]:
     return (_SEALED_DOUBT,) if globe == "sealed" else ()
 
 
-def completed(told: Known, stated: Known) -> Known:
-    """Return what was told of an eye, and what else was stated; likewise of a globe of the kind that was told.
+def completed(given: Known, stated: Known) -> Known:
+    """Return the given inputs of an eye, completed by the stated ones, also those of a globe of the same kind.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
     True
     """
-    missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
-    globe = completed_globe(told.globe, stated.globe)
-    return replace(told, **{**{name: getattr(stated, name) for name in missing}, "globe": globe})
+    missing = [item.name for item in fields(Known) if getattr(given, item.name) is None]
+    globe = given.globe or stated.globe
+    if given.globe is not None and stated.globe is not None and given.globe.kind == stated.globe.kind:
+        globe = replace(given.globe, law=stated.globe.law) if given.globe.rigidity_told else stated.globe
+    return replace(given, **{**{name: getattr(stated, name) for name in missing}, "globe": globe})

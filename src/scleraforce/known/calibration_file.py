@@ -1,7 +1,7 @@
-"""The file that `calibrate` writes: its format as typed records, opened, checked and written; what it says of an eye.
+"""The file of `calibrate`: its format as typed records, read, checked and written; the known inputs of its eyes.
 
-The filter's state in it is read by `calibration.result`, with the same codec. SciPy stays out of this module, for the
-reader's runtime uses it too.
+The filter's state in it is read by `calibration.result`, with the same codec. This module does not import SciPy, for
+the reader's runtime uses it too.
 """
 
 import hashlib
@@ -74,11 +74,10 @@ class UsedFrame:
 class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
-    `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
-    `globe` is what is known of it after the frames; files without it come from when every globe was taken for open.
-    `discrepancy` is how far its forces lie off the library's; None with linear mechanics and in earlier files.
-    `stiffening` is b of its tissue (`mechanics.material`), 0 with linear mechanics and in earlier files.
-    `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
+    `thickness_m` is the wall's as calibrated, estimated along with E if asked for. `globe` is the known globe after the
+    frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue;
+    None and 0 with linear mechanics and in early files. `status` is "ok", or says that the filter diverged: the
+    standard deviation then means nothing.
     """
 
     mean_pa: float
@@ -92,17 +91,16 @@ class EyeSummary:
 
     @property
     def usable(self) -> bool:
-        """Whether the eye may be read with this modulus."""
+        """True if the eye may be read with this modulus."""
         return self.status == "ok"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationSummary:
-    """Eyes by id, the population, and where it is from.
+    """Eyes by id, the population, and the source.
 
-    `population_sd_pa` is the spread of the eyes' means, None for one eye: it says nothing of how eyes differ.
-    `population_stiffening` is b of their tissue: 1 + b is the geometric mean. `mechanics` is what the moduli were
-    fitted with; an E of the linear wall does not fit the other at high forces.
+    `population_sd_pa` is the spread of the eyes' means, None for one eye. `population_stiffening` is b of their tissue:
+    1 + b is the geometric mean. `mechanics`: of the fit; an E of the linear wall does not fit the other at high forces.
     """
 
     eyes: Mapping[str, EyeSummary]
@@ -115,34 +113,22 @@ class CalibrationSummary:
 
     @property
     def digests(self) -> frozenset[str]:
-        """What the frames that were used are known by, whatever their files are called (`UsedFrame.sha256`)."""
+        """The digests of the frames that were used, whatever their files are called (`UsedFrame.sha256`)."""
         return frozenset(frame.sha256 for eye in self.eyes.values() for frame in eye.frames)
 
 
 def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
-    """Read the moduli from the file that `scleraforce calibrate` writes.
-
-    Raises:
-        CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
-    """
+    """Read the moduli from the file that `scleraforce calibrate` writes; raises `CalibrationError`."""
     return summary_of(open_calibration(path))
 
 
 def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
-    """Read a calibration file as it stands, for `summary_of` or `calibration.result.parse_calibration`.
-
-    Raises:
-        CalibrationError: the file cannot be read, or `calibrate` has not written it.
-    """
+    """Read a calibration file for `summary_of` or `calibration.result.parse_calibration`; raises `CalibrationError`."""
     return parse_calibration_file(read_bytes(Path(path), KINDS["calibration"]), str(path))
 
 
 def write_calibration(content: Mapping[str, Any], path: Path) -> None:
-    """Write what `calibration.result.calibration_as_json` returns, whole or not at all.
-
-    Raises:
-        InputError: its folder cannot be written to.
-    """
+    """Write what `calibration.result.calibration_as_json` returns, whole or not at all; raises `InputError`."""
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
 
 
@@ -163,7 +149,7 @@ class _GlobeEntry(msgspec.Struct):
 
 
 class _EyeEntry(msgspec.Struct):
-    """An entry of `eyes`, without the filter's state; files of earlier versions lack what has a default."""
+    """An entry of `eyes`, without the filter's state; files of earlier versions lack the keys with a default."""
 
     mean_mpa: _ModulusMpa
     sd_mpa: _ModulusSdMpa
@@ -182,11 +168,7 @@ class _Population(msgspec.Struct):
 
 
 def converted(content: Any, record: type[Record], place: str) -> Record:
-    """Return plain content of a calibration file as a typed record; `place` is the content's place in messages.
-
-    Raises:
-        CalibrationError: a key is missing, or of another type or out of range; names the key.
-    """
+    """Return plain content of a calibration file as a typed record; raises `CalibrationError` with its `place`."""
     try:
         return msgspec.convert(content, record)
     except msgspec.ValidationError as fault:
@@ -203,11 +185,7 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
 
 
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
-    """Return what others than `calibration` need of a file.
-
-    Raises:
-        CalibrationError: it lacks something; names the key.
-    """
+    """Return the part of a file that others than `calibration` need; raises `CalibrationError`."""
     name, content = file.path, file.content
     population = converted(content.get("population"), _Population, f"{name}: population")
     return CalibrationSummary(
@@ -222,11 +200,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
-    """Return a calibration file of this text; `name` stands for its path.
-
-    Raises:
-        CalibrationError: it is not JSON, or no file of `calibrate`.
-    """
+    """Return a calibration file of this text; `name` stands for its path; raises `CalibrationError`."""
     try:
         content = parse_json(text)
     except ValueError as fault:
@@ -248,11 +222,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 
 
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
-    """Return one entry of `eyes`; `place` is its place in messages.
-
-    Raises:
-        CalibrationError: naming the key.
-    """
+    """Return one entry of `eyes`; `place` is its place in messages; raises `CalibrationError`."""
     eye = converted(entry, _EyeEntry, place)
     return EyeSummary(
         mean_pa=to_si(eye.mean_mpa, "mpa"),
@@ -305,12 +275,12 @@ def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
-    """Return what is known of an eye once a calibration adds its modulus.
+    """Return the known inputs of an eye, completed by a calibration.
 
-    A modulus goes with the stiffening of its tissue; one of the eye's own with the wall's thickness that it was
-    calibrated with, and with what was found of its globe, unless a kind was told then and another one is told now. Of
-    an eye whose calibration diverged nothing of its modulus is known, and nothing of the globe where its frames
-    contradict what was told of that: the file's is unknown then.
+    A modulus comes with the stiffening of its tissue; one of the eye's own also with the wall's thickness of the
+    calibration, and with its globe, unless a kind was declared then and another one now. If the calibration diverged,
+    the modulus is unknown, and the globe too where the frames contradict its declaration: it is unknown in the file
+    then.
     """
     modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
@@ -330,12 +300,11 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
-    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes.
+    """Return an eye's own modulus if a calibration found it, else the population's with the spread of eyes.
 
-    None for an eye whose calibration diverged: it is not one of those that the model describes, so nothing is known of
-    its modulus; likewise where that holds for all eyes. The spread is at least the paper's. A single eye says nothing
-    of it, and may itself lie off the mean by as much: the eye that is read then differs from it by the spread of two
-    eyes.
+    None for an eye whose calibration diverged, as the model does not describe it, and if that holds for all eyes. The
+    spread is at least the paper's. A single eye says nothing of it, and may itself lie off the mean by as much: another
+    eye then differs from it by the spread of two eyes.
     """
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
@@ -349,7 +318,7 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
-    """Return a sentence where an eye is read without a modulus of its own, None where it has one.
+    """Return a sentence if an eye is read without a modulus of its own, None if it has one.
 
     It names the eye and the file's eyes, for the id may be mistyped.
     """
@@ -361,8 +330,7 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
     read = (
-        "as one of unknown modulus"
-        + (" in a globe of which nothing is known" if own and own.globe.kind == "unknown" else "")
+        "as one of unknown modulus" + (" in an unknown globe" if own and own.globe.kind == "unknown" else "")
         if modulus is None
         else (
             f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "

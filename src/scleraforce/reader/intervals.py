@@ -128,10 +128,7 @@ def _product(factors: Factors, traits: tuple[str, ...]) -> float:
 def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
     """Return the further factor of the fit's interval beside a needle, and under a conjunctiva.
 
-    Args:
-        wall: as segmented.
-        known: of the eye; a gap below those of the training is beside the needle, seen or not.
-        trained: the model's ranges.
+    A gap below those of the training is beside the needle, seen or not.
     """
     beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
     return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)

@@ -59,11 +59,6 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
     A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
     deviation, and the error that it takes from those of thickness and IOP, which the training's moduli have too.
 
-    Args:
-        known: of the eye.
-        trained: the study's ranges.
-        library: of the tissue that the model was trained on.
-
     >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
@@ -108,13 +103,6 @@ def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | No
 
     Those of a reader are its library's walls, wherever on the eye the needle pushes; those of a classifier its data
     set's, and it knows no sealed globe.
-
-    Args:
-        kind: one of `KINDS`.
-        study: of the model.
-        known: of the eye.
-        scan: the frames and the plane of the B-scans.
-        gauge: of the needle; None: not stated.
     """
     if kind == CLASSIFIER:
         sealed = open_doubts(None if known.globe is None else known.globe.kind)

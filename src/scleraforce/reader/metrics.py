@@ -146,10 +146,6 @@ def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, 
     """Return the 95 % band of the share of covered frames, by a bootstrap over whole eyes; None without frames.
 
     Frames of one eye share its errors, so eyes are resampled, not frames.
-
-    Args:
-        eyes: the eye of each frame.
-        covered: of each frame: its interval holds.
     """
     if not eyes:
         return None

@@ -91,11 +91,7 @@ def load_force_reader(path: str | PathLike[str], threads: int = 1, finder: Finde
 
 
 def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> ForceNetwork:
-    """Return a reader's network from its bytes, without factors for its intervals.
-
-    Raises:
-        ModelError: it is not a network that its study asks for.
-    """
+    """Return a reader's network from its bytes, without factors for its intervals; raises `ModelError`."""
     return ForceNetwork(network_session(network, place, 1), study, place)
 
 
@@ -133,14 +129,7 @@ WARMING_FRAMES = 20
 def warming_frame(
     shape: tuple[int, int], scale: PixelScale, radius_m: float, thickness_m: float | None = None
 ) -> NDArray[np.uint16]:
-    """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call.
-
-    Args:
-        shape: rows and columns.
-        scale: size of a pixel as stored, with the refractive index.
-        radius_m: of the eye.
-        thickness_m: of the wall; None: not known.
-    """
+    """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call."""
     (rows, columns), rng = shape, np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
     falls_m = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
@@ -154,11 +143,6 @@ class LiveReader:
     """Reads the frames of one eye in the control loop, one after the other.
 
     It reads some frames at the start, so that the first real one takes no longer than the others.
-
-    Args:
-        reader: the model.
-        known: of the eye.
-        refractive_index: by which depth is stretched in the frames; 1 if the scanner has corrected it.
     """
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:

@@ -70,13 +70,7 @@ def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
 
 
 def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:
-    """Return the distribution of the force.
-
-    Args:
-        probabilities: of the bins (sample, bin), of any positive sum.
-        edges_m2: of the bins (bin + 1,).
-        modulus_pa: that the network was given (sample,).
-    """
+    """Return the distribution of the force from shares (sample, bin), edges, m^2, and moduli (sample,), Pa."""
     shares = np.zeros((len(probabilities), len(edges_m2)))
     probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])
     shares /= shares[:, -1:]
@@ -266,11 +260,7 @@ class ForceNetwork:
         factors: IntervalFactors = NO_FACTORS,
         raw: bool = False,
     ) -> None:
-        """Check a network.
-
-        Raises:
-            ModelError: it has other inputs or outputs than its study asks for; names `place`.
-        """
+        """Check a network; raises `ModelError`."""
         trained = read_by_fit(study.reader) if raw else study.reader  # raw frames are of eyes with gaps from 0
         self._session, self._place, self._factors = session, place, factors
         self._trained, self._bounds_n = trained, study.classes.bounds_n

@@ -124,10 +124,6 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
 
     Other surfaces lie far from every wall of the library, or near one that is thicker, thinner, larger or smaller than
     this eye can be.
-
-    Args:
-        fit: to the frame's boundaries.
-        prior: of the eye.
     """
     if not fit.misfit_m <= NO_WALL_M:
         return f"not the wall of an eye: {from_si(fit.misfit_m, 'um'):.0f} µm off the nearest that is known"
@@ -217,16 +213,7 @@ def look(
     thickness_m: float | None = None,
     finder: WallFinder | None = None,
 ) -> Look:
-    """Segment a frame and draw the slices that a model reads.
-
-    Args:
-        frame: raw B-scan (row, column).
-        scale: size of a pixel as stored, with the refractive index.
-        slice_study: of the model.
-        shifts: of the slices in depth, in rows of a slice; the first is 0.
-        thickness_m: of the wall, if known.
-        finder: a network that checks the wall: see `find_wall`.
-    """
+    """Segment a frame and draw the slices that a model reads."""
     found = find_wall(frame, scale, thickness_m, finder)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
