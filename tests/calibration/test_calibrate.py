@@ -19,7 +19,7 @@ from scleraforce.calibration.known_forces import TissueTrial
 from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known import SEALED, UNKNOWN, known_of_recording
-from scleraforce.known.calibration_file import known_of_eye, open_calibration, parse_calibration_file, summary_of
+from scleraforce.known.calibration_file import known_of_eye, parse_calibration_file, summary_of
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.folder import Recording, read_recording
@@ -194,20 +194,6 @@ def test_an_earlier_file_of_other_parameters_is_refused(
         calibrate_recordings([recording], laboratory.study, "", None, ("e", "iop"), earlier=calibration)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{", "not JSON"),
-        ("[]", "format"),
-        ('{"format": 3, "mechanics": "linear"}', "eyes: expected"),
-        ('{"format": 3, "mechanics": "linear", "eyes": {"a": {}}}', "eyes.a.mean_mpa is missing"),
-    ],
-)
-def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:
-    with pytest.raises(CalibrationError, match=message):
-        parsed(text)
-
-
 def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() -> None:
     one = calibration_of_a_sealed_eye().eyes["mine"]
     again = tuple(replace(frame, again=replace(frame.again, loss=3.5)) for frame in one.frames if frame.again)
@@ -282,11 +268,6 @@ def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
     again = calibrate_recordings([read_recording(moved)], laboratory.study, "", None, earlier=calibration)
     assert again.eyes["virtual"].mean_pa == pytest.approx(calibration.eyes["virtual"].mean_pa, rel=1e-12)
     assert len(again.eyes["virtual"].frames) == 6
-
-
-def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="scleraforce calibrate"):
-        open_calibration(tmp_path / "none.json")
 
 
 def told_eye(recording: Recording, globe: str | None) -> Recording:

@@ -1,3 +1,6 @@
+"""Forces under frames: rests, drift, and the errors of labels."""
+
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -5,11 +8,14 @@ import numpy as np
 import pytest
 from small_recordings import LOGGED_INFO
 
-from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, rest_zeros, zero_line
+from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, label_sds, rest_zeros, zero_line
+from scleraforce.laboratory.phantom import plan_phantom
+from scleraforce.laboratory.pushes import sense
+from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.labels import label_frames, low_pass
-from scleraforce.recording.tables import ForceLog, FrameEntry
-from scleraforce.study import ClassesStudy
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
+from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 
 def pushes(drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True) -> tuple[np.ndarray, ...]:
@@ -63,3 +69,91 @@ def test_samples_that_are_no_forces_and_frames_without_a_label_leave_the_others_
     known = np.isfinite(found[1].force_n)
     np.testing.assert_allclose(found[1].force_n[known], found[0].force_n[known], atol=1e-4)
     assert np.isfinite(found[1].zero).all()
+
+
+CLASSES = ClassesStudy()
+
+
+def recording_of(time_s: np.ndarray, wrench_sc: np.ndarray, frames_s: list[float], average_s: float = 2.0) -> Recording:
+    frames = tuple(FrameEntry(f"{number}.png", time) for number, time in enumerate(frames_s))
+    info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
+    return Recording(Path("rec"), info, frames, ForceLog(time_s, wrench_sc, FORCE_COLUMNS[1:]))
+
+
+def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, float]]:
+    """Yield the error of each label of virtual logs of the paper's pushes, N, and its stated standard deviation."""
+    study = replace(Study(), phantom=phantom)
+    for seed in range(seeds):
+        for eye, forces_n in paper_eyes(study):
+            plan = plan_phantom(eye, forces_n, study, seed)
+            table = sense(plan.motion, plan.sensor, 2, -1, plan.motion[-1].end_s + 1.5, np.random.default_rng(seed))
+            recording = recording_of(table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames])
+            trials = label_frames(recording, CLASSES)
+            for frame, trial, sd_n in zip(plan.frames, trials, label_sds(recording, trials), strict=True):
+                yield trial.measured_force_n - frame.push.force_n, sd_n
+
+
+@pytest.mark.parametrize(
+    ("phantom", "low", "high"),
+    [
+        (PhantomStudy(), 0.8, 1.1),
+        (PhantomStudy(sample_rate_hz=100.0), 0.8, 1.15),
+        (PhantomStudy(force_noise_n=fixed(0.03)), 0.65, 1.1),
+        (PhantomStudy(force_drift_n_per_s=fixed(0.0)), 0.7, 1.1),
+        (PhantomStudy(force_noise_n=fixed(2e-4), force_step_n=1e-4), 0.8, 1.3),
+        (PhantomStudy(force_noise_n=fixed(5e-4)), 0.55, 1.1),  # of 5 mN: its steps are not dithered
+        (PhantomStudy(frame_delay_s=fixed(0.6)), 0.5, 1.1),  # the window reaches into the ramp of the push
+    ],
+    ids=["default", "100 Hz", "noisy", "no drift", "fine", "coarse steps", "in motion"],
+)
+def test_standardised_errors_of_labels_have_unit_spread(phantom: PhantomStudy, low: float, high: float) -> None:
+    errors_n, sds_n = np.array(list(errors_and_sds(phantom, 8))).T
+    spread = np.sqrt(np.mean((errors_n / sds_n) ** 2))
+    assert low < spread < high
+
+
+def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
+    usual, *worse = (
+        np.median([sd_n for _, sd_n in errors_and_sds(phantom, 2)])
+        for phantom in (
+            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)),
+            PhantomStudy(force_noise_n=fixed(4e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)),
+            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=5e-3, force_drift_n_per_s=fixed(0.0)),
+            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(1e-3 / 60)),
+            PhantomStudy(
+                force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0), frame_delay_s=fixed(0.6)
+            ),
+        )
+    )
+    assert all(sd_n > 1.5 * usual for sd_n in worse)
+
+
+def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
+    """Noise held for 50 ms looks quiet to differences of neighbours, and is averaged over a tenth as often."""
+    rng = np.random.default_rng(3)
+    time_s = np.arange(8000) / 200.0
+    force_n = np.where(time_s > 5.0, 0.02, 0.0)
+    frames_s = np.arange(8.0, 38.0, 3.0).tolist()
+
+    def stated_n(noise_n: np.ndarray) -> float:
+        wrench = np.zeros((len(time_s), 6))
+        wrench[:, 2] = -(force_n + noise_n)
+        recording = recording_of(time_s, wrench, frames_s)
+        return float(np.median(label_sds(recording, label_frames(recording, CLASSES))))
+
+    white, held = rng.normal(0.0, 4e-3, len(time_s)), np.repeat(rng.normal(0.0, 4e-3, len(time_s) // 10), 10)
+    assert stated_n(held) > 2.0 * stated_n(white)
+
+
+def test_a_trial_without_a_label_has_no_error() -> None:
+    time_s = np.arange(2000) / 200.0
+    recording = replace(recording_of(time_s, np.zeros((2000, 6)), [5.0]), forces=None)
+    assert label_sds(recording, label_frames(recording, CLASSES)) == (None,)
+
+
+def test_a_log_of_zeros_states_an_error_all_the_same() -> None:
+    time_s = np.arange(2000) / 200.0
+    recording = recording_of(time_s, np.zeros((2000, 6)), [5.0])
+    (sd_n,) = label_sds(recording, label_frames(recording, CLASSES))
+    assert sd_n is not None
+    assert 0.0 < sd_n < 1e-4

@@ -1,15 +1,43 @@
-"""What forces that are known, beside those that are read, tell of E, k, level and growth."""
+"""Frames of known force: E, k, level and growth from them, and the stiffening that explains them best."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import exp, log, log1p
+from typing import Any
 
 import numpy as np
 import pytest
+from analytic_frames import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
+from analytic_library import STIFFENINGS, analytic_library, made_up_library, solved_library, without_rests
 from scipy.optimize import minimize
+from small_recordings import calibration_of_a_sealed_eye
 
+from scleraforce.calibration import known_forces
+from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.calibration.known_forces import KnownForce, place_of, regression
+from scleraforce.calibration.known_forces import (
+    KnownForce,
+    TissueTrial,
+    most_trials,
+    place_of,
+    read_again,
+    regression,
+    search,
+    settled,
+)
+from scleraforce.calibration.result import Calibration, EyeCalibration
+from scleraforce.errors import CalibrationError, InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlobe, Modulus
+from scleraforce.learning import virtual_eyes
+from scleraforce.library import Library
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.plan import stiffening_place
+from scleraforce.library.prediction import Walls, force_n as wall_force_n, predict_wall
+from scleraforce.library.prior import SHINE_MEAN_M, prior_of
+from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study, TissueStudy
 
 FILTERED = replace(SEALED, mean=REFERENCE_RIGIDITY, sd=0.05 * REFERENCE_RIGIDITY, correlation=-0.5, calibrated=True)
 
@@ -160,3 +188,476 @@ def test_frames_in_any_order_tell_the_same() -> None:
     known = filtered()
     some = frames((12e-3, 30e-3, 50e-3), (0.0, 0.1, 0.02, 0.5), known)
     np.testing.assert_allclose(found_off(some, known)[0], found_off(some[::-1], known)[0], rtol=1e-6)
+
+
+STUDY = replace(Study(), calibration=replace(Study().calibration, surface_smoothing_m=0.0))
+TIPS_M = (0.5e-3, 1.1e-3, 1.7e-3)
+MODULUS_PA = 0.3e6
+
+
+def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
+    modulus = Modulus(mean_pa=modulus_pa, sd_pa=relative_sd * modulus_pa, source="own")
+    return Known(modulus=modulus, iop_pa=270.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=0.0, globe=OPEN)
+
+
+def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
+    """Boundaries of an eye at three dents, and their forces, which are those of the library times a factor."""
+    rng, walls, found = np.random.default_rng(4), Walls(LIBRARY), []
+    for tip_m in TIPS_M:
+        unknown = np.zeros(len(NAMES))
+        unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.3e-3, 0.5e-3
+        unknown[[GAP, THICKNESS, MODULUS, IOP, SHINE]] = 0.6e-3, 0.65e-3, log(MODULUS_PA), log(270.0), SHINE_MEAN_M
+        depth = noisy_boundaries(predict_wall(walls, unknown, BOTH), 3e-6, rng)
+        known_n = factor * float(wall_force_n(walls, unknown[None])[0])
+        found.append((Boundaries(LATERAL_M, depth, float(np.diff(LATERAL_M)[0])), known_n))
+    return found
+
+
+def test_slopes_are_those_of_forces_that_are_read_with_another_modulus() -> None:
+    known = known_of(MODULUS_PA)
+    other = known_of(1.05 * MODULUS_PA)
+    for here, there in zip(*(read_again(read_frames(), each, LIBRARY, STUDY) for each in (known, other)), strict=True):
+        assert here is not None
+        assert there is not None
+        assert log(there.library_n / here.library_n) == pytest.approx(here.by_modulus * log(1.05), abs=0.005)
+        assert here.by_rigidity == 0.0
+
+
+@pytest.mark.parametrize("wrong", [0.6, 1.5])
+def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
+    after = settled(known_of(wrong * MODULUS_PA), read_frames(), (), LIBRARY, STUDY)
+    now, again = after.known, after.again
+    assert now.modulus is not None
+    assert now.discrepancy is not None
+    assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
+    for frame in again:
+        assert frame is not None
+        corrected_n = now.discrepancy.corrected_n(np.array([frame.library_n]))[0]
+        assert corrected_n == pytest.approx(frame.force_n, rel=0.03)
+
+
+def test_forces_are_surer_than_the_modulus_that_they_tell() -> None:
+    """An eye whose forces all lie 4 % off is read right, and its intervals are those of a frame, not of E."""
+    seen = read_frames(1.04)
+    now = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
+    assert now.modulus is not None
+    assert now.modulus.relative_sd > 0.015
+    assert now.discrepancy is not None
+    apart = replace(now.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
+    for boundaries, known_n in seen[1:]:
+        widths = []
+        for each in (now, replace(now, discrepancy=apart)):
+            fit = fit_boundaries(LIBRARY, boundaries.lateral_m, boundaries.depth_m, prior_of(each, STUDY.reader))
+            assert fit is not None
+            assert fit.force_n == pytest.approx(known_n, rel=0.03)
+            widths.append(float(np.diff(np.log(fit.interval_n))[0]))
+        assert widths[0] < 0.9 * widths[1]
+
+
+def test_forces_that_no_level_and_growth_explain_scatter() -> None:
+    """One force of three is 8 % off, and comes out as far off again; even walls scatter no more than expected."""
+    even, scattered = read_frames(), read_frames()
+    boundaries, known_n = scattered[1]
+    scattered[1] = boundaries, 1.08 * known_n
+    found = [settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known.scatter for seen in (even, scattered)]
+    assert found[0] == 1.0
+    assert found[1] > 1.8
+
+
+def test_level_and_growth_are_those_of_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where E may not go where the read_frames want it, the forces are told right all the same, by the discrepancy."""
+    monkeypatch.setattr(known_forces, "READINGS", 1)
+    after = settled(known_of(0.7 * MODULUS_PA), read_frames(), (), LIBRARY, STUDY)
+    now, again = after.known, after.again
+    assert now.modulus is not None
+    assert now.discrepancy is not None
+    assert now.modulus.mean_pa == pytest.approx(0.7 * MODULUS_PA)
+    for frame, within in zip(
+        again, (0.1, 0.08, 0.08), strict=True
+    ):  # how much the surface shines is open in a small dent
+        assert frame is not None
+        corrected_n = now.discrepancy.corrected_n(np.array([frame.library_n]))[0]
+        assert corrected_n == pytest.approx(frame.force_n, rel=within)
+
+
+def test_what_was_read_before_counts_as_what_is_read_now() -> None:
+    seen = read_frames(1.1)
+    known = known_of(MODULUS_PA)
+    earlier = [frame for frame in read_again(seen[:2], known, LIBRARY, STUDY) if frame is not None]
+    at_once = settled(known, seen, (), LIBRARY, STUDY).known
+    parts = settled(known, seen[2:], earlier, LIBRARY, STUDY).known
+    assert at_once.modulus is not None
+    assert parts.modulus is not None
+    assert parts.modulus.mean_pa == pytest.approx(at_once.modulus.mean_pa, rel=0.01)
+
+
+def test_the_largest_force_of_the_frames_that_were_read_is_kept() -> None:
+    seen, known = read_frames(), known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    largest_n = seen[-1][1]
+    earlier = [frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None]
+    for now, before in (([*seen, (blind, 2.0 * largest_n)], []), (seen[:1], earlier)):
+        found = settled(known, now, before, LIBRARY, STUDY).known.discrepancy
+        assert found is not None
+        assert found.largest_n == largest_n
+
+
+def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
+    known = known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    after = settled(known, [(blind, 0.02)], (), LIBRARY, STUDY)
+    now = after.known
+    assert after.again == (None,)
+    assert now.modulus is not None
+    assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=exp(1e-9) - 1.0)
+    assert now.discrepancy is not None
+    assert (now.discrepancy.level, now.discrepancy.growth, now.discrepancy.largest_n) == (0.0, 0.0, None)
+
+
+def test_what_the_search_of_a_stiffening_compares_is_what_the_frames_that_were_read_lose() -> None:
+    """Rougher boundaries lose more, and forces that E cannot explain; a frame that cannot be read counts as refused."""
+    known = known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    after = settled(known, [*read_frames(), (blind, 0.02)], (), LIBRARY, STUDY)
+    trial = after.trial("an eye", 2)
+    read = [frame for frame in after.again if frame is not None]
+    assert (trial.found, trial.refused, trial.frames) == ("an eye", 3, 3)
+    assert trial.of_boundaries == pytest.approx(sum(frame.loss for frame in read))
+    assert min(frame.loss for frame in read) > 0.0
+    assert trial.of_forces == after.loss
+    assert trial.loss == pytest.approx(trial.of_boundaries + trial.of_forces)
+    rng = np.random.default_rng(1)
+    rough = [
+        (replace(seen, depth_m=seen.depth_m + 20e-6 * np.sin(LATERAL_M / 0.4e-3 + rng.uniform(0.0, 6.0))), force_n)
+        for seen, force_n in read_frames()
+    ]
+    assert settled(known, rough, (), LIBRARY, STUDY).trial("", 0).of_boundaries > 3.0 * trial.of_boundaries
+    bent = [(seen, force_n * factor) for (seen, force_n), factor in zip(read_frames(), (0.8, 1.0, 1.25), strict=True)]
+    assert settled(known, bent, (), LIBRARY, STUDY).loss > after.loss + 5.0
+
+
+MADE_UP = made_up_library()
+PLACES = np.log1p(STIFFENINGS)  # of the library's stiffenings: 0, 0.41, 1.18, 2.24 and 3.43
+TRIAL_FRAMES, EVEN = 3, 15.0  # what the boundaries of three frames of an even wall lose
+
+
+@dataclass
+class Eye:
+    """An eye whose trials lose what functions of ln(1 + b) say; `tried` are the stiffenings asked for."""
+
+    forces: Callable[[float], float] = lambda _: 0.0
+    boundaries: Callable[[float], float] = lambda _: EVEN
+    refused: Callable[[float], int] = lambda _: 0
+    able: Callable[[float], bool] = lambda _: True
+    tried: list[float] = field(default_factory=list)
+
+    def __call__(self, library: Library) -> TissueTrial[str] | None:
+        self.tried.append(library.stiffening)
+        place = log1p(library.stiffening)
+        if not self.able(place):
+            return None
+        return TissueTrial(
+            found=f"with {library.stiffening:g}",
+            refused=self.refused(place),
+            frames=TRIAL_FRAMES,
+            of_boundaries=self.boundaries(place),
+            of_forces=self.forces(place),
+        )
+
+
+def found_of(eye: Eye, library: Library = MADE_UP) -> float:
+    """What is found, as ln(1 + b); it goes with what was calibrated with it, and is among what was tried."""
+    result = search(library, eye)
+    assert result is not None
+    stiffening, found = result
+    assert found == f"with {stiffening:g}"
+    assert stiffening in eye.tried
+    assert len(eye.tried) == len(set(eye.tried)) <= most_trials(library)
+    return log1p(stiffening)
+
+
+def prior(place: float) -> float:
+    """What a stiffening loses by being one: Cauchy's density of ln(1 + b), of scale 0.5, at two scales half as sure."""
+    return 4.0 * log(1.0 + place**2)
+
+
+@pytest.mark.parametrize("least", [0.9, 1.6, 2.0, 2.7, 3.1])
+@pytest.mark.parametrize("lopsided", [0.0, 0.15])
+def test_the_least_loss_between_the_library_s_stiffenings_is_found(least: float, lopsided: float) -> None:
+    """Within 0.1 of ln(1 + b), and no worse by more than half of a square of a standard deviation."""
+
+    def forces(place: float) -> float:
+        return 40.0 * (place - least) ** 2 * (1.0 + lopsided * (place - least))
+
+    def whole(place: float) -> float:
+        return forces(place) + prior(place)
+
+    places = np.linspace(0.0, PLACES[-1], 3001)
+    best = min(places.tolist(), key=whole)
+    found = found_of(Eye(forces))
+    assert found == pytest.approx(best, abs=0.1)
+    assert whole(found) < whole(best) + 0.5
+
+
+@pytest.mark.parametrize("least", [0.35, 0.45, 0.6])
+def test_a_stiffening_between_none_and_the_first_that_loses_too_much_is_found(least: float) -> None:
+    """Frames that are sure of it: both neighbours lose more than is enough to try no farther ones."""
+    found = found_of(Eye(forces=lambda place: 60.0 * (place - least) ** 2))
+    assert found == pytest.approx(least, abs=0.15)
+
+
+@pytest.mark.parametrize("least", [2.9, 3.04])
+def test_a_least_loss_before_the_last_stiffening_is_found_where_losses_level_off(least: float) -> None:
+    """As boundaries of a thick wall of b = 20 lose: 289, 254, 140 and 68 at the library's, 13 at 20."""
+    found = found_of(Eye(boundaries=lambda place: EVEN + 270.0 * (1.0 - np.exp(-(((place - least) / 0.8) ** 2)))))
+    assert found == pytest.approx(least, abs=0.15)
+
+
+def test_tissue_counts_as_none_that_stiffens_where_its_frames_do_not_say_so() -> None:
+    assert found_of(Eye()) == 0.0
+    assert found_of(Eye(forces=lambda place: 3.0 * (place < 0.5))) == 0.0  # less than the prior of any node
+    assert found_of(Eye(forces=lambda place: 3.6 * (place < 0.5))) > 0.0
+
+
+@pytest.mark.parametrize("best", [0, 1, 2, 3, 4])
+def test_a_stiffening_that_refuses_frames_that_others_take_never_wins(best: int) -> None:
+    eye = Eye(
+        forces=lambda place: 0.0 if abs(place - PLACES[best]) < 0.3 else 50.0,
+        refused=lambda place: int(abs(place - PLACES[best]) < 0.3),
+    )
+    assert abs(found_of(eye) - PLACES[best]) > 0.3
+
+
+def test_where_all_refuse_frames_the_fewest_count() -> None:
+    eye = Eye(forces=lambda place: 30.0 * (place - 2.3) ** 2, refused=lambda place: 2 if place < 1.5 else 1)
+    assert found_of(eye) == pytest.approx(2.27, abs=0.1)
+
+
+def test_stiffenings_beyond_those_that_lose_too_much_are_not_tried() -> None:
+    steep = Eye(forces=lambda place: 20.0 * place)
+    assert found_of(steep) == 0.0
+    assert steep.tried[:3] == STIFFENINGS[:3].tolist()
+    assert max(steep.tried) == STIFFENINGS[2]
+    flat = Eye(forces=lambda place: 0.4 * place)  # with the prior 11.6 at most: less than what is enough
+    assert found_of(flat) == 0.0
+    assert set(STIFFENINGS.tolist()) <= set(flat.tried)
+
+
+def test_it_does_not_end_at_walls_that_explain_nothing_themselves() -> None:
+    """Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing."""
+    lost = dict(zip(STIFFENINGS.tolist(), (300.0, 900.0, 60.0, EVEN, 80.0), strict=True))
+    eye = Eye(boundaries=lambda place: lost.get(min(STIFFENINGS, key=lambda b: abs(log1p(b) - place)), 0.0) + place)
+    assert found_of(eye) == pytest.approx(PLACES[3], abs=0.3)
+
+
+def test_it_does_not_end_at_walls_that_refuse_a_frame() -> None:
+    eye = Eye(boundaries=lambda place: 25.0 - 10.0 * (place > 1.0), refused=lambda place: int(0.1 < place < 0.8))
+    assert found_of(eye) > 1.0
+
+
+def test_one_that_diverged_counts_for_less_than_one_that_refuses_most_frames() -> None:
+    def calibrate(library: Library) -> TissueTrial[str]:
+        if library.stiffening == STIFFENINGS[2]:
+            return TissueTrial(found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0)
+        return TissueTrial.diverged("diverged", 0)
+
+    result = search(MADE_UP, calibrate)
+    assert result is not None
+    assert result[1] == "poor"
+
+
+def test_where_no_stiffening_has_such_an_eye_there_is_none() -> None:
+    eye = Eye(able=lambda _: False)
+    assert search(MADE_UP, eye) is None
+    assert eye.tried == STIFFENINGS.tolist()
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2, 3, 4])
+def test_one_stiffening_without_the_eye_does_not_end_the_search(lost: int) -> None:
+    kept = 2 if lost != 2 else 1
+    eye = Eye(
+        forces=lambda place: 40.0 * (place - PLACES[kept]) ** 2,
+        able=lambda place: abs(place - PLACES[lost]) > 1e-9,
+    )
+    assert found_of(eye) == pytest.approx(PLACES[kept], abs=0.15)
+
+
+def test_beside_one_out_of_the_question_it_goes_on_halfway_to_the_other_neighbour() -> None:
+    """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
+    halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
+    eye = Eye(forces=lambda place: 20.0 * (place - 1.6) ** 2, refused=lambda place: int(place < 0.5))
+    assert found_of(eye) == pytest.approx(1.55, abs=0.2)
+    assert stiffening_place(np.array(eye.tried[5])) == pytest.approx(halfway)
+    beyond = Eye(forces=lambda place: 30.0 * (place - 1.9) ** 2, refused=lambda place: int(place > 3.0))
+    assert found_of(beyond) == pytest.approx(1.85, abs=0.2)
+    assert stiffening_place(np.array(beyond.tried[5])) == pytest.approx(halfway)
+
+
+@pytest.mark.parametrize(("level", "stiffens"), [(0.1, True), (1.0, True), (10.0, False)])
+def test_walls_that_are_none_of_the_library_s_say_less_of_their_tissue(level: float, stiffens: bool) -> None:
+    """The same difference between the stiffenings; what all of them lose alike says how much it counts."""
+    eye = Eye(boundaries=lambda place: level * EVEN + (0.0 if place > 0.5 else 9.0))
+    assert (found_of(eye) > 0.0) == stiffens
+    assert found_of(Eye(boundaries=lambda place: level * EVEN + 3.0 * (place < 0.5))) == 0.0
+
+
+def test_a_library_of_one_stiffening_is_tried_once_with_it() -> None:
+    alone, eye = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9), Eye()
+    assert found_of(eye, alone) == 0.0
+    assert (eye.tried, most_trials(alone)) == ([0.0], 1)
+
+
+# Whole calibrations: what is tried, what comes of it, and what is counted.
+
+
+def trial_of(library: Library, loss: float) -> TissueTrial[EyeCalibration]:
+    """What a calibration with walls of one tissue returns."""
+    eye = replace(calibration_of_a_sealed_eye().eyes["mine"], stiffening=library.stiffening)
+    return TissueTrial(found=eye, refused=0, frames=TRIAL_FRAMES, of_boundaries=EVEN, of_forces=loss)
+
+
+@dataclass
+class Calibrating:
+    """Stands for the calibration with one tissue: it loses what a function of ln(1 + b) says, or cannot."""
+
+    loss: Callable[[float], float] = lambda place: 40.0 * (place - 1.6) ** 2
+    fault: str | None = None
+    tried: list[tuple[float, bool]] = field(default_factory=list)
+    frames: list[int | None] = field(default_factory=list)
+
+    def __call__(self, recording: Any, way: Any, _frames: Any, earlier: Any, count: Callable[[int], None]) -> Any:
+        self.frames.append(way.frames)
+        self.tried.append((way.library.stiffening, earlier is not None))
+        count(len(recording.frames))
+        if self.fault is not None:
+            raise CalibrationError(f"{self.fault} {len(self.tried)}")
+        return trial_of(way.library, self.loss(log1p(way.library.stiffening)))
+
+
+@pytest.fixture
+def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
+    made = Calibrating()
+    monkeypatch.setattr("scleraforce.calibration.calibrate.calibrate_eye", made)
+    return made
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """As much of a recording as `calibrate_recordings` asks for."""
+
+    @dataclass(frozen=True)
+    class Named:
+        id: str = "mine"
+        globe: str | None = None
+
+    @dataclass(frozen=True)
+    class Info:
+        eye: Any
+
+    info: Any = Info(Named())
+    frames: tuple[int, ...] = tuple(range(8))
+
+
+def calibration_of(study: Study | None = None, **given: Any) -> Calibration:
+    return calibrate_recordings([Recorded()], study or Study(), "hash", MADE_UP, **given)  # type: ignore[list-item]
+
+
+def test_the_stiffening_is_sought_unless_it_is_left_out(calibrating: Calibrating) -> None:
+    steps: list[int] = []
+    eye = calibration_of(progress=steps.append).eyes["mine"]
+    assert log1p(eye.stiffening) == pytest.approx(1.55, abs=0.1)
+    assert len(calibrating.tried) >= 4
+    assert sum(steps) == 8 * calibration_passes(MADE_UP, None) == 8 * (most_trials(MADE_UP) + 1)
+    assert calibration_passes(MADE_UP, ("e",)) == calibration_passes(None, None) == 1
+
+
+@pytest.mark.parametrize("wanted", [None, 3, 6, 40])
+def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrated_on(
+    calibrating: Calibrating, wanted: int | None
+) -> None:
+    eye = calibration_of(frames=wanted).eyes["mine"]
+    few = wanted in (3, 6)
+    tried = calibrating.frames if few else calibrating.frames[:-1]
+    assert set(tried) == {wanted if few else SOUGHT_ON}
+    assert calibrating.frames[-1] == wanted
+    assert few or calibrating.tried[-1] == (eye.stiffening, False)
+
+
+def test_a_short_recording_is_calibrated_on_once_with_each_tissue(calibrating: Calibrating) -> None:
+    calibrate_recordings([Recorded(frames=(1, 2, 3))], Study(), "hash", MADE_UP)  # type: ignore[list-item]
+    assert set(calibrating.frames) == {None}
+    assert len(calibrating.tried) == len(set(calibrating.tried))
+
+
+def test_nobody_is_warned_of_a_filter_with_walls_that_are_far_off(calibrating: Calibrating) -> None:
+    calibrating.loss = lambda place: float(np.nan_to_num(np.sqrt(np.array(-place)))) + (place - 1.6) ** 2
+    assert calibration_of().eyes["mine"].stiffening > 0.0
+
+
+@pytest.mark.parametrize("stiffening", [0.0, 5.0])
+def test_where_it_is_not_sought_it_is_the_study_s(calibrating: Calibrating, stiffening: float) -> None:
+    study, steps = replace(Study(), tissue=TissueStudy(stiffening=stiffening)), list[int]()
+    eye = calibration_of(study, parameters=("e", "iop"), progress=steps.append).eyes["mine"]
+    assert calibrating.tried == [(stiffening, False)]
+    assert (eye.stiffening, sum(steps)) == (stiffening, 8)
+
+
+def test_a_stiffening_that_the_library_does_not_hold_is_refused(calibrating: Calibrating) -> None:
+    study = replace(Study(), tissue=TissueStudy(stiffening=50.0))
+    with pytest.raises(InputError, match="stiffening: 50 is outside the library's range, 0 to 30"):
+        calibration_of(study, parameters=("e",))
+    assert not calibrating.tried
+
+
+def test_an_earlier_calibration_goes_on_with_its_stiffening(calibrating: Calibrating) -> None:
+    begun = calibration_of_a_sealed_eye()
+    earlier = replace(begun, eyes={"mine": replace(begun.eyes["mine"], stiffening=7.0)})
+    steps: list[int] = []
+    eye = calibration_of(earlier=earlier, progress=steps.append).eyes["mine"]
+    assert calibrating.tried == [(7.0, True)]
+    assert eye.stiffening == 7.0
+    assert sum(steps) == 8 * calibration_passes(MADE_UP, None)
+
+
+def test_where_no_tissue_will_do_the_first_fault_is_said(calibrating: Calibrating) -> None:
+    calibrating.fault = "no frame"
+    with pytest.raises(CalibrationError, match=r"^no frame 1$"):
+        calibration_of()
+
+
+# Eyes of a library's own walls, seen without errors.
+
+GRID = LibraryStudy(thickness_m=Range(min=0.45e-3, max=0.8e-3), thicknesses=4, tension=Range(min=4e-3, max=0.12),
+                    tensions=5, max_tip_m=5e-3, tips=20, elements=32)  # fmt: skip
+EXACT = Study(
+    reader=ReaderStudy(
+        uneven_share=0.0, iop_noise_fraction=0.0, thickness_noise_fraction=0.0, gap_noise_fraction=0.0,
+        stiffening_share=0.0, interval_boundary_errors=0.0, youngs_modulus_pa=Range(min=0.2e6, max=0.4e6),
+        thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0),
+    )
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stiffening", "seed"), [(0.0, 1), (3.0, 1), (9.0, 2), (20.0, 1)])
+def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_read_right(
+    stiffening: float, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An open eye of even form, whose boundaries and forces are known without errors."""
+    monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
+    library, rng = solved_library(GRID), np.random.default_rng(seed)
+    eye = virtual_eyes.draw_eye(EXACT, library.for_stiffening(stiffening), 0, rng)
+    assert eye.stiffening == stiffening
+    frames = virtual_eyes.draw_frames(eye, EXACT, 8, rng)
+    known, left = virtual_eyes.calibrated(eye, frames, EXACT, library, rng)
+    assert known.modulus is not None
+    assert known.stiffening is not None
+    assert log1p(known.stiffening) == pytest.approx(log1p(stiffening), abs=0.3)
+    assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
+    near = library.for_stiffening(known.stiffening).for_contact(eye.wall.polar_rad)
+    prior, smoothing_m = prior_of(known, EXACT.reader), EXACT.calibration.surface_smoothing_m
+    assert len(left) == 5
+    for frame in left:
+        fit = fit_boundaries(near, frame.boundaries.lateral_m, frame.boundaries.depth_m, prior, smoothing_m)
+        assert fit is not None
+        assert fit.force_n == pytest.approx(frame.force_n, rel=0.02)

@@ -1,23 +1,32 @@
-"""An eye from a response library: its sections, where they end, and the filter on it."""
+"""Eyes of the library: sections, the motion of the base, the form of the wall."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import radians
 from typing import Any
 
 import analytic_library as analytic
 import numpy as np
 import pytest
+from analytic_library import analytic_library
 
 from ideal_boundaries import ideal_boundaries
+from reference_walls import shift_in_plane
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
 from scleraforce.calibration.eye_model import EyeConstants, parameter_sections, stated_wall
-from scleraforce.calibration.library_eye import library_eye, section_depths
+from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, section_depths, without_form
 from scleraforce.errors import CalibrationError
 from scleraforce.laboratory.light import Pose
+from scleraforce.learning.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
+from scleraforce.learning.walls import Forms
 from scleraforce.library import Library
-from scleraforce.mechanics.contact import Section
-from scleraforce.study import Study
+from scleraforce.mechanics.contact import Contact, Section
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.meridian import meridian_mesh
+from scleraforce.mechanics.polar import base_shift
+from scleraforce.study import Range, ReaderStudy, Study, fixed
 
 STUDY = Study()
 STATED = EyeConstants(
@@ -164,3 +173,107 @@ def test_an_eye_that_the_library_does_not_have_is_refused(library: Library) -> N
         library_eye(STUDY, replace(STATED, thickness_m=1e-3), library)
     with pytest.raises(CalibrationError, match="another radius"):
         library_eye(replace(STUDY, eye=replace(STUDY.eye, radius_m=11e-3)), STATED, library)
+
+
+TURNED = EyeConstants(
+    iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=radians(40), polar_sd_rad=0.0, direction_rad=0.7
+)
+LATERAL = np.linspace(-6e-3, 6e-3, 25)
+FORCE_RATIO = 0.1e-6
+
+
+def test_nothing_moves_under_a_needle_on_the_pole() -> None:
+    assert not base_moves(STUDY, TURNED, 0.0, LATERAL).any()
+
+
+@pytest.mark.slow
+def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
+    moved = FORCE_RATIO * base_moves(STUDY, TURNED, TURNED.polar_rad, LATERAL)
+    shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=TURNED.polar_rad, size=SIZE)
+    mesh = meridian_mesh(12e-3, 0.65e-3, 0.35e-3, np.pi / 2, SIZE)
+    rings = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
+    for side in (-1.0, 1.0):
+        lateral_bn = side * np.sqrt(np.maximum(rings**2 - TURNED.gap_m**2, 0.0))
+        expected = shift_in_plane(shift, 0.0, FORCE_RATIO, lateral_bn, TURNED.gap_m, TURNED.direction_rad)
+        for boundary in (0, 1):
+            here = (rings[boundary] > TURNED.gap_m) & (np.abs(lateral_bn[boundary]) < 6e-3)
+            at = lateral_bn[boundary][here]
+            for mine, theirs in ((0, 0), (2, 1)):
+                found = np.interp(at, LATERAL, moved[boundary, :, mine])
+                assert np.abs(found - expected[boundary, here, theirs]).max() < 1e-6
+
+
+@pytest.mark.slow
+def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
+    # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral axis is the parallel.
+    contact = Contact(polar_rad=TURNED.polar_rad)
+    wall = LinearWall(graded_mesh(12e-3, 0.65e-3, contact), 0.45)
+    displacement = FORCE_RATIO * wall.needle_cnc([contact], 0.35e-3)[0]
+    tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - 12e-3 * contact.normal, axis=1))]
+    crosswise = replace(TURNED, gap_m=1e-6, direction_rad=radians(90))
+    moved = FORCE_RATIO * base_moves(STUDY, crosswise, TURNED.polar_rad, np.array([1e-6]))[0, 0]
+    offset = np.cross(contact.normal, contact.parallel)
+    assert moved[1] == pytest.approx(float(tip @ offset), rel=0.05)
+    assert abs(moved[1]) > 20e-6
+    assert moved[0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_needle_farther_than_the_mesh_goes_moves_no_more() -> None:
+    far, farthest = (base_moves(STUDY, TURNED, radians(angle), LATERAL) for angle in (55.0, 70.0))
+    np.testing.assert_allclose(far, farthest)
+
+
+EVEN_STUDY = Study(
+    reader=ReaderStudy(
+        uneven_share=0.0, iop_noise_fraction=0.0, thickness_noise_fraction=0.0, gap_noise_fraction=0.0,
+        thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0), lateral_m=fixed(0.0),
+    )
+)  # fmt: skip
+RIGHT = {"curvature": 0.0, "skew": 0.0, "wedge": 0.0, "bow": 0.0, "limbus_m": 3.2e-3, "limbus_rad": 0.3, "soft_m": 3e-4}
+OPEN_EYE, FRAMES = 0, 6
+
+
+@pytest.fixture(scope="module")
+def eye() -> VirtualEye:
+    library = analytic_library(thicknesses=5, ratios=5, tips=24)
+    return draw_eye(EVEN_STUDY, library, OPEN_EYE, np.random.default_rng(5))
+
+
+def boundaries(eye: VirtualEye):
+    return draw_frames(eye, EVEN_STUDY, 1, np.random.default_rng(2))[0].boundaries
+
+
+def test_an_even_wall_stays_as_it_is(eye: VirtualEye) -> None:
+    seen = boundaries(eye)
+    np.testing.assert_array_equal(without_form(eye.model, seen, EVEN_STUDY.calibration).depth_m, seen.depth_m)
+
+
+def test_a_cornea_is_taken_off_both_boundaries_alike(eye: VirtualEye) -> None:
+    cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
+    seen = boundaries(cornea)
+    off = seen.depth_m - without_form(eye.model, seen, EVEN_STUDY.calibration).depth_m
+    assert np.nanmin(off) < -0.2e-3  # the cornea lies higher
+    np.testing.assert_allclose(off[1], off[0], atol=30e-6)
+
+
+def test_a_wall_that_grows_thicker_along_the_section_is_so_on_its_inner_boundary_alone(eye: VirtualEye) -> None:
+    wedge = 0.03
+    seen = boundaries(replace(eye, forms=replace(eye.forms, wedge=np.array([wedge]))))
+    off = seen.depth_m - without_form(eye.model, seen, EVEN_STUDY.calibration).depth_m
+    known = np.isfinite(off).all(axis=0)  # the scan does not reach every side
+    assert known.mean() > 0.8
+    thicker = np.polyfit(seen.lateral_m[known], (off[1] - off[0])[known], 1)[0]
+    assert thicker == pytest.approx(wedge, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
+    cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
+    moduli_pa = []
+    for one in (eye, cornea):
+        frames = draw_frames(one, EVEN_STUDY, FRAMES, np.random.default_rng(6))
+        known, _ = calibrated(one, frames, EVEN_STUDY, eye.model.library, np.random.default_rng(7))
+        assert known.modulus is not None
+        moduli_pa.append(known.modulus.mean_pa)
+    assert moduli_pa == pytest.approx([eye.wall.youngs_modulus_pa] * 2, rel=0.05)

@@ -173,15 +173,6 @@ def test_the_stiffening_of_eyes_and_of_their_population_is_read_and_goes_with_th
     assert known_of_eye(Known(), summary, "c").stiffening is None  # nor is its modulus known
 
 
-def test_a_file_of_an_earlier_version_says_nothing_of_a_stiffening_which_is_0(tmp_path: Path) -> None:
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.27, EYES))
-    assert "stiffening" not in file.read_text()
-    summary = read_calibration(file)
-    assert [eye.stiffening for eye in summary.eyes.values()] == [0.0, 0.0]
-    assert summary.population_stiffening == 0.0
-
-
 DISCREPANCY = {"level": 0.02, "growth": 0.4, "level_sd": 0.01, "growth_sd": 0.05, "correlation": -0.3}
 
 

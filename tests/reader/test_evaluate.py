@@ -217,20 +217,6 @@ def test_no_frame_is_scored_by_samples_that_are_no_forces(places, tmp_path: Path
     assert "forces.csv:1083: fz_n: 213 N" in notes
 
 
-def test_a_slow_log_is_scored_with_a_note(places, tmp_path: Path) -> None:
-    found = evaluate_recordings(load_model(places["model"]), [shortened(places, tmp_path, lambda rows: rows[::3])])
-    assert [frame.scored for frame in found.frames] == [True] * 4 + [False] * 2
-    assert "forces.csv: 33.33 samples a second, 100 are recommended" in " ".join(found.notes)
-
-
-def test_a_force_axis_across_the_needle_is_noted(places, tmp_path: Path) -> None:
-    path = shutil.copytree(places["a"], tmp_path / "across")
-    text = (path / "recording.toml").read_text()
-    (path / "recording.toml").write_text(text.replace('"fz"', '"fy"'))
-    found = evaluate_recordings(load_model(places["model"]), [path])
-    assert any("mN along fz under the frames, but 0.0 mN along fy: check [force] axis" in note for note in found.notes)
-
-
 @pytest.mark.parametrize(
     ("content", "field"),
     [("{", "not JSON"), ("[]", "format"), (calibration_text(eyes={"x": {"frames": 3}}), "eyes.x.frames")],
@@ -267,13 +253,6 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(places) -> None:
     assert {(frame.target, frame.measured_force_n) for frame in found.frames} == {(None, None)}
     assert isnan(found.accuracy.value)
     assert "no forces.csv" in found.notes[0]
-
-
-def test_model_and_recordings_given_as_strings_give_the_same_answers(places) -> None:
-    by_strings = evaluate_recordings(load_model(str(places["model"])), [str(places["a"])])
-    assert by_strings == evaluate_recordings(load_model(places["model"]), [places["a"]])
-    with pytest.raises(RecordingError, match="given twice"):
-        evaluate_recordings(load_model(places["model"]), [str(places["a"]), places["a"]])
 
 
 def test_a_recording_given_twice_is_refused(places) -> None:

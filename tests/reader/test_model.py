@@ -1,14 +1,19 @@
-"""A model folder is read only as it was written, and only slices of its kind go through it."""
+"""Model folders: loaded, checked, refused; the limits of each kind of model."""
 
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_models import force_reader
 
+import scleraforce
 from scleraforce.errors import ModelError
+from scleraforce.known import OPEN, SEALED, Known, Modulus
 from scleraforce.models import sha256
-from scleraforce.reader import load_model
+from scleraforce.reader import load_classifier, load_model
+from scleraforce.recording.folder import OctInfo
+from scleraforce.study import Study
 
 
 def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
@@ -132,3 +137,37 @@ def test_a_network_that_answers_no_numbers_is_an_error(tiny_model) -> None:
     rehash(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="not finite"):
         load_model(tiny_model.path).probabilities(slices(1))
+
+
+ROOT = Path(scleraforce.__file__).parent
+KINDS = {"Classifier", "ForceReader", "RawReader"}
+SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
+
+
+@pytest.fixture(scope="module")
+def model(write_model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("reader") / "model"
+    write_model(path, Study())
+    return path
+
+
+def test_a_classifier_has_a_modulus_of_its_own_and_a_force_reader_takes_each_eyes(model: Path) -> None:
+    classifier = load_classifier(model)
+    assert (classifier.reads_force, classifier.fixed_modulus_pa) == (False, Study().eye.youngs_modulus_pa)
+    assert (force_reader().reads_force, force_reader().fixed_modulus_pa) == (True, None)
+
+
+def test_only_what_a_model_was_trained_on_limits_it(model: Path) -> None:
+    stiff, thick = Known(modulus=Modulus.stated(5e6)), Known(thickness_m=3e-3)
+    classifier = load_classifier(model)
+    assert (classifier.refusal(stiff), classifier.refusal(thick)) == (None, None)
+    assert force_reader().refusal(Known()) is None
+    assert force_reader().refusal(stiff).startswith("Young's modulus 5 MPa, the model was trained on")
+    for reader in (classifier, force_reader()):
+        assert reader.limits(Known(), SCAN) == ()
+        (limit,) = reader.limits(thick, SCAN)
+        assert limit.startswith("wall thickness 3000 µm, the model was trained on")
+        assert reader.limits(Known(globe=OPEN), SCAN) == ()
+    (limit,) = classifier.limits(Known(globe=SEALED), SCAN)  # its linear mechanics knows no sealed eye
+    assert "sealed" in limit
+    assert force_reader().limits(Known(globe=SEALED), SCAN) == ()

@@ -1,12 +1,27 @@
-"""What is known of an eye: where it comes from."""
+"""Known inputs of an eye: their sources, its globe, the discrepancy of its forces."""
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, KnownGlobe, Modulus, known_of_recording, stated_globe
+from scleraforce.known import (
+    MOST_CORRELATED,
+    NO_DISCREPANCY,
+    OPEN,
+    SEALED,
+    UNKNOWN,
+    ForceDiscrepancy,
+    Known,
+    KnownGlobe,
+    Modulus,
+    correlation_of,
+    known_globe,
+    known_of_recording,
+    stated_globe,
+)
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
     calibrated_modulus,
@@ -15,7 +30,11 @@ from scleraforce.known.calibration_file import (
     known_of_eye,
     read_calibration,
 )
+from scleraforce.library.prior import prior_of
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.study import ReaderStudy
+from scleraforce.study.eye import RIGIDITY_LAWS
+from scleraforce.units import SI_PER_UNIT
 
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)
 
@@ -126,3 +145,100 @@ def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:
     assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12)
     file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": None}))
     assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12 * 2**0.5)
+
+
+PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
+
+
+def test_nothing_told_may_be_open_or_as_stiff_as_any() -> None:
+    assert known_globe(None) is UNKNOWN
+    assert (UNKNOWN.lowest / PER_UL, UNKNOWN.highest / PER_UL) == pytest.approx((0.0, 0.06))
+    assert UNKNOWN.can_be_sealed
+
+
+def test_an_open_globe_is_certain_whatever_else_is_said() -> None:
+    assert known_globe("open", 1e8, "logarithmic") is OPEN
+    assert OPEN.band == (0.0, 0.0)
+    assert not OPEN.can_be_sealed
+    assert not OPEN.globe(OPEN.mean).is_sealed
+
+
+def test_a_sealed_globe_without_a_value_is_as_broad_as_eyes_are() -> None:
+    assert known_globe("sealed") == SEALED
+    assert (SEALED.lowest / PER_UL, SEALED.highest / PER_UL) == pytest.approx((0.005, 0.06))
+
+
+@pytest.mark.parametrize("globe", [UNKNOWN, SEALED], ids=["unknown", "sealed"])
+def test_mean_and_spread_are_those_of_an_even_range(globe) -> None:
+    even = np.linspace(globe.lowest, globe.highest, 100_001)
+    assert (globe.mean, globe.sd) == pytest.approx((even.mean(), even.std()), rel=1e-4)
+    inside = (even >= globe.band[0]) & (even <= globe.band[1])
+    assert 0.9 <= inside.mean() < 0.96
+
+
+@pytest.mark.parametrize("law", [None, *RIGIDITY_LAWS])
+def test_a_stated_rigidity_is_known_to_some_percent_under_its_law(law: str | None) -> None:
+    globe = known_globe("sealed", 0.02 * PER_UL, law)
+    assert (globe.kind, globe.law, globe.calibrated) == ("sealed", law or "cube-root", False)
+    low, high = globe.band
+    assert (low / PER_UL, high / PER_UL) == pytest.approx((0.0174, 0.0226), abs=1e-4)
+    assert globe.lowest < low < 0.02 * PER_UL < high < globe.highest
+    assert known_globe("sealed", law=law) == replace(SEALED, law=law or "cube-root")
+
+
+def test_a_band_ends_at_what_may_be() -> None:
+    found = replace(UNKNOWN, mean=-0.001 * PER_UL, sd=0.002 * PER_UL, calibrated=True)
+    assert found.band == pytest.approx((0.0, (-0.001 + 1.6449 * 0.002) * PER_UL))
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_rigidity_makes_the_globe_of_its_law(law: str) -> None:
+    globe = known_globe("sealed", law=law).globe(np.array([0.01, 0.03]) * PER_UL)
+    assert globe.law == law
+    slopes = globe.stiffness(SI_PER_UNIT["mmhg"][1] * 15.0)
+    assert slopes[1] == pytest.approx(3.0 * slopes[0])
+    assert slopes[1] * 1e-9 == pytest.approx(73.0, abs=0.1)  # Pa a microlitre at 15 mmHg, where all laws agree
+
+
+LIBRARY_N = np.array([0.0, 5e-3, 30e-3, 55e-3])
+STIFFENING = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.02, growth_sd=0.1, correlation=-0.6)
+
+
+def test_forces_of_an_eye_without_a_discrepancy_are_the_library_s() -> None:
+    np.testing.assert_array_equal(NO_DISCREPANCY.corrected_n(LIBRARY_N), LIBRARY_N)
+
+
+def test_forces_grow_by_level_and_growth_and_beyond_the_range_by_no_more() -> None:
+    expected = LIBRARY_N * np.exp(0.05 + 0.4 * (LIBRARY_N / 60e-3 - 0.5))
+    np.testing.assert_allclose(STIFFENING.corrected_n(LIBRARY_N), expected)
+    assert STIFFENING.corrected_n(np.array([90e-3]))[0] == pytest.approx(90e-3 * np.exp(0.05 + 0.2))
+
+
+def test_draws_have_the_standard_deviations_and_the_correlation() -> None:
+    level_z, growth_z = np.random.default_rng(0).standard_normal((2, 200_000))
+    low, high = (
+        np.log(STIFFENING.corrected_n(np.full(200_000, force_n), level_z, growth_z) / force_n)
+        for force_n in (15e-3, 45e-3)
+    )
+    assert np.std(high - low) == pytest.approx(0.5 * 0.1, rel=0.01)
+    assert np.std(0.5 * (high + low)) == pytest.approx(0.02, rel=0.01)
+    assert np.corrcoef(high + low, high - low)[0, 1] == pytest.approx(-0.6, abs=0.01)
+
+
+def test_two_unknowns_that_are_as_good_as_one_are_never_correlated_beyond_one() -> None:
+    rng = np.random.default_rng(0)
+    roots = rng.uniform(1e-4, 1e2, (2000, 2)) * rng.choice([-1.0, 1.0], (2000, 2))
+    found = np.array([correlation_of(np.outer(root, root), 0, 1) for root in roots])
+    assert found == pytest.approx(np.sign(roots.prod(axis=1)), abs=1e-8)
+    assert np.abs(found).max() == MOST_CORRELATED
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_most_correlated_eye_is_read_again_and_has_a_prior_to_draw_from(tmp_path: Path, sign: float) -> None:
+    globe = replace(SEALED, correlation=sign * MOST_CORRELATED, calibrated=True)
+    (tmp_path / "calibration.json").write_text(calibration_text(0.27, {"a": {"globe": globe_entry(globe)}}))
+    read = read_calibration(tmp_path / "calibration.json").eyes["a"].globe
+    assert read.correlation == globe.correlation
+    own = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
+    precision = prior_of(Known(modulus=own, globe=read), ReaderStudy()).calibrated
+    assert np.linalg.inv(np.linalg.cholesky(precision)).max() == pytest.approx(1.0, rel=1e-6)
