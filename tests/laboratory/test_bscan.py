@@ -1,23 +1,37 @@
+"""Rendered and reduced B-scans: physics, geometry, the needle, and reduced frames like rendered ones."""
+
 from dataclasses import replace
+from functools import partial
+from math import pi, radians, tan
 
 import numpy as np
 import pytest
+from analytic_frames import STEEL
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from scleraforce.laboratory.bscan import column_crossings, render_bscan
+from scleraforce.laboratory.bscan import column_crossings, draw_shaft, render_bscan
 from scleraforce.laboratory.light import (
+    NO_LIGHT_DB,
     BscanOptics,
     Conjunctiva,
     Cover,
+    Displayed,
     Line,
+    NeedleShaft,
     Pose,
     Shadow,
+    sample_conjunctiva,
     sample_optics,
     sample_pose,
 )
+from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
+from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.contact import Section
-from scleraforce.study import OctStudy, Study
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.study import OctStudy, Study, fixed
 
 # 16 bits over 120 dB: the intensity can be read back from the counts to 0.05 %.
 SCANNER = OctStudy(bits=16)
@@ -70,20 +84,16 @@ def rows_of(top_m, bottom_m):
 WALL_ROWS = rows_of(FLAT_TOP_M, FLAT_TOP_M + FLAT_THICKNESS_M)
 
 
-def test_speckle_intensity_is_exponential_with_contrast_one():
-    seen = intensity(render(flat_wall(), CLEAR).frame)[WALL_ROWS]
+def test_intensities_of_speckle_and_noise_are_exponential_with_contrast_one():
+    whole = intensity(render(flat_wall(), CLEAR).frame)
+    seen, noise = whole[WALL_ROWS], whole[: int(0.2 * SCANNER.rows)]
     assert seen.std() / seen.mean() == pytest.approx(1.0, abs=0.01)
     assert stats.kstest(seen.ravel()[:20_000] / seen.mean(), "expon").pvalue > 0.01
+    assert (noise.mean(), noise.std()) == pytest.approx((1.0, 1.0), abs=0.03)
 
 
-def test_detector_noise_is_exponential_with_mean_one():
-    seen = intensity(render(flat_wall(), CLEAR).frame)[: int(0.2 * SCANNER.rows)]
-    assert seen.mean() == pytest.approx(1.0, abs=0.02)
-    assert seen.std() == pytest.approx(1.0, abs=0.03)
-
-
-@pytest.mark.parametrize("snr_db", [15.0, 25.0, 35.0])
-def test_signal_over_noise_at_the_surface_is_the_one_asked_for(snr_db):
+@pytest.mark.parametrize("snr_db", [15.0, 35.0])
+def test_signal_over_noise_at_the_surface_is_the_given_one(snr_db):
     optics = replace(CLEAR, snr_db=snr_db, attenuation_per_m=1000.0)
     seen = intensity(render(flat_wall(), optics).frame)
     depth_m = (np.arange(SCANNER.rows) + 0.5) * SCANNER.depth_m / SCANNER.rows - FLAT_TOP_M
@@ -92,8 +102,7 @@ def test_signal_over_noise_at_the_surface_is_the_one_asked_for(snr_db):
     assert 10 * np.log10(at_surface.mean()) == pytest.approx(snr_db, abs=0.15)
 
 
-@pytest.mark.parametrize("attenuation_per_m", [500.0, 1500.0])
-@pytest.mark.parametrize("refractive_index", [1.0, 1.38])
+@pytest.mark.parametrize(("attenuation_per_m", "refractive_index"), [(500.0, 1.38), (1500.0, 1.0)])
 def test_intensity_falls_with_twice_the_attenuation_in_geometric_depth(attenuation_per_m, refractive_index):
     oct_study = replace(SCANNER, refractive_index=refractive_index)
     seen = intensity(render(flat_wall(), replace(CLEAR, attenuation_per_m=attenuation_per_m), oct_study).frame)
@@ -124,7 +133,7 @@ def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_it
         assert measured == pytest.approx(np.exp(-(lag**2) / (2 * sigma**2)), abs=0.05)
 
 
-def test_reflection_line_stands_in_its_row_with_its_level():
+def test_a_reflection_line_is_in_its_row_with_its_level():
     optics = replace(CLEAR, lines=(Line(depth_m=0.2e-3, level_db=20.0, thickness_m=8e-6),))
     mean = intensity(render(flat_wall(), optics).frame).mean(axis=1)
     assert np.argmax(mean[:100]) in (25, 26)  # 0.2 mm is the edge between the rows 25 and 26
@@ -149,12 +158,12 @@ def test_bands_are_black_and_hold_no_truth():
         assert image[:, -18].any()
 
 
-@pytest.mark.parametrize("bits", [8, 12, 16])
-def test_bright_tissue_saturates_at_the_largest_count_of_the_bits(bits):
-    frame = render(flat_wall(), replace(CLEAR, display_range_db=80.0), replace(SCANNER, bits=bits)).frame
-    assert frame.dtype == np.uint16
-    assert frame.max() == 2**bits - 1
-    assert (frame[WALL_ROWS] == frame.max()).mean() > 0.99
+def test_bright_tissue_saturates_at_the_largest_count_of_the_bits():
+    for bits in (8, 12):
+        frame = render(flat_wall(), replace(CLEAR, display_range_db=80.0), replace(SCANNER, bits=bits)).frame
+        assert frame.dtype == np.uint16
+        assert frame.max() == 2**bits - 1
+        assert (frame[WALL_ROWS] == frame.max()).mean() > 0.99
 
 
 def test_shadow_takes_its_share_of_the_light_within_its_width():
@@ -191,7 +200,7 @@ LAYER = Conjunctiva(
 )
 
 
-def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_is_none_of_the_truth():
+def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_outside_of_the_truth():
     optics = replace(CLEAR, conjunctiva=LAYER)
     lateral = np.linspace(-20e-3, 20e-3, 2001)
     outer = np.stack([lateral, np.full(2001, FLAT_TOP_M)], axis=1)
@@ -215,7 +224,7 @@ def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_is_none_of_the
 
 
 def test_a_conjunctiva_ends_where_its_wall_ends():
-    """Columns beside the wall have neither; nothing is computed with them that is no number."""
+    """Columns beside the wall have neither; every number stays finite."""
     lateral = np.linspace(-3e-3, 3e-3, 301)
     outer = np.stack([lateral, np.full(301, FLAT_TOP_M)], axis=1)
     small = Section(outer, outer + np.array([0.0, FLAT_THICKNESS_M]))
@@ -353,3 +362,244 @@ def test_a_linear_display_shows_the_intensity_itself_and_one_of_roots_its_root(d
     np.testing.assert_allclose(found[lit], expected[lit], rtol=2e-3, atol=2e-5)
     wall = {"linear": 0.01, "root": 0.086}[display]  # light of 100 times the noise, of 10,000
     assert found[300, 200:300].mean() == pytest.approx(wall, rel=0.3)
+
+
+OCT = OctStudy()
+DEPTH_M, LATERAL_M = OCT.depth_m / OCT.rows, OCT.width_m / OCT.columns
+TIP_M = np.array([0.2e-3, 2e-3])
+EYE = PhantomEye(
+    id="eye", thickness_m=0.6e-3, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.05e-3, polar_rad=radians(35.0)
+)
+# Mean counts of bands of 64 rows; single counts are rounded otherwise by other processors.
+BEFORE = [
+    [868.323, 2806.102, 838.279, 459.913, 456.422, 460.023, 456.789, 459.12],
+    [1092.613, 1623.599, 472.971, 457.971, 457.191, 458.58, 458.477, 457.5],
+]
+
+
+def width_m(shaft: NeedleShaft, row: int = 128) -> float:
+    """The shaft's width along the columns, from the area of 40 rows: finer than a column."""
+    inside = draw_shaft(shaft, TIP_M, 0.0, replace(OCT, columns=8192)).inside[row : row + 40]
+    return float(inside.sum()) / 40 * OCT.width_m / 8192
+
+
+def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_radius_nothing() -> None:
+    for gap_m in (0.0, 0.1e-3, 0.24e-3):
+        chord_m = 2.0 * np.sqrt(0.25e-3**2 - gap_m**2)
+        assert width_m(replace(STEEL, gap_m=gap_m)) == pytest.approx(chord_m, abs=5e-6)
+    shaft = draw_shaft(replace(STEEL, gap_m=0.26e-3), TIP_M, 0.0, OCT)
+    assert not shaft.inside.any()
+    assert (shaft.light == 1.0).all()
+
+
+def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal() -> None:
+    angle_rad, tilt_rad = radians(30.0), radians(5.0)
+    inside = draw_shaft(replace(STEEL, angle_rad=angle_rad), TIP_M, tilt_rad, OCT).inside
+    column = np.arange(OCT.columns)
+    middle = [float(column[inside[row]].mean()) for row in (60, 180)]
+    assert (middle[0] - middle[1]) * LATERAL_M == pytest.approx(120 * DEPTH_M * tan(angle_rad - tilt_rad), rel=0.05)
+
+
+def test_a_shaft_ends_at_its_tip_and_a_bevel_is_pointed() -> None:
+    straight, bevelled = (
+        draw_shaft(replace(STEEL, angle_rad=0.2, bevel_rad=bevel), TIP_M, 0.0, OCT).inside for bevel in (pi / 2, 0.4)
+    )
+    for inside in (straight, bevelled):
+        last = np.flatnonzero(inside.any(axis=1))[-1]
+        assert (last + 0.5) * DEPTH_M == pytest.approx(TIP_M[1], abs=0.06e-3)
+    row = int(1.8e-3 / DEPTH_M)
+    assert bevelled[row].sum() < 0.6 * straight[row].sum()
+
+
+def test_below_steel_there_is_no_light_and_below_glass_a_part() -> None:
+    column, below = int((TIP_M[0] + OCT.width_m / 2) / LATERAL_M), int(3e-3 / DEPTH_M)
+    for loss in (1.0, 0.4):
+        light = draw_shaft(replace(STEEL, loss_fraction=loss), TIP_M, 0.0, OCT).light
+        assert light[below, column] == pytest.approx(1.0 - loss)
+        assert light[below, column + 40] == 1.0
+
+
+def test_a_shaft_above_the_frame_takes_light_as_far_up_as_it_reaches() -> None:
+    dark = {
+        above_m: (draw_shaft(replace(STEEL, angle_rad=0.7, above_m=above_m), TIP_M, 0.0, OCT).light[-1] < 1.0).sum()
+        for above_m in (0.0, 1e-3)
+    }
+    assert (dark[1e-3] - dark[0.0]) * LATERAL_M == pytest.approx(1e-3 * tan(0.7), abs=2 * LATERAL_M)
+
+
+def needle_flat_wall() -> Section:
+    lateral = np.linspace(-9e-3, 9e-3, 201)
+    outer = np.stack([lateral, np.zeros_like(lateral)], axis=1)
+    return Section(outer, outer + np.array([0.0, 0.6e-3]))
+
+
+def test_frames_without_a_needle_have_not_changed() -> None:
+    """The means of frames drawn before the code could draw needles."""
+    plan = plan_phantom(EYE, (0.004, 0.02), Study(), 3)
+    frames = [render_frame(frame, needle_flat_wall(), Study()).frame for frame in plan.frames]
+    means = np.mean(np.reshape(frames, (2, 8, 64, 512)), axis=(2, 3))
+    np.testing.assert_allclose(means, BEFORE, rtol=0, atol=2e-3)
+    assert all(frame.optics.needle is None for frame in plan.frames)
+
+
+def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_as_it_was() -> None:
+    study = replace(Study(), phantom=replace(Study().phantom, needle_count=fixed(1)))
+    with_needle, without = (plan_phantom(EYE, (0.004, 0.02), each, 3) for each in (study, Study()))
+    needles = {frame.optics.needle for frame in with_needle.frames}
+    assert len(needles) == 1
+    assert needles.pop().gap_m == EYE.gap_m
+    assert [replace(frame.optics, needle=None) for frame in with_needle.frames] == [f.optics for f in without.frames]
+    section = needle_flat_wall()
+    frame = with_needle.frames[0]
+    assert needle_tip(frame, section) == pytest.approx((frame.pose.lateral_m, frame.pose.depth_m))
+    assert (render_frame(frame, section, study).frame != render_frame(without.frames[0], section, study).frame).any()
+
+
+def test_the_shadow_of_a_steel_needle_is_as_dark_as_the_noise() -> None:
+    rng = np.random.default_rng(0)
+    optics = replace(sample_optics(Study().phantom, OCT, rng), shadows=(), snr_db=30.0, reflection_db=20.0)
+    pose = Pose(lateral_m=0.0, depth_m=2e-3)
+    shaft = draw_shaft(replace(STEEL, diameter_m=0.7e-3), np.array([0.0, 2e-3]), 0.0, OCT)
+    frame = render_bscan(pose.place(needle_flat_wall()), OCT, optics, rng, shaft).frame.astype(float)
+    wall, above, middle = slice(265, 320), slice(150, 240), slice(251, 261)
+    assert frame[wall, middle].mean() == pytest.approx(frame[above, 100:200].mean(), rel=0.05)
+    assert frame[wall, 100:200].mean() > 2.0 * frame[wall, middle].mean()
+    surface = slice(253, 260)  # the mirror reflection is in the shadow, too
+    assert frame[surface, middle].max() < 0.8 * frame[surface, 100:200].max(axis=0).mean()
+
+
+STUDY = Study()
+WINDOW, SCALE = FrameWindow(rows=80, columns=144, row_m=50e-6, column_m=100e-6), PixelScale.of(STUDY.oct)
+THICKNESS_M, DENT_M = 0.6e-3, 0.8e-3
+FRAMES = 6
+NEEDLE = NeedleShaft(
+    diameter_m=0.7e-3,
+    gap_m=0.1e-3,
+    angle_rad=0.3,
+    lean_rad=0.0,
+    bevel_rad=np.pi / 2,
+    above_m=2e-3,
+    loss_fraction=1.0,
+    level_db=28.0,
+    far_edge_db=-6.0,
+)
+
+
+def surface(lateral_m: np.ndarray) -> np.ndarray:
+    """Return the depth of a dented wall's surface."""
+    return 12e-3 - np.sqrt(144e-6 - lateral_m**2) + 0.5e-3 + DENT_M * np.exp(-((lateral_m / 1.2e-3) ** 2))
+
+
+def optics(seed: int = 3, **changes: object) -> BscanOptics:
+    """Return the optics of a frame: one line, shadows, and what is changed."""
+    return replace(sample_optics(STUDY.phantom, STUDY.oct, np.random.default_rng(seed)), **changes)
+
+
+def rendered(of: BscanOptics, scanner=STUDY.oct) -> np.ndarray:
+    """Return rendered frames of the wall, reduced (frame, row, column)."""
+    lateral = np.linspace(-9e-3, 9e-3, 3000)
+    outer = np.stack([lateral, surface(lateral)], axis=1)
+    section = Section(outer, outer + np.array([0.0, THICKNESS_M]))
+    shaft = draw_shaft(of.needle, np.array([0.0, surface(np.zeros(1))[0]]), 0.0, scanner) if of.needle else None
+    frames = [render_bscan(section, scanner, of, np.random.default_rng(seed), shaft).frame for seed in range(FRAMES)]
+    return np.stack([WINDOW.reduced(frame, PixelScale.of(scanner)) for frame in frames])
+
+
+def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> DrawnFrames:
+    """Return frames of the wall that are drawn reduced."""
+    outer = surface(WINDOW.laterals_m)
+    depth = np.repeat(np.stack([outer, outer + THICKNESS_M])[None], count, axis=0)
+    cells = replace(
+        scanner,
+        width_m=WINDOW.columns * WINDOW.column_m,
+        depth_m=WINDOW.rows * WINDOW.row_m,
+        columns=WINDOW.columns,
+        rows=WINDOW.rows,
+    )
+    tip = np.array([0.0, surface(np.zeros(1))[0]])
+    shafts = [draw_shaft(of.needle, tip, 0.0, cells)] * count if of.needle else []
+    return draw_reduced(depth, [of] * count, scanner, WINDOW, np.random.default_rng(7), shafts)
+
+
+def test_a_display_shows_speckle_as_drawn_values_do() -> None:
+    drawn_by = [
+        optics(1),
+        optics(2, display_floor_db=-2.0, display_range_db=20.0),
+        optics(3, display="linear"),
+        optics(4, display="root"),
+    ]
+    displayed, rng = Displayed(drawn_by), np.random.default_rng(1)
+    for level_db in (NO_LIGHT_DB, 3.0, 14.0, 31.0):
+        light = 0.0 if level_db == NO_LIGHT_DB else 10.0 ** (level_db / 10.0)
+        seen_db = 10.0 * np.log10((1.0 + light) * rng.exponential(size=200_000))
+        mean, variance = displayed.moments(np.full((4, 1, 1), level_db, dtype=np.float32))
+        for number, of in enumerate(drawn_by):
+            share = (seen_db - of.display_floor_db) / of.display_range_db
+            if power := {"linear": 1.0, "root": 0.5}.get(of.display):
+                brightest = 10.0 ** (power * of.display_range_db / 10.0)
+                share = (brightest**share - 1.0) / (brightest - 1.0)
+            counts = np.clip(share, 0.0, 1.0)
+            assert mean[number, 0, 0] == pytest.approx(counts.mean(), abs=4e-3)
+            assert variance[number, 0, 0] == pytest.approx(counts.var(), rel=0.15, abs=2e-3)
+
+
+REDUCED_LAYER = sample_conjunctiva(
+    replace(STUDY.phantom, conjunctiva_thickness_m=fixed(0.16e-3), conjunctiva_level_db=fixed(-5.0)),
+    np.random.default_rng(2),
+)
+CASES = {
+    "plain": optics(),
+    "conjunctiva": optics(conjunctiva=REDUCED_LAYER),
+    "needle": optics(needle=NEEDLE),
+    "coarse speckle": optics(axial_resolution_m=18e-6, lateral_resolution_m=75e-6),
+    "noise": optics(snr_db=10.0),
+    "linear display": optics(display="linear", snr_db=26.0),
+    "cover": optics(
+        lines=(Line(depth_m=0.2e-3, level_db=12.0, thickness_m=24e-6),),
+        covers=(Cover(height_m=0.2e-3, level_db=18.0, thickness_m=24e-6, tilt_rad=0.01),),
+    ),
+}
+
+
+@pytest.mark.parametrize("of", CASES.values(), ids=CASES)
+def test_the_mean_picture_is_the_rendered_one(of: BscanOptics) -> None:
+    expected, found = rendered(of).mean(axis=0), drawn(of).frames.mean(axis=0)
+    blocks = (found - expected).reshape(20, 4, 36, 4).mean(axis=(1, 3))  # over which the speckle averages out
+    assert np.abs(blocks).mean() < 0.03
+    assert np.quantile(np.abs(blocks), 0.97) < 0.12
+    for column in (30, 100):  # beside dent and needle: where the profile passes half its height at both edges
+        top = round(float(surface(WINDOW.laterals_m[[column]])[0]) / WINDOW.row_m)
+        seen = [picture[top - 3 : top + 10, column] for picture in (expected, found)]
+        first, after = ([int(np.argmax(part[::way] > 0.5)) for part in seen] for way in (1, -1))
+        slack = 2 if of.display == "linear" else 1  # its speckle varies by as much as it has light
+        assert abs(first[0] - first[1]) <= slack
+        assert abs(after[0] - after[1]) <= slack
+
+
+@pytest.mark.parametrize("name", ["plain", "coarse speckle", "noise"])
+def test_cells_vary_as_in_rendered_frames(name: str) -> None:
+    expected, found = (frames.std(axis=0, ddof=1) for frames in (rendered(CASES[name]), drawn(CASES[name]).frames))
+    for part in ((slice(60, 80), slice(20, 120)), (slice(16, 22), slice(40, 54))):  # noise, wall
+        assert np.median(found[part]) == pytest.approx(np.median(expected[part]), rel=0.25)
+
+
+def test_a_scanner_that_does_not_correct_its_depth_stretches_the_wall() -> None:
+    stretched = replace(STUDY.oct, refractive_index=1.38)
+    expected, found = rendered(optics(), stretched).mean(axis=0), drawn(optics(), stretched).frames.mean(axis=0)
+    assert np.abs(found - expected).mean() < 0.035
+    rows = drawn(optics(), stretched).boundary_rows[0, :, 72]
+    assert (rows[1] - rows[0]) * WINDOW.row_m == pytest.approx(1.38 * THICKNESS_M, rel=1e-6)
+
+
+def test_boundaries_are_the_walls_and_end_with_the_picture() -> None:
+    found = drawn(optics(band_m=1.2e-3), count=1).boundary_rows[0]
+    lit = np.abs(WINDOW.laterals_m) < 7.5e-3 - 1.2e-3
+    assert np.isnan(found[:, ~lit]).all()
+    expected = surface(WINDOW.laterals_m[lit]) / WINDOW.row_m - 0.5
+    np.testing.assert_allclose(found[0, lit], expected)
+    np.testing.assert_allclose(found[1, lit] - found[0, lit], THICKNESS_M / WINDOW.row_m)
+
+
+def test_the_wall_below_a_conjunctiva_stays_where_it_is() -> None:
+    bare, covered = (partial(drawn, count=1)(of).boundary_rows for of in (optics(), optics(conjunctiva=REDUCED_LAYER)))
+    np.testing.assert_allclose(covered, bare)

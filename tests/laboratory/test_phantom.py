@@ -1,6 +1,11 @@
+"""Virtual acquisitions: force logs, held and moving needles, one eye and many."""
+
 import json
 from collections import Counter
 from dataclasses import asdict, replace
+from itertools import pairwise
+from math import pi, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +13,35 @@ from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import plan_phantom, render_frame, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
+from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes
+from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, render_frame, write_phantom
+from scleraforce.laboratory.pushes import (
+    ForcePath,
+    format_log,
+    motion_end_s,
+    plan_pushes,
+    sample_sensor,
+    sense,
+    true_force,
+)
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
-from scleraforce.study import CorneaStudy, FormStudy, MeshStudy, OctStudy, Study, fixed, format_study
+from scleraforce.study import (
+    CorneaStudy,
+    DatasetStudy,
+    FormStudy,
+    MechanicsStudy,
+    MeshStudy,
+    NeedleStudy,
+    OctStudy,
+    PhantomStudy,
+    Range,
+    Study,
+    fixed,
+    format_study,
+)
 
 STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))
 EYE = PhantomEye(
@@ -44,23 +72,15 @@ def written(tmp_path):
     return tmp_path / "rec"
 
 
-def test_recording_comes_back_as_it_was_planned(written):
-    recording = read_recording(written)
-    assert recording.info.eye.id == "eye-x"
-    assert recording.info.eye.thickness_m == 600e-6
-    assert recording.info.eye.globe == "open"
-    assert recording.info.needle.slice_gap_m == 0.5e-3
-    assert recording.info.needle.gauge == 22
-    assert recording.info.oct.plane_direction_rad == 0.2
+def test_the_recording_has_the_plans_frames_forces_and_values(written):
+    plan, recording = plan_phantom(EYE, FORCES_N, STUDY, 3), read_recording(written)
+    info = recording.info
+    assert (info.eye.id, info.eye.thickness_m, info.eye.globe) == ("eye-x", 600e-6, "open")
+    assert (info.needle.slice_gap_m, info.needle.gauge, info.oct.plane_direction_rad) == (0.5e-3, 22, 0.2)
     assert [frame.file for frame in recording.frames] == ["0001.png", "0002.png", "0003.png"]
     trials = label_frames(recording, STUDY.classes)
     assert [trial.measured_force_n for trial in trials] == pytest.approx(FORCES_N, abs=1.5e-3)
     assert [trial.target for trial in trials] == [1, 0, 2]
-
-
-def test_frames_are_those_of_the_plan(written):
-    plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
-    recording = read_recording(written)
     for entry, frame, section in zip(recording.frames, plan.frames, dented_sections(FORCES_N), strict=True):
         assert (recording.frame(entry) == render_frame(frame, section, STUDY).frame).all()
 
@@ -92,7 +112,7 @@ def test_a_recording_may_keep_its_globe_to_itself_and_the_truth_has_it(written, 
     assert json.loads((tmp_path / "untold" / "truth.json").read_text())["globe"]["kind"] == "open"
 
 
-def test_a_cornea_stands_in_the_truth_where_the_eye_has_one(written, tmp_path):
+def test_the_truth_has_a_cornea_if_the_eye_has_one(written, tmp_path):
     assert "cornea" not in json.loads((written / "truth.json").read_text())["form"]
     study = replace(STUDY, form=FormStudy(cornea=CorneaStudy(radius_m=8e-3)))
     write_phantom(tmp_path / "cornea", plan_phantom(EYE, FORCES_N, study, 3), dented_sections, study)
@@ -151,23 +171,16 @@ def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_pa
         write_phantom(tmp_path / "file" / "rec", plan, dented_sections, STUDY)
 
 
-def test_a_force_that_no_study_may_hold_is_refused_with_the_largest():
-    with pytest.raises(RecordingError, match=r"eye eye-x: forces: 1e\+09 mN; up to 1000 mN can be simulated"):
-        plan_phantom(EYE, (0.01, 1e6), STUDY, 0)
-
-
-@pytest.mark.parametrize("forces_n", [(), (-0.01,), (float("nan"),)])
-def test_forces_that_are_none_are_an_error(forces_n):
-    with pytest.raises(RecordingError, match=r"eye eye-x: forces: .*; give at least one, none negative"):
-        plan_phantom(EYE, forces_n, STUDY, 0)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"), [("thickness_m", 5e-2), ("iop_pa", -1.0), ("id", "a/b"), ("gap_m", float("nan"))]
-)
-def test_eye_that_cannot_be_is_an_error(field, value):
-    with pytest.raises(InputError, match=f"{field}: "):
-        replace(EYE, **{field: value})
+def test_impossible_forces_motions_and_eyes_are_errors():
+    for forces_n in ((), (-0.01,), (float("nan"),), (0.01, 1e6)):
+        with pytest.raises(RecordingError, match="eye eye-x: forces: "):
+            plan_phantom(EYE, forces_n, STUDY, 0)
+    for changes in ({"rate_hz": 0.0}, {"ramp_n_per_s": -1.0}, {"hold_s": float("nan")}):
+        with pytest.raises(RecordingError, match=f"eye eye-x: {next(iter(changes)).split('_')[0]}: "):
+            plan(**changes)
+    for field, value in {"thickness_m": 5e-2, "iop_pa": -1.0, "id": "a/b", "gap_m": float("nan")}.items():
+        with pytest.raises(InputError, match=f"{field}: "):
+            replace(EYE, **{field: value})
 
 
 def test_linear_sections_scale_with_the_force_and_start_from_the_loaded_wall():
@@ -238,9 +251,299 @@ def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
     assert list(true.values()) == pytest.approx([30e-3, 2e-3], rel=1e-9)
 
 
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"frames": [{"file": "0001.png"}]}'])
-def test_a_truth_that_is_missing_or_broken_is_one_clear_line(tmp_path, content):
-    if content is not None:
+def test_a_truth_that_is_missing_or_broken_is_one_clear_line(tmp_path):
+    for content in (None, "{", "[]", '{"frames": [{"file": "0001.png"}]}'):
+        if content is not None:
+            (tmp_path / "truth.json").write_text(content)
+        with pytest.raises(RecordingError, match=r"truth\.json: "):
+            true_forces(tmp_path)
+
+
+MOVING_STUDY = Study(
+    oct=OctStudy(columns=64, rows=48),
+    mesh=MeshStudy(divisions=4),
+    phantom=PhantomStudy(approach_s=fixed(2.5), shadow_count=fixed(2)),
+)
+MOVING_EYE = PhantomEye(
+    id="eye-x", thickness_m=600e-6, youngs_modulus_pa=0.25e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6
+)
+TURNING_POINTS_N = (0.02, 0.005, 0.035)
+
+
+def plan(study=MOVING_STUDY, seed=3, **changes):
+    motion = {"rate_hz": 50.0, "ramp_n_per_s": 0.02, "hold_s": 0.5} | changes
+    return plan_moving_phantom(MOVING_EYE, TURNING_POINTS_N, study, seed, **motion)
+
+
+def flat_sections(forces_n):
+    lateral_m = np.linspace(-9e-3, 9e-3, 50)
+    for force_n in forces_n:
+        outer = np.stack([lateral_m, np.full(50, 20e-3 * force_n)], axis=1)
+        yield Section(outer, outer + np.array([0.0, 600e-6]))
+
+
+def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
+    moving = plan()
+    forces_n = np.array(moving.forces_n)
+    times_s = np.array([frame.time_s for frame in moving.frames])
+    # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5 s up to 35 mN; 0.5 s there.
+    expected_mn = [
+        (2.4, 0.0),
+        (3.0, 10.0),
+        (3.6, 20.0),
+        (3.96, 20.0),
+        (4.4, 12.0),
+        (5.0, 5.0),
+        (6.0, 20.0),
+        (7.2, 35.0),
+    ]
+    for time_s, force_mn in expected_mn:
+        assert forces_n[np.argmin(np.abs(times_s - time_s))] == pytest.approx(force_mn / 1e3, abs=1e-9)
+    assert np.abs(np.diff(forces_n)).max() == pytest.approx(0.02 / 50)
+    assert motion_end_s(moving.motion) == pytest.approx(7.25)
+    assert times_s[-1] == pytest.approx(7.25, abs=0.02)
+    path = ForcePath((1.0, 2.0), (0.01, 0.03))  # constant beyond its ends
+    assert true_force(path, np.array([0.0, 1.5, 9.0])).tolist() == pytest.approx([0.01, 0.02, 0.03])
+
+
+def test_frames_come_at_the_rate_from_before_contact_to_the_last_hold() -> None:
+    times_s = np.array([frame.time_s for frame in plan(rate_hz=100.0).frames])
+    assert np.diff(times_s) == pytest.approx(0.01)
+    assert times_s[0] == 0.1
+    assert len({frame.file for frame in plan(rate_hz=1000.0, hold_s=2.0).frames}) == 11651
+
+
+def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
+    frames = plan(rate_hz=100.0, hold_s=20.0).frames
+    for values, low, high, fastest in (
+        ([frame.pose.lateral_m for frame in frames], -0.2e-3, 0.2e-3, 0.7e-3),
+        ([frame.pose.depth_m for frame in frames], 0.15e-3, 0.8e-3, 0.7e-3),
+        ([frame.optics.snr_db for frame in frames], 15.0, 35.0, 32.0),
+        ([frame.optics.reflection_db for frame in frames], -3.0, 9.0, 19.0),
+    ):
+        assert low <= min(values) < max(values) <= high
+        assert max(values) - min(values) > 0.3 * (high - low) * (0.6 if high == 0.8e-3 else 1.0)
+        assert np.abs(np.diff(values)).max() * 100.0 < fastest  # a second; half waves are pi/2 times the mean slope
+    assert len({frame.optics.shadows for frame in frames}) == 1
+    assert len({frame.seed for frame in frames}) == len(frames)
+
+
+@pytest.mark.slow
+def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) -> None:
+    moving = plan(ramp_n_per_s=0.02)
+    write_phantom(tmp_path / "rec", moving, flat_sections, MOVING_STUDY)
+    recording = read_recording(tmp_path / "rec")
+    assert recording.info.force is not None
+    assert recording.info.force.average_s == 0.1
+    trials = label_frames(recording, MOVING_STUDY.classes)
+    errors_n = np.array([trial.measured_force_n for trial in trials]) - moving.forces_n
+    assert np.sqrt((errors_n**2).mean()) < 1.5e-3  # noise of 4 mN and steps of 5 mN below 5 Hz
+    assert list(true_forces(tmp_path / "rec").values()) == moving.forces_n
+    truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
+    assert truth["path"]["forces_n"] == [0.0, 0.0, 0.02, 0.02, 0.005, 0.005, 0.035, 0.035]
+    assert "push" not in truth["frames"][0]
+    frame, section = moving.frames[200], list(flat_sections(moving.forces_n))[200]
+    assert (recording.frame(recording.frames[200]) == render_frame(frame, section, MOVING_STUDY).frame).all()
+
+
+def test_sections_of_many_forces_equal_each_alone() -> None:
+    sections_at = linear_sections(MOVING_EYE, MOVING_STUDY)
+    forces_n = np.linspace(0.0, 0.03, 300)
+    many = sections_at(forces_n)
+    assert len(many) == 300
+    for index in (0, 255, 256, 299):
+        (alone,) = sections_at([forces_n[index]])
+        assert np.abs(many[index].outer - alone.outer).max() < 1e-12
+
+
+@pytest.mark.slow
+def test_a_finite_strain_eye_moves_too() -> None:
+    study = Study(mesh=MeshStudy(kind="graded", core=4, rings=6), mechanics=MechanicsStudy("finite-strain"))
+    sections = study_sections(MOVING_EYE, study)(plan(study, rate_hz=20.0, hold_s=0.0).forces_n)
+    top_m = [np.interp(0.0, section.outer[:, 0], section.outer[:, 1]) for section in sections]
+    assert max(np.abs(np.diff(top_m))) < 0.2e-3 < 1e-3 < max(top_m) - min(top_m)
+
+
+def test_the_command_writes_a_moving_recording(tmp_path, capsys) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(format_study(MOVING_STUDY))
+    arguments = ["phantom", "--study", str(study), "--out", str(tmp_path / "moving"), "--forces-mn", "10,4", "--json"]
+    assert run([*arguments, "--rate-hz", "20", "--ramp-mn-per-s", "20", "--hold-s", "0.3"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 77  # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
+    entries = read_recording(tmp_path / "moving").frames
+    assert all(b.time_s - a.time_s == pytest.approx(0.05) for a, b in pairwise(entries))
+    assert run([*arguments[:4], str(tmp_path / "x"), "--hold-s", "2"]) == 2
+    assert "give --rate-hz too" in capsys.readouterr().err
+
+
+PUSHES_FORCES_N = (0.002, 0.02, 0.0, 0.055)
+
+
+def acquisition(seed=0, **changes):
+    phantom = PhantomStudy(**changes)
+    rng = np.random.default_rng(seed)
+    pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
+    sensor = sample_sensor(phantom, rng)
+    return pushes, sensor, sense(pushes, sensor, 2, -1, pushes[-1].end_s + 1.0, rng)
+
+
+def test_the_true_force_at_each_frame_is_the_given_one():
+    pushes, _, _ = acquisition()
+    assert true_force(pushes, np.array([push.frame_s for push in pushes])) == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
+
+
+def test_force_relaxes_while_the_needle_holds_and_is_zero_between_pushes():
+    pushes, _, _ = acquisition()
+    push = pushes[3]
+    hold_s = push.start_s + push.ramp_s + np.linspace(0.0, push.hold_s, 200)
+    held = true_force(pushes, hold_s)
+    assert (np.diff(held) < 0.0).all()
+    loss = 1.0 - held[-1] / held[0]
+    assert loss == pytest.approx(push.relaxation_fraction * (1 - np.exp(-push.hold_s / push.relaxation_time_s)))
+    between_s = np.array([(a.end_s + b.start_s) / 2 for a, b in pairwise(pushes)])
+    assert (true_force(pushes, np.r_[0.0, between_s]) == 0.0).all()
+
+
+def test_log_runs_at_its_rate_and_in_sensor_steps():
+    _, _, log = acquisition()
+    assert np.diff(log[:, 0]) == pytest.approx(1 / 200.0)
+    steps = log[:, 1:4] / 5e-3
+    assert np.abs(steps - np.rint(steps)).max() < 1e-9
+    assert np.diff(acquisition(sample_rate_hz=500.0)[2][:, 0]) == pytest.approx(1 / 500.0)
+
+
+def test_log_is_the_contact_force_with_sign_offset_drift_and_noise():
+    pushes, sensor, log = acquisition(force_step_n=0.0)
+    rest = log[:, 3] + true_force(pushes, log[:, 0]) - sensor.offset_n[2] - sensor.drift_n_per_s * log[:, 0]
+    assert rest.std() == pytest.approx(sensor.noise_n, rel=0.03)
+    assert abs(rest.mean()) < 4 * sensor.noise_n / np.sqrt(len(rest))
+    assert np.corrcoef(rest[1:], rest[:-1])[0, 1] == pytest.approx(0.0, abs=0.05)
+    assert log[:, 4:].std() == pytest.approx(sensor.torque_noise_nm, rel=0.05)
+
+
+def test_lateral_axes_see_their_share_of_the_force():
+    pushes, sensor, log = acquisition(force_step_n=0.0)
+    force_n = true_force(pushes, log[:, 0])
+    for column, share in ((1, sensor.cross_talk_fraction[0]), (2, sensor.cross_talk_fraction[1])):
+        slope, offset = np.polyfit(force_n, log[:, column], 1)
+        assert slope == pytest.approx(share, abs=0.01)
+        assert offset == pytest.approx(sensor.offset_n[column - 1], abs=3e-4)
+
+
+def test_csv_has_the_columns_and_digits_of_a_recording():
+    lines = format_log(np.array([[0.005, -0.0, 0.015, -0.01, 1.23456e-4, -0.0, 0.0]])).splitlines()
+    assert lines == [
+        "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm",
+        "0.0050,0.0000,0.0150,-0.0100,0.00012,0.00000,0.00000",
+    ]
+
+
+MANY_STUDY = Study(
+    oct=OctStudy(columns=128, rows=96),
+    mesh=MeshStudy(divisions=4, level=0),
+    needle=NeedleStudy(polar_angle_rad=Range(min=0.4, max=0.8)),
+    dataset=DatasetStudy(gap_m=Range(min=0.4e-3, max=0.9e-3), tilt_rad=Range(min=-0.1, max=0.1)),
+)
+ACQUISITION = Acquisition((0.002, 0.01), MANY_STUDY, 3)
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings that this process has written, one by one."""
+    out = tmp_path_factory.mktemp("eyes")
+    for eye in sample_eyes(MANY_STUDY, 4, 3, "pig", {}):
+        write_phantom(out / eye.id, ACQUISITION.plan(eye), study_sections(eye, MANY_STUDY), MANY_STUDY)
+    return out
+
+
+def test_eyes_are_drawn_from_the_studys_ranges() -> None:
+    eyes = sample_eyes(MANY_STUDY, 300, 0, "eye", {})
+    assert len({eye.id for eye in eyes}) == 300
+    assert {eye.thickness_m for eye in eyes} == set(MANY_STUDY.eye.thickness_m.values)
+    for values, low, high in [
+        ([eye.polar_rad for eye in eyes], 0.4, 0.8),
+        ([eye.gap_m for eye in eyes], 0.4e-3, 0.9e-3),
+        ([eye.tilt_rad for eye in eyes], -0.1, 0.1),
+        ([eye.azimuth_rad for eye in eyes], -pi, pi),
+    ]:
+        room = 0.05 * (high - low)
+        assert low <= min(values) < low + room
+        assert high - room < max(values) <= high
+    assert {(eye.youngs_modulus_pa, eye.iop_pa) for eye in eyes} == {(0.25e6, MANY_STUDY.eye.iop_pa)}
+
+
+def test_more_eyes_and_given_values_leave_the_rest_of_an_eye_unchanged() -> None:
+    few, many = sample_eyes(MANY_STUDY, 2, 7, "eye", {}), sample_eyes(MANY_STUDY, 5, 7, "eye", {"thickness_m": 5e-4})
+    assert [eye.thickness_m for eye in many] == [5e-4] * 5
+    assert [eye.polar_rad for eye in few] == [eye.polar_rad for eye in many[:2]]
+    assert sample_eyes(MANY_STUDY, 2, 8, "eye", {})[0].polar_rad != few[0].polar_rad
+    with pytest.raises(InputError, match="eye-1: thickness_m"):
+        sample_eyes(MANY_STUDY, 1, 7, "eye", {"thickness_m": 5.0})
+
+
+def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
+    first, second, *_ = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
+    assert is_recorded(here / "pig-1", ACQUISITION.plan(first), MANY_STUDY)
+    assert not is_recorded(here / "pig-1", ACQUISITION.plan(second), MANY_STUDY)
+    assert not is_recorded(here / "pig-1", Acquisition((0.002, 0.011), MANY_STUDY, 3).plan(first), MANY_STUDY)
+    assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
+    for content in ("[]", "{", '{"frames": 7}', '{"frames": [7]}', "{}"):
         (tmp_path / "truth.json").write_text(content)
-    with pytest.raises(RecordingError, match=r"truth\.json: "):
-        true_forces(tmp_path)
+        assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
+
+
+@pytest.mark.slow
+def test_workers_and_ctrl_c_change_no_byte(here: Path, tmp_path: Path) -> None:
+    eyes = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
+
+    def interrupt(done: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        acquire_all(tmp_path / "out", eyes, ACQUISITION, workers=2, progress=interrupt)
+    (kept,) = (tmp_path / "out").iterdir()
+    assert contents(kept) == contents(here / kept.name)
+    assert acquire_all(tmp_path / "out", eyes, ACQUISITION, workers=2) == 3
+    assert contents(tmp_path / "out") == contents(here)
+
+
+def test_another_folder_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "pig-2").mkdir()
+    with pytest.raises(RecordingError, match="pig-2: not the recording of this eye and seed"):
+        acquire_all(tmp_path, sample_eyes(MANY_STUDY, 4, 3, "pig", {}), ACQUISITION, workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["pig-2"]
+
+
+@pytest.mark.slow
+def test_the_command_makes_many_eyes_and_takes_them_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "study.toml").write_text(format_study(MANY_STUDY))
+    command = [
+        "phantom",
+        "--study",
+        str(tmp_path / "study.toml"),
+        "--out",
+        str(tmp_path / "eyes"),
+        "--forces-mn",
+        "2,10",
+    ]
+    given = ("--polar-angle-deg", "35", "--azimuth-deg", "0")
+    assert run([*command, "--count", "2", "--eye", "pig", *given, "--workers", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["recordings"] == [str(tmp_path / "eyes" / name) for name in ("pig-1", "pig-2")]
+    assert (found["frames"], found["seed"]) == (4, 0)
+    truths = [json.loads((Path(path) / "truth.json").read_text())["eye"] for path in found["recordings"]]
+    assert [eye["polar_rad"] for eye in truths] == [radians(35.0)] * 2
+    assert [eye["azimuth_rad"] for eye in truths] == [0.0] * 2  # 0 is stated, too
+    assert truths[0]["gap_m"] != truths[1]["gap_m"]
+    assert run([*command, "--count", "3", "--eye", "pig", *given]) == 0
+    assert "wrote" in capsys.readouterr().out
+    assert len(list((tmp_path / "eyes").iterdir())) == 3
+
+
+def test_workers_are_for_many_eyes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["phantom", "--out", str(tmp_path / "eye"), "--workers", "2"]) == 2
+    assert "--scheduler and --workers are for --count" in capsys.readouterr().err
+    assert run(["phantom", "--out", str(tmp_path), "--count", "2", "--workers", "2", "--scheduler", "tcp://x:1"]) == 2
+    assert "--scheduler has workers of its own" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

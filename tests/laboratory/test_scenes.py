@@ -27,13 +27,10 @@ SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a p
 
 def only(record: Any, **values: Any) -> Any:
     """A record whose shares and counts are 0, but for the values given."""
-    none = {item.name: 0.0 for item in fields(record) if item.name.endswith("_share") and is_share(record, item.name)}
-    none |= {item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")}
+    given = {item.name: getattr(record, item.name) for item in fields(record)}
+    none = {name: 0.0 for name, value in given.items() if name.endswith("_share") and isinstance(value, float)}
+    none |= {name: fixed(0) for name in given if name.endswith("_count")}
     return replace(record, **(none | values))
-
-
-def is_share(record: Any, name: str) -> bool:
-    return isinstance(getattr(record, name), float)
 
 
 PLAIN = ScenesStudy(
@@ -83,7 +80,7 @@ def lateral_m(scene: Scene) -> np.ndarray:
 
 
 def lit(scene: Scene) -> np.ndarray:
-    """Which pixels are bright, by the mean of their neighbours."""
+    """The bright pixels, by the mean of their neighbours."""
     counts = scene.frame.astype(np.float32)
     return cv2.blur(counts, (5, 3)) > SHOWN * counts.max()
 
@@ -145,7 +142,7 @@ def test_the_cornea_is_dim_beside_its_apex() -> None:
     assert beside < 0.6 * apex
 
 
-def test_the_conjunctiva_lies_over_the_wall_and_is_none_of_it() -> None:
+def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
     covered = {"conjunctiva_share": 1.0, "conjunctiva_m": fixed(200e-6), "conjunctiva_db": fixed(0.0)}
     scene, bare = draw_scene(plain(tissue=covered), 0), draw_scene(PLAIN, 0)
     middle = scene.frame.shape[1] // 2
@@ -230,7 +227,7 @@ def test_a_ciliary_body_as_bright_as_the_sclera_is_parted_from_it_by_a_gap() -> 
 
 
 def profile(scene: Scene, column: slice, below: int) -> float:
-    """Mean count of two rows, so many rows below the wall's end, over some columns."""
+    """Mean count of two rows, `below` rows under the wall's end, over some columns."""
     columns = range(*column.indices(scene.frame.shape[1]))
     first = [round(scene.inner_row[at]) + below for at in columns]
     return float(np.mean([scene.frame[row : row + 2, at].mean() for row, at in zip(first, columns, strict=True)]))
@@ -249,8 +246,8 @@ def test_the_chamber_angle_has_a_dark_recess_between_wall_and_iris() -> None:
     assert all(column.max() > SHOWN for column in below)
 
 
-def test_a_wall_that_nobody_can_see_is_none() -> None:
-    """One in noise is none at all; behind a lid it is neither there nor not there."""
+def test_an_invisible_wall_does_not_exist_or_is_not_judged() -> None:
+    """It does not exist in noise; behind a lid it is not judged."""
     dark = {"attenuation_per_m": fixed(20e3), "snr_db": fixed(0.0), "reflection_db": fixed(-30.0)}
     weak = draw_scene(plain(tissue=dark, scanner={"display_floor_db": fixed(-3.0), "looks": fixed(1.0)}), 0)
     assert not weak.mask.any()
@@ -265,7 +262,7 @@ def test_a_wall_that_nobody_can_see_is_none() -> None:
     assert np.isfinite(covered.outer_row[covered.judged]).all()
 
 
-def test_a_steel_needle_shades_the_wall_that_goes_on_below_it() -> None:
+def test_a_steel_needle_shades_the_wall_that_continues_below_it() -> None:
     upright = {"needle_angle_rad": fixed(0.0), "needle_m": fixed(0.7e-3), "tip_gap_m": fixed(0.05e-3)}
     scene = draw_scene(plain(over={"needle_share": 1.0, **upright}), 3)
     wall = np.where(scene.mask > 0, scene.frame / scene.frame.max(), np.nan)
@@ -294,11 +291,11 @@ def test_black_bands_show_no_wall() -> None:
     assert np.isfinite(scene.outer_row[band:-band]).all()
 
 
-@pytest.mark.parametrize("bits", [8, 10, 12, 16])
-def test_counts_use_the_bits_that_were_drawn(bits: int) -> None:
-    scene = draw_scene(plain(scanner={"bits": fixed(bits)}), 0)
-    assert scene.frame.dtype == (np.uint8 if bits == 8 else np.uint16)
-    assert scene.frame.max() == 2**bits - 1
+def test_counts_use_the_bits_that_were_drawn() -> None:
+    for bits in (8, 10, 16):
+        scene = draw_scene(plain(scanner={"bits": fixed(bits)}), 0)
+        assert scene.frame.dtype == (np.uint8 if bits == 8 else np.uint16)
+        assert scene.frame.max() == 2**bits - 1
 
 
 def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
@@ -363,13 +360,6 @@ FULL = ScenesStudy(
 )
 
 
-RANGES = [
-    pytest.param(part, item.name, id=f"{part}.{item.name}")
-    for part in ("window", "eye", "tissue", "over", "scanner")
-    for item in fields(getattr(FULL, part))
-]
-
-
 def at_ends(part: str, name: str) -> Iterator[ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
     record, default = getattr(FULL, part), getattr(getattr(ScenesStudy(), part), name)
@@ -389,14 +379,12 @@ def at_ends(part: str, name: str) -> Iterator[ScenesStudy]:
         yield replace(FULL, **window, **{part: replace(record, **glass, **{name: value})})
 
 
-@pytest.mark.parametrize(("part", "name"), RANGES)
-def test_every_range_changes_what_is_drawn(part: str, name: str) -> None:
-    low, high = at_ends(part, name)
-    for number in range(12):
-        first, second = draw_scene(low, number), draw_scene(high, number)
-        if first.frame.shape != second.frame.shape or not np.array_equal(first.frame, second.frame):
-            return
-    pytest.fail("it changes none of twelve scenes")
+@pytest.mark.parametrize("part", ["window", "eye", "tissue", "over", "scanner"])
+def test_every_range_changes_one_of_twelve_scenes(part: str) -> None:
+    for item in fields(getattr(FULL, part)):
+        low, high = at_ends(part, item.name)
+        frames = ([draw_scene(study, number).frame for study in (low, high)] for number in range(12))
+        assert any(not np.array_equal(first, second) for first, second in frames), item.name
 
 
 def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole() -> None:

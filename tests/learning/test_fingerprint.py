@@ -1,4 +1,4 @@
-"""Today's code still trains the models that ship with the package: their fingerprints have not moved."""
+"""Today's code still trains the bundled models: their fingerprints have not moved."""
 
 import json
 from dataclasses import replace
@@ -31,7 +31,7 @@ def record_of(folder: Path) -> Any:
 
 
 def moved_since(folder: Path, now: Fingerprint) -> list[str]:
-    """What has moved since the training of a shipped model, of the entries that are computed now."""
+    """The entries computed now that have moved since the training of a bundled model."""
     before = record_of(folder)["fingerprint"]
     return moved({name: before[name] for name in before if name in now}, now)
 

@@ -1,4 +1,4 @@
-"""Samples of the reader: what is told of an eye means what it says, and the slice shows its wall."""
+"""Samples of the reader: given values mean what they say, and the slice shows its wall."""
 
 from dataclasses import fields, replace
 
@@ -43,11 +43,11 @@ def eyes(library):
     return draw_eyes(library, READER, 20_000, np.random.default_rng(1))
 
 
-def test_a_told_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes) -> None:
+def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes) -> None:
     known = np.isfinite(eyes.told.modulus_pa)
     assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
     fitted_pa = eyes.told.modulus_pa.copy()
-    own = eyes.told.modulus_sd_fraction < 0.06  # calibrated with the thickness and IOP that are told
+    own = eyes.told.modulus_sd_fraction < 0.06  # calibrated with the given thickness and IOP
     t, p = (np.nan_to_num(a / b, nan=1.0) for a, b in
             ((eyes.told.thickness_m, eyes.thickness_m), (eyes.told.iop_pa, eyes.iop_pa)))  # fmt: skip
     fitted_pa[own] *= (t**2 * p ** (1 / 3))[own]
@@ -62,14 +62,14 @@ def test_a_told_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes
 
 
 @pytest.mark.parametrize(("told", "true"), [("iop_pa", "iop"), ("thickness_m", "thickness"), ("gap_m", "gap")])
-def test_told_values_are_off_and_missing_as_often_as_stated(eyes, told: str, true: str) -> None:
+def test_given_values_are_off_and_missing_as_often_as_stated(eyes, told: str, true: str) -> None:
     values, truth = getattr(eyes.told, told), getattr(eyes, told)
     known = np.isfinite(values)
     assert abs((~known).mean() - getattr(READER, f"{true}_missing_fraction")) < 0.02
     assert abs((values / truth - 1.0)[known].std() / getattr(READER, f"{true}_noise_fraction") - 1.0) < 0.05
 
 
-def test_globes_are_open_sealed_or_not_told_as_often_as_stated(eyes) -> None:
+def test_globes_are_open_sealed_or_unknown_as_often_as_stated(eyes) -> None:
     low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
     is_open = high == 0.0
     unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
@@ -160,7 +160,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
     assert np.mean(agreeing) > np.mean(upright) + 0.01
 
 
-def test_polar_angle_and_direction_are_told_as_well_as_stated(eyes) -> None:
+def test_polar_angle_and_direction_are_given_as_well_as_stated(eyes) -> None:
     low, high = READER.polar_angle_rad.bounds
     assert low <= eyes.polar_rad.min() < eyes.polar_rad.max() <= high
     assert abs(eyes.direction_rad.mean()) < 0.05
@@ -175,7 +175,7 @@ def test_polar_angle_and_direction_are_told_as_well_as_stated(eyes) -> None:
         assert abs((told - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
 
 
-def test_a_polar_angle_is_never_told_below_zero(library) -> None:
+def test_a_polar_angle_is_never_given_below_zero(library) -> None:
     near = replace(READER, polar_angle_rad=fixed(0.0), polar_missing_fraction=0.0)
     told = draw_eyes(library, near, 200, np.random.default_rng(3)).told.polar_rad
     assert told.min() >= 0.0
@@ -239,7 +239,7 @@ def test_samples_are_joined_one_after_the_other(library) -> None:
         np.testing.assert_array_equal(values[3:], getattr(other, item.name))
 
 
-def test_each_part_of_a_chunk_is_of_one_tissue_and_told_so() -> None:
+def test_each_part_of_a_chunk_is_of_one_tissue_and_labelled_so() -> None:
     held, count = made_up_library(), 2 * TISSUE + 50
     mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
     told = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])

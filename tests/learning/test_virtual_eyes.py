@@ -1,21 +1,24 @@
-"""Whole virtual eyes of a library's walls: what is drawn, calibrated and scored."""
+"""Whole virtual eyes of a library's walls, and the intervals that they give: drawn, calibrated, scored."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from analytic_library import analytic_library, made_up_library, without_rests
 from small_recordings import LOGGED_INFO
 
+from boundary_errors.segmented import random_eyes, segmented_boundaries
+from boundary_errors.statistics import boundary_statistics
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.calibration.known_forces import _certain, read_again
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
-from scleraforce.learning import virtual_eyes
-from scleraforce.learning.intervals import _scores, calibrated_otherwise, eye_scores
+from scleraforce.learning import intervals, virtual_eyes
+from scleraforce.learning.intervals import _scores, calibrated_otherwise, eye_scores, trait_factors
 from scleraforce.learning.virtual_eyes import (
     CALIBRATED,
     FRAMES,
@@ -29,15 +32,18 @@ from scleraforce.learning.virtual_eyes import (
 )
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
 from scleraforce.library import INNER, OUTER, Library
+from scleraforce.library.build import cached_library
 from scleraforce.library.fit import fit_boundaries, fit_from
 from scleraforce.library.prior import prior_of
+from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.answer import Reading
+from scleraforce.reader.intervals import Score, conformal_quantile
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
-from scleraforce.study import Range, ReaderStudy, Study
+from scleraforce.study import LibraryStudy, Range, ReaderStudy, SliceStudy, Study
 
 RADIUS_M = np.array([12e-3])
 EXACT = Study(
@@ -55,7 +61,7 @@ def library():
 
 @pytest.fixture
 def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
-    """How the base moves a wall takes 0.3 s an eye, and decides nothing of what is drawn and told."""
+    """Skip the base's movement, which takes 0.3 s an eye and decides no drawn or stated value."""
     monkeypatch.setattr(
         "scleraforce.calibration.library_eye.base_moves",
         lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
@@ -64,7 +70,7 @@ def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def eye(library) -> VirtualEye:
-    """An even one, told to be open."""
+    """An even one, stated open."""
     return draw_eye(EXACT, library, 0, np.random.default_rng(6))
 
 
@@ -97,14 +103,14 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
 
 
 @pytest.mark.slow
-def test_eyes_are_told_open_sealed_or_nothing_by_turns(library) -> None:
+def test_eyes_are_stated_open_sealed_or_unknown_by_turns(library) -> None:
     eyes = [draw_eye(EXACT, library, number, np.random.default_rng(number)) for number in range(3)]
     assert [eye.told.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]
     assert (eyes[0].wall.rigidity_pa13_per_m3, eyes[1].wall.rigidity_pa13_per_m3 > 0) == (0.0, True)
 
 
 @pytest.mark.usefixtures("_still_base")
-def test_where_the_pole_lies_is_told_as_wrongly_as_stated_and_nothing_else_is_drawn_otherwise(library) -> None:
+def test_the_poles_errors_are_as_large_as_stated_and_change_no_other_draw(library) -> None:
     told = list[tuple[float, float]]()
     for seed in range(60):
         eyes = [
@@ -121,7 +127,7 @@ def test_where_the_pole_lies_is_told_as_wrongly_as_stated_and_nothing_else_is_dr
     assert abs(np.corrcoef(np.transpose(told))[0, 1]) < 0.4
 
 
-def test_forces_drift_away_from_those_of_the_library_with_the_dent(eye: VirtualEye) -> None:
+def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> None:
     exact = replace(EXACT, reader=replace(EXACT.reader, interval_boundary_errors=0.0))
     plain, drifted = (
         draw_frames(replace(eye, drift=drift), exact, 6, np.random.default_rng(6)) for drift in (0.0, 0.2)
@@ -169,7 +175,7 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
 
 
 @pytest.mark.slow
-def test_labels_are_off_as_those_of_a_force_log_are_and_tell_how_much() -> None:
+def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     rng = np.random.default_rng(11)
     shared, own, told = [], [], []
     for labels, eyes in ((label_forces, 1000), (logged_forces, 100)):
@@ -208,7 +214,7 @@ def test_frames_of_light_forces_say_where_the_eye_lies_and_are_left_to_be_read(e
 
 
 @pytest.mark.usefixtures("_still_base")
-def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_told_that_of_others_then() -> None:
+def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_other_eyes() -> None:
     library, study = made_up_library(), replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4))
     eyes = [draw_eye(study, library, 0, np.random.default_rng(seed)) for seed in range(60)]
     stiff = [eye for eye in eyes if eye.stiffening > 0.0]
@@ -226,7 +232,7 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_told_that_of_
     assert max(told_most) == 30.0  # no more than the library holds
 
 
-def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
+def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
     study = replace(EXACT, reader=replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7)))
     rng = np.random.default_rng(1)
     means = [found.mean_pa for _ in range(2000) if (found := of_population(eye, study, rng).modulus)]
@@ -243,7 +249,7 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("drift", [-0.25, 0.25])
-def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
+def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_force_show(
     eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A few percent of drift is expected; of more than that as much is learnt as the forces' zero leaves open."""
@@ -270,7 +276,7 @@ def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_
     assert learned_n < 0.6 * unlearned_n
 
 
-def test_frames_have_the_errors_that_intervals_are_measured_with_not_those_of_the_samples(eye: VirtualEye) -> None:
+def test_frames_have_the_errors_that_intervals_are_measured_with_not_the_samples(eye: VirtualEye) -> None:
     def surface_m(**errors: float) -> np.ndarray:
         study = replace(EXACT, reader=replace(EXACT.reader, **errors))
         return np.stack([frame.boundaries.depth_m[0] for frame in draw_frames(eye, study, 3, np.random.default_rng(6))])
@@ -317,7 +323,7 @@ def _drawn_as_then(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def shipped_walls() -> Library:
-    """Those of the reader that ships, of tissue that does not stiffen: their calibration seeks no other one."""
+    """The bundled reader's walls, of tissue that does not stiffen: their calibration seeks no other one."""
     return replace(load_force_reader("default").library, stiffened=None)
 
 
@@ -417,3 +423,283 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye
     once, twice = scores(1.0), scores(2.0)
     assert twice["network"] == once["network"]
     assert twice["fit"] == pytest.approx(0.5 * once["fit"], rel=1e-9)
+
+
+BY_FRAMES, OTHERS, OTHERWISE = Known(gap_m=0.3e-3), Known(gap_m=0.4e-3), Known(gap_m=0.5e-3)
+
+
+def test_every_second_eye_of_a_kind_is_calibrated_otherwise_as_well(
+    eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traits = {BY_FRAMES: ("own E", "taut"), OTHERS: ("other E", "taut"), OTHERWISE: ("own E", "taut", "sparse")}
+    monkeypatch.setattr(intervals, "draw_eye", lambda *_: eye)
+    monkeypatch.setattr(intervals, "draw_frames", lambda *_: ())
+    monkeypatch.setattr(intervals, "calibrated", lambda *_: (BY_FRAMES, ()))
+    monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
+    monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
+    monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
+    scores_of = intervals.measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
+    found = {number: [(score.traits, score.eye) for score in scores_of(number)] for number in range(12)}
+    for number, of_eye in found.items():
+        of_all = [(found_in, str(number)) for found_in in traits.values()]
+        assert of_eye == (of_all if number in (0, 1, 2, 6, 7, 8) else of_all[:2])
+
+
+def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
+    eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Any] = []
+
+    def begin(*given: Any, zero_covariance: Any) -> Any:
+        told.append(zero_covariance)
+        return virtual_begin(*given, zero_covariance=zero_covariance)
+
+    def step(session: Any, boundaries: Any, force_n: float, since_start_s: float) -> Any:
+        told.append(since_start_s)
+        return virtual_step(session, boundaries, force_n, since_start_s)
+
+    virtual_begin, virtual_step = virtual_eyes.begin, virtual_eyes.step
+    monkeypatch.setattr(virtual_eyes, "begin", begin)
+    monkeypatch.setattr(virtual_eyes, "step", step)
+    labels: list[Any] = []
+
+    def label(*given: Any) -> Any:
+        labels.append(virtual_label(*given))
+        return labels[0]
+
+    virtual_label = virtual_eyes.label_forces
+    monkeypatch.setattr(virtual_eyes, "label_forces", label)
+    calibrated(
+        eye,
+        draw_frames(eye, EXACT, 5, np.random.default_rng(6)),
+        EXACT,
+        library,
+        np.random.default_rng(7),
+    )
+    covariance, *times_s = told
+    np.testing.assert_array_equal(covariance, labels[0].zero_covariance)
+    assert len(times_s) >= 3
+    assert set(times_s) <= set(labels[0].since_start_s.tolist())
+    assert len(set(times_s)) == len(times_s)
+
+
+TRAITS = {"sealed": 0.6, "taut": 0.9, "uneven": 1.5, "light": 2.0, "sparse": 1.0}
+
+
+def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
+    """Scores of eyes with traits that multiply: sealed or taut, and each of the others of a half."""
+    found = []
+    for eye in range(eyes):
+        of_eye = [name for name in ("uneven", "sparse") if rng.random() < 0.5]
+        own = abs(rng.standard_normal())
+        for _ in range(frames):
+            traits = ["taut" if rng.random() < 0.3 else "sealed", *of_eye, *["light"] * (rng.random() < 0.4)]
+            size = np.prod([TRAITS[trait] for trait in traits])
+            found.append(Score("fit", ("own E", *traits), str(eye), float(size * abs(own + rng.normal(0.0, 0.4)))))
+    return found
+
+
+def test_of_one_trait_the_factor_is_the_quantile() -> None:
+    rng = np.random.default_rng(0)
+    scores = [
+        Score("fit", ("own E", "open"), str(eye), float(value)) for eye, value in enumerate(rng.uniform(0.4, 3, 77))
+    ]
+    assert trait_factors(scores) == {"fit": {"own E": {"open": pytest.approx(conformal_quantile(scores), rel=0.02)}}}
+
+
+def test_traits_that_multiply_are_found() -> None:
+    factors = trait_factors(drawn(np.random.default_rng(1), 1000, 6))["fit"]["own E"]
+    held = factors["sealed"] / TRAITS["sealed"]  # what 90 % of the eyes' own errors stay below
+    assert held == pytest.approx(1.75, rel=0.05)
+    for trait, size in TRAITS.items():
+        wanted = size * (held if trait in ("sealed", "taut") else 1.0)
+        assert factors[trait] == pytest.approx(wanted, rel=0.08), trait
+
+
+@pytest.mark.slow
+def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
+    rng = np.random.default_rng(2)
+    of_new = []
+    for _ in range(12):
+        scores, others = drawn(rng, 200, 6), drawn(rng, 200, 6)
+        factors = trait_factors(scores)["fit"]["own E"]
+
+        def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
+            having = [entry for entry in entries if trait in entry.traits]
+            return float(
+                np.mean([entry.score <= np.prod([given[name] for name in entry.traits[1:]]) for entry in having])
+            )
+
+        for trait in ("sealed", "uneven", "light"):
+            assert held(scores, trait, factors) == pytest.approx(0.905, abs=0.02), trait
+        of_new.append([held(others, trait, factors) for trait in TRAITS])
+    np.testing.assert_allclose(np.mean(of_new, axis=0), 0.90, atol=0.02)
+
+
+def test_no_trait_beside_the_kind_makes_intervals_narrower() -> None:
+    scores = [Score("network", ("other E", "open"), str(eye), 1.0) for eye in range(50)]
+    scores += [Score("network", ("other E", "open", "sparse"), str(eye), 0.1) for eye in range(50)]
+    assert trait_factors(scores)["network"]["other E"]["sparse"] == 1.0
+
+
+def test_an_eye_of_many_frames_weighs_as_one_of_few() -> None:
+    scores = [Score("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)]
+    scores += [Score("fit", ("own E", "open"), "long", 9.0)] * 2000
+    assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(0.5)
+
+
+def test_methods_and_moduli_are_apart_and_a_force_at_the_median_counts() -> None:
+    sizes = {("fit", "own E"): 0.5, ("fit", "other E"): 2.0, ("network", "own E"): 3.0}
+    scores = [Score(method, (modulus, "open"), str(eye), size)
+              for (method, modulus), size in sizes.items() for eye in range(60)]  # fmt: skip
+    scores.append(Score("fit", ("own E", "open"), "60", 0.0))
+    found = trait_factors(scores)
+    assert {(m, e): factors["open"] for m, of in found.items() for e, factors in of.items()} == pytest.approx(sizes)
+
+
+def test_few_eyes_give_a_factor_within_bounds() -> None:
+    for score, factor in ((0.01, 0.3), (100.0, 20.0)):
+        scores = [Score("fit", ("own E", "open"), str(eye), score) for eye in range(30)]
+        assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(factor)
+        assert conformal_quantile(scores) == pytest.approx(factor)
+
+
+SLICE = SliceStudy()
+NONE = BoundaryErrors(
+    surface_smoothing_m=1e-9, shine_m=0.0, shine_sd_m=0.0, outer_sd_m=0.0, thickness_scale_sd=0.0, thickness_sd_m=0.0,
+    bumps=0.0, layer_share=0.0, side_loss_share=0.0, bottom_knee_m=1e-12,
+)  # fmt: skip
+
+
+def walls(count: int, bend_per_m: float = 80.0) -> np.ndarray:
+    """Parabolic walls of 0.6 mm, (sample, boundary, column), m."""
+    lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
+    outer = 0.5e-3 + 0.5 * bend_per_m * lateral**2
+    return np.repeat(np.stack([outer, outer + 0.6e-3])[None], count, axis=0)
+
+
+def test_without_errors_the_boundaries_stay_where_they_can_be_seen() -> None:
+    true = walls(3)
+    true[1, :, :7] = np.nan
+    seen = disturb(true, SLICE, np.random.default_rng(0), NONE)
+    known = np.isfinite(seen)
+    np.testing.assert_array_equal(known, np.isfinite(true))
+    np.testing.assert_allclose(seen[known], true[known], atol=1e-9)
+
+
+def test_the_same_generator_gives_the_same_errors_and_the_truth_is_left_alone() -> None:
+    true = walls(5)
+    before = true.copy()
+    first, second = (disturb(true, SLICE, np.random.default_rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(true, before)
+    assert np.nanmax(np.abs(first - true)) > 1e-6
+
+
+def test_smoothing_moves_a_bent_surface_by_half_its_variance_times_the_curvature() -> None:
+    smoothing_m = 0.18e-3
+    seen = disturb(walls(1, 200.0), SLICE, np.random.default_rng(0), replace(NONE, surface_smoothing_m=smoothing_m))
+    moved = (seen - walls(1, 200.0))[0, OUTER, 45:95]
+    np.testing.assert_allclose(moved, 0.5 * smoothing_m**2 * 200.0, rtol=0.01)
+
+
+def test_the_noise_has_the_stated_size_and_reaches_along_the_columns() -> None:
+    errors = replace(NONE, outer_sd_m=10e-6, outer_lengths_m=(0.3e-3, 0.3e-3), spread=0.0)
+    true = walls(4000, 5.0)
+    error = (disturb(true, SLICE, np.random.default_rng(1), errors) - true)[:, OUTER, 10:-10]
+    assert abs(error.std() / 10e-6 - 1.0) < 0.02
+    for lag in (1, 3, 6):  # of Gaussian-smoothed white noise: exp(-(lag / length)^2 / 4)
+        found = (error[:, lag:] * error[:, :-lag]).mean() / error.var()
+        assert abs(found - np.exp(-((lag / 3.0) ** 2) / 4)) < 0.02
+
+
+def test_errors_scale_and_bumps_lie_on_steep_flanks_only() -> None:
+    true = walls(500, 100.0)
+    flat = np.abs(np.gradient(true[0, OUTER], SLICE.pixel_m)) < 0.2
+    bumps = replace(NONE, bumps=5.0, bump_length_m=0.1e-3)
+    error = np.abs(disturb(true, SLICE, np.random.default_rng(2), bumps) - true)[:, INNER]
+    steep = np.abs(np.gradient(true[0, OUTER], SLICE.pixel_m)) > 0.45
+    assert np.nanmax(error[:, flat]) < 1e-6 < 1e-4 < np.nanmax(error[:, steep])
+    noise = replace(NONE, thickness_sd_m=5e-6, thickness_scale_sd=0.01, spread=0.0)
+    once, thrice = (disturb(true, SLICE, np.random.default_rng(2), noise, scale) - true for scale in (1.0, 3.0))
+    np.testing.assert_allclose(thrice[:, INNER], 3.0 * once[:, INNER], atol=1e-9)
+
+
+def test_a_layer_below_is_taken_for_wall_in_the_stated_share_of_frames() -> None:
+    true = walls(4000, 5.0)
+    layers = replace(NONE, layer_share=0.1, layer_m=(0.12e-3, 0.18e-3))
+    added = (disturb(true, SLICE, np.random.default_rng(6), layers) - true)[:, INNER]
+    hit = added.max(axis=1) > 1e-6
+    assert abs(hit.mean() - 0.1) < 0.015
+    assert added[hit].max(axis=1).min() > 0.119e-3
+    assert added.max() < 0.181e-3
+    assert 0.4 < (added[hit] > 1e-6).mean() < 0.8
+
+
+def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() -> None:
+    lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
+    outer = 4.6e-3 - 0.3 * np.abs(lateral)
+    true = np.repeat(np.stack([outer, outer + 0.6e-3])[None], 300, axis=0)
+    seen = disturb(true, SLICE, np.random.default_rng(6), replace(NONE, bottom_knee_m=0.02e-3))[:, OUTER]
+    assert np.isnan(seen[:, outer > 4.5e-3]).all()
+    assert np.isfinite(seen[:, outer < 3.94e-3]).all()
+    assert np.nanmax(seen) <= 3.945e-3
+    reached = np.nanmax(np.where(np.isfinite(seen), outer, np.nan), axis=1) - 3.945e-3
+    assert 0.05e-3 < reached.mean() < 0.12e-3
+
+
+def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
+    seen = disturb(
+        walls(4000, 5.0), SLICE, np.random.default_rng(5), replace(NONE, side_loss_share=0.4, side_loss_m=0.5e-3)
+    )
+    lost = np.isnan(seen[:, OUTER])
+    assert abs(lost[:, 0].mean() - 0.4) < 0.03
+    assert abs(lost[:, :70].sum(axis=1)[lost[:, 0]].mean() - 5.5) < 0.4  # the mean of an exponential, rounded up
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_made_errors_are_like_freshly_segmented_frames(tmp_path) -> None:
+    study = Study(
+        library=LibraryStudy(
+            thicknesses=5, tension=Range(min=1e-3, max=0.21), tensions=6, tips=30, max_tip_m=6e-3, stiffenings=1
+        )
+    )
+    library = cached_library(study, folder=tmp_path)
+    forces_n = np.linspace(0.0, 55e-3, 12).tolist()
+    eyes = random_eyes(study, 14, 271)
+    pairs = [segmented_boundaries(library, study, eye, forces_n, 314) for eye in eyes]
+    true, seen = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    real = boundary_statistics(true, seen, SLICE)
+    without_layers = BoundaryErrors(layer_share=0.0)  # this segmentation takes none for wall: they are made on purpose
+    made = boundary_statistics(true, disturb(true, SLICE, np.random.default_rng(1), without_layers), SLICE)
+    for name in (
+        "outer_sd_m",
+        "outer_per_curvature_m2",
+        "shine_m",
+        "shine_sd_m",
+        "thickness_sd_m",
+        "thickness_steep_sd_m",
+        "thickness_scale_sd",
+    ):
+        assert 0.6 < getattr(made, name) / getattr(real, name) < 1.7, name
+    np.testing.assert_allclose(made.outer_correlation, real.outer_correlation, atol=0.25)
+    np.testing.assert_allclose(made.thickness_correlation, real.thickness_correlation, atol=0.3)
+    assert abs(made.outer_bias_m - real.outer_bias_m) < 2e-6
+    assert abs(made.large_share - real.large_share) < 0.02
+    assert max(made.lost_share, real.lost_share) < 0.01
+
+
+def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did() -> None:
+    true = walls(3000)
+    shining = disturb(true, SLICE, np.random.default_rng(2), replace(NONE, shine_m=8e-6, shine_sd_m=2e-6)) - true
+    lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
+    slope = np.gradient(true[0, OUTER], SLICE.pixel_m)
+    expected = -8e-6 * np.exp(-((slope / 0.115) ** 2))
+    inside = np.abs(lateral) < 5e-3
+    np.testing.assert_allclose(shining[:, OUTER].mean(axis=0)[inside], expected[inside], atol=0.15e-6)
+    middle = np.abs(slope).argmin()
+    assert shining[:, OUTER, middle].std() == pytest.approx(2e-6, rel=0.05)
+    np.testing.assert_allclose(shining[:, INNER][:, inside], 0.0, atol=1e-12)
+    none = disturb(true, SLICE, np.random.default_rng(2), replace(NONE, shine_m=-1.0)) - true
+    np.testing.assert_allclose(none[:, OUTER][:, inside], 0.0, atol=1e-12)

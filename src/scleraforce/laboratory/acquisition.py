@@ -33,11 +33,7 @@ class Acquisition:
     hold_s: float = 1.0
 
     def plan(self, eye: PhantomEye) -> PhantomPlan:
-        """Draw the acquisition of an eye; the eye's name and the seed decide.
-
-        Raises:
-            RecordingError: an impossible force or time.
-        """
+        """Draw the acquisition of an eye; the eye's name and the seed decide."""
         if self.rate_hz is None:
             return plan_phantom(eye, self.forces_n, self.study, self.seed)
         moves = {"rate_hz": self.rate_hz, "ramp_n_per_s": self.ramp_n_per_s, "hold_s": self.hold_s}
@@ -49,9 +45,6 @@ def sample_eyes(study: Study, count: int, seed: int, name: str, given: Mapping[s
 
     Thickness, polar angle, gap, direction and tilt are sampled from the study, the azimuth from all around the pole;
     modulus and pressure are the study's. `given` has values that all eyes share, by the fields of `PhantomEye`.
-
-    Raises:
-        InputError: an impossible eye.
     """
     return tuple(_draw_eye(study, seed, f"{name}-{number}", number, given) for number in range(1, count + 1))
 
@@ -83,17 +76,6 @@ def acquire_all(
 
     The bytes are the same for any number of workers, on the same kind of processor. Processes are spawned: a script
     that calls this keeps its own work under `if __name__ == "__main__"`.
-
-    Args:
-        out: the folder; a recording in it has its eye's name.
-        eyes: of different names.
-        acquisition: forces and timing.
-        workers: processes, or a cluster's (`cluster_workers`); by default a process for each usable core.
-        progress: called with the number of recordings that are newly done (or found done, at the start).
-
-    Raises:
-        RecordingError: `out` holds something else, or cannot be written.
-        SolverError: no equilibrium was found.
     """
     plans = [acquisition.plan(eye) for eye in eyes]
     todo = [number for number, plan in enumerate(plans) if not _kept(out / plan.eye.id, plan, acquisition.study)]

@@ -143,15 +143,7 @@ def render_bscan(
     rng: np.random.Generator,
     shaft: DrawnShaft | None = None,
 ) -> Bscan:
-    """Form one raw frame of a section.
-
-    Args:
-        section: the wall in the frame's coordinates (see `Pose.place`), m. It may fold over and may leave the frame.
-        oct_study: size, pixels, bits and refractive index of the frame.
-        optics: the optics of this frame.
-        rng: source of the speckle and the noise.
-        shaft: the needle, if one crosses the frame.
-    """
+    """Form one raw frame of a section."""
     pixel_m = oct_study.depth_m / oct_study.rows
     tissue = _fill_columns(section, oct_study, optics)
     scattered = _backscatter(tissue, oct_study, optics)

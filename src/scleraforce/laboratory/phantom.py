@@ -158,9 +158,6 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     The scanner, the wall's optics, the eye's place in the frame, the sensor and the tissue's relaxation are drawn once;
     shift of the eye, signal over noise, mirror reflection, shadows, the conjunctiva's waves, and timing for each frame
     anew.
-
-    Raises:
-        RecordingError: no force is given, or one cannot be simulated.
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
@@ -200,18 +197,6 @@ def plan_moving_phantom(
     Everything that `plan_phantom` draws once is drawn once, and so are the shadows and the time before the first
     contact. Place of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from
     one to the next.
-
-    Args:
-        eye: the eye.
-        forces_n: turning points of the force, N; it begins at 0.
-        study: ranges.
-        seed: of everything that is drawn.
-        rate_hz: frames a second.
-        ramp_n_per_s: rate of the force between the turning points.
-        hold_s: time at each turning point.
-
-    Raises:
-        RecordingError: no force is given, or one cannot be simulated; an impossible rate, ramp or hold.
     """
     _check_forces(eye, forces_n)
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
@@ -275,7 +260,7 @@ def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Sectio
     if not plan.turns:
         return sections_at(plan.forces_n)
     if not isinstance(sections_at, TurnedSections):
-        raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections are those of one contact")
+        raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections have one contact")
     return sections_at.turned(plan.forces_n, plan.turns)
 
 
@@ -296,19 +281,7 @@ def write_phantom(
     *,
     tell_globe: bool = True,
 ) -> None:
-    """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes.
-
-    Args:
-        out: the folder; it appears when it is complete, and must not exist yet (an empty one may).
-        plan: the acquisition.
-        sections_at: the eye's sections for needle forces in N (`study_sections`).
-        study: the plan's, with frame size, classes and needle.
-        progress: called with 1 after each frame.
-        tell_globe: whether `recording.toml` says that the globe is open or sealed; `truth.json` always does.
-
-    Raises:
-        RecordingError: `out` exists, or cannot be written; or as in `plan_sections`.
-    """
+    """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes."""
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(f"{out}: exists already; remove it or choose another folder")
     partial = out.parent / f".{out.name}.partial"

@@ -114,11 +114,7 @@ class MeasuredScanner:
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
-    """Measure a scanner on frames of an eye at rest, at least one.
-
-    Raises:
-        FrameError: a frame shows too little to be measured, or nothing that a study could draw.
-    """
+    """Measure a scanner on frames of an eye at rest, at least one."""
     seen = list(eyes)
     slopes = [spread_slope(eye) for eye in seen]
     kind = display_kind(slopes)

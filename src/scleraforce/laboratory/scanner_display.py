@@ -270,11 +270,7 @@ class Display:
 
 
 def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
-    """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks above the tissue.
-
-    Raises:
-        FrameError: there are too few of them.
-    """
+    """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks above the tissue."""
     rows, columns = BLOCK
     left, right = eye.bands
     high = eye.pixels.shape[0] // rows * rows
@@ -301,11 +297,7 @@ def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
 
 
 def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
-    """Find the scale of a frame's display of a kind.
-
-    Raises:
-        FrameError: the noise is invisible or has no spread, or no light at all has a count of its own.
-    """
+    """Find the scale of a frame's display of a kind."""
     noise = air_counts(eye)
     lit = noise[:, np.isfinite(noise).any(axis=0)]
     groups = [

@@ -78,11 +78,7 @@ def depth_profile(
 
 
 def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
-    """Fit the light in the wall, in a second pass without shaded columns.
-
-    Raises:
-        FrameError: too little of the wall is visible.
-    """
+    """Fit the light in the wall, in a second pass without shaded columns."""
     levels = display.levels(eye.pixels)
     depth_m = eye.below_surface_rows * eye.row_m
     inside = eye.inside

@@ -405,12 +405,6 @@ def judged_columns(
     """Return the columns that show wall, and the columns for which it is certain whether they do, both (column,).
 
     Uncertain: the wall is there, but invisible.
-
-    Args:
-        frame: counts, shape (row, column).
-        surface: row at which light enters the tissue, (column,), NaN without.
-        outer: upper boundary of the wall, NaN without.
-        inner: lower boundary.
     """
     there = np.isfinite(outer)
     seen = there & _bridged(seen_columns(frame, surface, inner))

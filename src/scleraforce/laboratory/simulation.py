@@ -148,9 +148,6 @@ def write_xdmf(eye: SimulatedEye, path: Path) -> None:
     """Write the mesh as a series of two states for ParaView, without the needle and under its force (the times, in N).
 
     The fields are the fields of `write_vtu`, as text: no HDF5 is needed.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     import meshio  # imported here, as above
 

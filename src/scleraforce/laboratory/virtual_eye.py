@@ -178,9 +178,6 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
 
     For an eye that turns (`[phantom]`) it is a `TurnedSections`. `progress` is called with the finished share of the
     load paths.
-
-    Raises:
-        StudyError: linear mechanics does not support such an eye.
     """
     eyes = turned_eyes(eye, study)
     knots = []
@@ -283,9 +280,6 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from linear mechanics.
 
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
-
-    Raises:
-        StudyError: linear mechanics does not support such an eye (`study.unused`).
     """
     refuse_unused(study, "phantom", "linear")
     plane = eye.plane

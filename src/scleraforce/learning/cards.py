@@ -17,14 +17,7 @@ PRINTED: dict[HumanUnit | None, str] = {
 def classifier_card(
     study: Study, record: Mapping[str, Any], samples: tuple[int, int], shares: Sequence[Proportion]
 ) -> str:
-    """Return the card of a classifier.
-
-    Args:
-        study: the study of the data set.
-        record: what `model.json` keeps.
-        samples: numbers of training and validation samples.
-        shares: recall of each class in the validation set.
-    """
+    """Return the card of a classifier."""
     metrics, low, high = record["metrics"], *_bounds_mn(study)
     network, dataset, eye = study.network, study.dataset, study.eye
     mirrored = ";\nhalf of the slices shown with left and right exchanged" if network.mirror else ""

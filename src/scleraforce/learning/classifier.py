@@ -279,9 +279,6 @@ def fit(
 
     The weights are those after the last epoch, where the rate has come down to zero; none are picked by their
     validation figures, so these figures stay an honest estimate. `progress` is called with 1 after each epoch.
-
-    Raises:
-        SolverError: the descent diverged.
     """
     norm = normalisation(training, study.mirror)
     seen, unseen = _batches(training, norm), _batches(validation, norm)
@@ -360,11 +357,7 @@ def weights(inputs: int, hidden: tuple[int, ...], classes: int) -> int:
 
 
 def best(candidates: tuple[Candidate, ...]) -> int:
-    """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights.
-
-    Raises:
-        SolverError: all diverged.
-    """
+    """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights."""
     reached = [(-entry.validation_accuracy, entry.weights, number) for number, entry in enumerate(candidates)
                if entry.validation_accuracy is not None]  # fmt: skip
     if not reached:
@@ -384,17 +377,6 @@ def search_sizes(
 
     The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same whoever
     trains, on the same kind of processor.
-
-    Args:
-        study: training and grid; its own sizes are not used.
-        training: samples to descend on.
-        validation: samples to choose by.
-        classes: number of force classes.
-        progress: called with 1 after each epoch of each size, or with the epochs of a size that workers have trained.
-        workers: processes, or a cluster's, that train a size each; None: one after the other in this process.
-
-    Raises:
-        SolverError: every size diverged, or a worker died.
     """
     sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()

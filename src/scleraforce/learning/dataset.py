@@ -169,13 +169,14 @@ class _GroupDraft:
 
 def _draft_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> _GroupDraft:
     contacts = _contacts(study, group)
+    unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
     return _GroupDraft(
         group,
         first,
         polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
         azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
-        validation=_validation_contacts(study, contacts, rng),
-        spread=_spread(group.images, contacts),
+        validation=rng.permutation(np.arange(contacts) < unseen),
+        spread=group.images // contacts + (np.arange(contacts) < group.images % contacts),
         seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
     )
 
@@ -190,18 +191,6 @@ def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _contacts(study: Study, group: DatasetGroup) -> int:
     return min(study.dataset.contacts, group.images)
-
-
-def _validation_contacts(study: Study, contacts: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Choose the contacts of the validation set; both sets get at least one where there are two."""
-    wanted = round(study.dataset.validation_fraction * contacts)
-    count = min(max(wanted, 1), contacts - 1)
-    return rng.permutation(np.arange(contacts) < count)
-
-
-def _spread(images: int, contacts: int) -> NDArray[np.intp]:
-    """Return the images of each contact: equal, but for one more on the first few if they do not divide."""
-    return images // contacts + (np.arange(contacts) < images % contacts)
 
 
 def unit_images(study: Study) -> int:
@@ -222,11 +211,7 @@ class CalibratedModulus:
 
 
 def read_population_modulus(path: str | PathLike[str]) -> CalibratedModulus:
-    """Read the population's mean from the file that `scleraforce calibrate` writes.
-
-    Raises:
-        CalibrationError: the file is missing, is not JSON, or has no usable `population.mean_mpa`.
-    """
+    """Read the population's mean from the file that `scleraforce calibrate` writes."""
     found = read_calibration(path)
     return CalibratedModulus(found.population_mean_pa, found.mechanics, found.path, found.sha256)
 
@@ -376,12 +361,17 @@ def create_dataset(
     plan: DatasetPlan,
     mechanics: str = "linear",
 ) -> None:
-    """Create the store with all metadata and no slices, or continue the store of an interrupted run of the same study.
-
-    Raises:
-        DatasetError: `path` holds something else, another run, or a complete data set.
-    """
-    described = _describe(study, youngs_modulus_pa, calibration, mechanics)
+    """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
+    packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
+    described = {
+        "study": format_study(study),
+        "study_hash": study_hash(study),
+        "seed": study.dataset.seed,
+        "mechanics": mechanics,
+        "youngs_modulus_pa": youngs_modulus_pa,
+        "calibration": asdict(calibration) if calibration else None,
+        "versions": {name: version(name) for name in packages},
+    }
     STORE.begin(path, described, _arrays(study), plan.columns)
 
 
@@ -392,35 +382,12 @@ def missing_dataset_units(path: Path, plan: DatasetPlan, study: Study) -> list[i
 
 
 def write_dataset_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
-    """Write the slices of one unit of work, shape (samples of the unit, rows, columns).
-
-    Raises:
-        DatasetError: the folder cannot be written to, or the disk is full.
-    """
+    """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
     slices, *_ = _arrays(study)
     STORE.write(path, slices, plan.unit(unit), images)
 
 
 def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
-    """Mark the store as complete, and remove partial files of interrupted runs.
-
-    Raises:
-        DatasetError: units are missing.
-    """
+    """Mark the store as complete, and remove partial files of interrupted runs."""
     missing = len(missing_dataset_units(path, plan, study))
     STORE.finish(path, _arrays(study), missing, f"{plan.units} parts")
-
-
-def _describe(
-    study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None, mechanics: str
-) -> dict[str, Any]:
-    packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
-    return {
-        "study": format_study(study),
-        "study_hash": study_hash(study),
-        "seed": study.dataset.seed,
-        "mechanics": mechanics,
-        "youngs_modulus_pa": youngs_modulus_pa,
-        "calibration": asdict(calibration) if calibration else None,
-        "versions": {name: version(name) for name in packages},
-    }

@@ -35,16 +35,7 @@ def onnx_bytes(
     provenance: Mapping[str, str],
     folded: bool = True,
 ) -> bytes:
-    """Return a network in evaluation mode as a checked ONNX model, the same bytes for the same network and provenance.
-
-    Args:
-        network: in its evaluating mode.
-        inputs: examples by name, of two samples; the model takes any number.
-        outputs: names.
-        provenance: entries of `metadata_props`.
-        folded: store results of weights alone, as convolutions with their normalisations, instead of the weights.
-            Otherwise ONNX Runtime folds them when it loads the model.
-    """
+    """Return a network in evaluation mode as a checked ONNX model; equal networks and provenance give equal bytes."""
     file = BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of tracing: the other exporter needs one more package
@@ -71,17 +62,16 @@ Settings = NetworkStudy | ReaderStudy | WallFinderStudy | RawReaderStudy
 
 CURVE_POINTS = 50
 AHEAD = 4  # chunks of samples for each process that are drawn or wait
+READER_THREADS = 1
 Drawn = TypeVar("Drawn")
+Samples = TypeVar("Samples")
+Network = TypeVar("Network", bound=torch.nn.Module)
 
 
 def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
     """Draw numbered samples in `workers` processes (or a cluster's), a few ahead; yield them in the order of `numbers`.
 
     The processes end when the generator is closed.
-
-    Raises:
-        InputError: an error of `draw`.
-        SolverError: a worker died.
     """
     return work_in_order(partial(_itself, draw), numbers, workers, ahead=AHEAD * workers)
 
@@ -127,6 +117,46 @@ def descend(
             if not np.isfinite(total):
                 raise SolverError(f"training diverged in step {step} of {steps}; lower {section}.learning_rate")
         yield total / samples
+
+
+def trained(
+    build: Callable[[], Network],
+    losses_of: Callable[[Network, int, Samples], Iterable[tuple[torch.Tensor, int]]],
+    drawn: Iterable[Samples],
+    study: ReaderStudy | WallFinderStudy | RawReaderStudy,
+    steps: int,
+    section: str,
+    *,
+    fused: bool | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> tuple[Network, list[float]]:
+    """Train a new network with AdamW on one thread; return it, in evaluation mode, and the mean loss of each draw.
+
+    Losses are taken before the samples are learned from. One thread: others draw, and more would sum in another order.
+
+    Args:
+        build: makes the network.
+        losses_of: gives the mean losses of the batches in the samples of a draw, and their sizes.
+        drawn: the samples, in order.
+        study: rate, warm-up, decay of the weights and seed.
+        steps: number of batches.
+        section: of the study, for the message.
+        fused: whether the optimiser's steps are fused.
+        progress: called with 1 after each draw.
+    """
+    losses: list[float] = []
+    with repeatable(study.seed, READER_THREADS):
+        network = build()
+        optimiser = torch.optim.AdamW(
+            network.parameters(), study.learning_rate, weight_decay=study.weight_decay, fused=fused
+        )
+        network.train()
+        rounds = (losses_of(network, number, samples) for number, samples in enumerate(drawn))
+        for loss in descend(network, optimiser, rounds, study, steps, section):
+            losses.append(loss)
+            if progress:
+                progress(1)
+    return network.eval(), losses
 
 
 def learning_rate(study: Settings, step: int, steps: int) -> float:

@@ -55,18 +55,17 @@ class SampleSimulator:
         self._wall: LinearWall | None = None
 
     def slices(self, plan: DatasetPlan) -> NDArray[np.uint8]:
-        """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall.
-
-        Raises:
-            InputError: a plane of the plan misses the wall, or a needle reaches over the base plane.
-            SolverError: the mechanics failed, or a wall deforms too much to be cut.
-        """
+        """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
         return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(plan.images), walls)])
 
     def _of_one_wall(self, plan: DatasetPlan, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Slices of samples of one thickness."""
-        wall = self._wall_of(float(plan.thickness_m[samples[0]]))
+        thickness_m = float(plan.thickness_m[samples[0]])
+        if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
+            self._wall = None  # frees the last factorisation before the next is made
+            self._wall = LinearWall(study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio)
+        wall = self._wall
         of_contacts = np.split(samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1)
         contacts = [_plane(plan, of_contact[0]).contact for of_contact in of_contacts]
         needles_cnc = wall.needle_cnc(contacts, 0.5 * self._study.needle.outer_diameter_m)
@@ -98,12 +97,6 @@ class SampleSimulator:
         sections = cut_sections(wall.mesh, planes, modes_knc, _weights(np.c_[np.zeros(len(samples)), forces_n]))
         return [(unloaded, loaded) for unloaded, loaded in sections]
 
-    def _wall_of(self, thickness_m: float) -> LinearWall:
-        if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
-            self._wall = None  # frees the last factorisation before the next is made
-            self._wall = LinearWall(study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio)
-        return self._wall
-
 
 def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
     return ScanPlane(
@@ -125,9 +118,6 @@ def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, li
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
     `library` is a `near_library` of the whole plan.
-
-    Raises:
-        InputError: a sample lies outside the library; names the value and the range.
     """
     bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
     parts = [_drawn(study, youngs_modulus_pa, plan, slice(*contact), library) for contact in pairwise(bounds)]
@@ -150,11 +140,7 @@ def _drawn(
 
 
 def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
-    """Return the part of a library that all slices of a plan together may show.
-
-    Raises:
-        DatasetError: the library is one of another eye or needle.
-    """
+    """Return the part of a library that all slices of a plan together may show."""
     eye, needle = study.eye, study.needle
     wanted = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
     found = (library.radius_m, library.poisson_ratio, library.needle_radius_m)

@@ -69,18 +69,7 @@ def measured_intervals(
     source: str,
     progress: Callable[[int], object] | None = None,
 ) -> dict[str, Any]:
-    """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes.
-
-    Args:
-        prepare: called once in each process; returns the function that scores the eye of a number.
-        eyes: their number.
-        workers: processes.
-        source: a description of the eyes.
-        progress: called with 1 after each eye.
-
-    Raises:
-        SolverError: a worker died.
-    """
+    """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
     scores: list[Score] = []
     for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
         scores += of_eye
@@ -178,9 +167,6 @@ def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
 
     The factor of a globe's trait (`GLOBE_TRAITS`) is at least `SMALLEST`, the factor of any other trait at least 1:
     such traits make a reader worse, and contrary evidence of few eyes is chance.
-
-    Raises:
-        SolverError: the regression has no solution.
     """
     found: dict[str, dict[str, dict[str, float]]] = {}
     for (method, modulus), entries in of_each_modulus(scores).items():

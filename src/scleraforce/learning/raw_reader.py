@@ -23,10 +23,9 @@ from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import curve, descend, drawn_ahead, onnx_bytes, repeatable, torch
+from scleraforce.learning.descent import curve, drawn_ahead, onnx_bytes, torch, trained
 from scleraforce.learning.intervals import eye_scores, network_score
 from scleraforce.learning.reader import (
-    READER_THREADS,
     ReaderMetrics,
     ReaderNetwork,
     ReadForces,
@@ -180,16 +179,7 @@ def draw_shafts(
     study: Study,
     window: FrameWindow,
 ) -> list[DrawnShaft]:
-    """Return the needles of frames in a window's cells; frames without a needle in their optics give none.
-
-    Args:
-        optics: of the frames.
-        depth_sbc: the walls' boundaries (frame, boundary, column), m; a needle's tip touches the outer one.
-        contact_m: lateral place of the contact (frame,), m from the middle.
-        rotation_rad: of the sections in their frames (frame,).
-        study: with the scanner's `[oct]`.
-        window: the visible part.
-    """
+    """Return the needles of frames in a window's cells; frames without a needle in their optics give none."""
     cells = replace(
         study.oct,
         width_m=window.columns * window.column_m,
@@ -303,37 +293,23 @@ def fit_raw_reader(
     progress: Callable[[int], object] | None = None,
     learned: Callable[[int], object] | None = None,
 ) -> FittedRawReader:
-    """Train a raw reader; the same study and library give the same weights on the same machine.
-
-    Args:
-        library: of responses.
-        study: with `[raw_reader]`, and the eyes and light of `[reader]` and `[phantom]`.
-        workers: processes that draw samples.
-        progress: called with 1 after each epoch of slices.
-        learned: called with 1 after each batch of raw frames.
-
-    Raises:
-        SolverError: the descent diverged.
-    """
+    """Train a raw reader; the same study and library give the same weights on the same machine."""
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
     slices = Source.of(library, on_slices.reader, study.slice)
     reads_slices = fit_reader(on_slices, slices, workers, progress).network
-    losses: list[float] = []
-    with repeatable(raw.seed, READER_THREADS):
-        network = RawReaderNetwork(study, reads_slices)
-        optimiser = torch.optim.AdamW(network.parameters(), raw.learning_rate, weight_decay=raw.weight_decay)
-        network.train()
-        with closing(_batches(RawSource.of(library, study), raw, workers)) as drawn:
-            rounds = (
-                [(_loss(network, batch, study, wall_alone=step < raw.wall_share * raw.batches), 1)]
-                for step, batch in enumerate(drawn)
-            )
-            for loss in descend(network, optimiser, rounds, raw, raw.batches, "raw_reader"):
-                losses.append(loss)
-                if learned:
-                    learned(1)
-    return FittedRawReader(network.eval(), curve(losses))
+    alone = raw.wall_share * raw.batches
+    with closing(_batches(RawSource.of(library, study), raw, workers)) as drawn:
+        network, losses = trained(
+            lambda: RawReaderNetwork(study, reads_slices),
+            lambda network, step, batch: [(_loss(network, batch, study, wall_alone=step < alone), 1)],
+            drawn,
+            raw,
+            raw.batches,
+            "raw_reader",
+            progress=learned,
+        )
+    return FittedRawReader(network, curve(losses))
 
 
 def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:

@@ -12,12 +12,13 @@ contact's place. The optimiser is AdamW, on samples that are drawn afresh for ev
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.descent import descend, drawn_ahead, onnx_bytes, repeatable, torch
+from scleraforce.learning.descent import READER_THREADS, drawn_ahead, onnx_bytes, repeatable, torch, trained
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import (
@@ -42,7 +43,6 @@ COMPONENTS = 3  # of the mixture that the force is told by
 SHARPNESS = (-6.0, 1.0)  # least and largest logarithm of a component's scale, over the range of the histogram
 FAR = 1e4  # stands for the ends of the line, over the range of the histogram
 TYPICAL_WALL = 0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
-READER_THREADS = 1  # the other cores draw samples; more threads would also sum in another order
 PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
 
 
@@ -219,9 +219,6 @@ def fit_reader(
     """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
 
     `workers` processes draw samples from `source`; `progress` is called with 1 after each epoch.
-
-    Raises:
-        SolverError: the descent diverged.
     """
     reader = study.reader
     chunks = range(reader.epochs * _chunks(reader))
@@ -240,19 +237,17 @@ def descend_reader(
     Losses are taken before the samples are learned from; no sample is seen twice.
     """
     reader, chunks = study.reader, _chunks(study.reader)
-    steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
-    losses: list[float] = []
-    with repeatable(reader.seed, READER_THREADS):
-        network = ReaderNetwork(reader, study.slice, study.eye.radius_m)
-        optimiser = torch.optim.AdamW(
-            network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay, fused=True
-        )
-        network.train()
-        rounds = (_losses(network, samples, reader) for samples in drawn)
-        for loss in descend(network, optimiser, rounds, reader, steps, "reader"):
-            losses.append(loss)
-            if len(losses) % chunks == 0 and progress:
-                progress(1)
+    done = count(1)
+    network, losses = trained(
+        lambda: ReaderNetwork(reader, study.slice, study.eye.radius_m),
+        lambda network, _, samples: _losses(network, samples, reader),
+        drawn,
+        reader,
+        steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
+        section="reader",
+        fused=True,
+        progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
+    )
     return network, tuple(np.reshape(losses, (reader.epochs, chunks)).mean(axis=1).tolist())
 
 

@@ -103,9 +103,6 @@ def draw_samples(
     """Draw samples: eyes, forces, framings, and boundary errors like the segmentation's.
 
     A `library` `within` the slices' reach is enough, and quicker.
-
-    Raises:
-        InputError: the library does not hold such eyes.
     """
     eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
     slices = fill_boundaries(seen, slice_study)
@@ -147,11 +144,7 @@ def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
 
 
 def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator) -> Eyes:
-    """Draw eyes that the library holds, with forces up to its largest for each.
-
-    Raises:
-        InputError: the library holds hardly any such eye.
-    """
+    """Draw eyes that the library holds, with forces up to its largest for each."""
     told_pa, told_sd, modulus_pa = _moduli(reader, count, rng)
     iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
     plain = rng.random(count) < reader.plain_share

@@ -13,44 +13,11 @@ import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import DatasetError, InputError
-from scleraforce.learning.cards import classifier_card, finder_card, raw_reader_card, reader_card
-from scleraforce.learning.classifier import (
-    CLASSIFIER_THREADS,
-    Candidate,
-    Curves,
-    Samples,
-    classes_at_modulus,
-    classifier_bytes,
-    content_hash,
-    fit,
-    search_sizes,
-    with_half_weights,
-)
+from scleraforce.learning import cards, classifier, fingerprint, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
-from scleraforce.learning.descent import onnx, torch
-from scleraforce.learning.fingerprint import (
-    classifier_fingerprint,
-    finder_fingerprint,
-    interval_fingerprint,
-    reader_fingerprint,
-)
+from scleraforce.learning.descent import READER_THREADS, onnx, torch
 from scleraforce.learning.intervals import measured_intervals, measuring
-from scleraforce.learning.raw_reader import (
-    RawSource,
-    fit_raw_reader,
-    measure_raw_reader,
-    measuring_raw,
-    raw_reader_bytes,
-)
-from scleraforce.learning.reader import READER_THREADS, ReaderMetrics, fit_reader, reader_bytes
 from scleraforce.learning.samples import CHUNK, Source
-from scleraforce.learning.wall_finder import (
-    FINDER_THREADS,
-    FinderMetrics,
-    finder_bytes,
-    fit_wall_finder,
-    measure_finder,
-)
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.files import StoredErrors
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, network_session, write_folder
@@ -73,15 +40,15 @@ class Trained:
     validation_accuracy: float
     validation_interval: tuple[float, float]
     network: NetworkStudy
-    curves: Curves
-    candidates: tuple[Candidate, ...] = ()
+    curves: classifier.Curves
+    candidates: tuple[classifier.Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
 class TrainedReader:
     """A training's metrics on its validation samples, its number of epochs and of samples."""
 
-    metrics: ReaderMetrics
+    metrics: reader.ReaderMetrics
     epochs: int
     samples: int
 
@@ -90,7 +57,7 @@ class TrainedReader:
 class TrainedRawReader:
     """A training's metrics on its validation frames, its number of batches and of frames."""
 
-    metrics: ReaderMetrics
+    metrics: reader.ReaderMetrics
     batches: int
     frames: int
 
@@ -99,7 +66,7 @@ class TrainedRawReader:
 class TrainedFinder:
     """A training's metrics on unseen scenes, its number of batches and of scenes."""
 
-    metrics: FinderMetrics
+    metrics: wall_finder.FinderMetrics
     batches: int
     scenes: int
 
@@ -113,41 +80,26 @@ def train_classifier(
     youngs_modulus_pa: float | None = None,
     workers: int | None = None,
 ) -> Trained:
-    """Train the classifier on a data set and write its model folder.
-
-    Args:
-        dataset: an opened data set.
-        out: the folder to make; it must not exist.
-        network: sizes and training; by default those in the data set's study.
-        search: try every size of the grid instead, and keep the best.
-        progress: called with 1 after each epoch (of each size).
-        youngs_modulus_pa: label the slices for walls of this modulus (`classes_at_modulus`); None: as simulated.
-        workers: that try the sizes (`search_sizes`).
-
-    Raises:
-        ModelError: `out` exists or cannot be written.
-        DatasetError: there is nothing to train or to validate on.
-        SolverError: the training diverged.
-    """
+    """Train the classifier on a data set and write its model folder."""
     check_place(out)
     modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
     study = replace(dataset.study, network=network or dataset.study.network)
     study = replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))  # that its labels belong to
     classes = len(study.classes.bounds_n) + 1
     training, validation = split_samples(dataset, modulus_pa)
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[classifier.Candidate, ...] = ()
     if search:
-        found = search_sizes(study.network, training, validation, classes, progress, workers)
+        found = classifier.search_sizes(study.network, training, validation, classes, progress, workers)
         study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
     else:
-        fitted = fit(study.network, training, validation, classes, progress)
-    stored = with_half_weights(fitted.network)
+        fitted = classifier.fit(study.network, training, validation, classes, progress)
+    stored = classifier.with_half_weights(fitted.network)
     provenance = _provenance(
         "classifier",
         study,
         study.network.seed,
-        CLASSIFIER_THREADS,
-        dataset_sha256=content_hash(training, validation),
+        classifier.CLASSIFIER_THREADS,
+        dataset_sha256=classifier.content_hash(training, validation),
         class_bounds_mn=_bounds_mn(study),
         youngs_modulus_mpa=f"{from_si(modulus_pa, 'mpa'):.6g}",
     )
@@ -166,20 +118,16 @@ def train_classifier(
             "validation_confusion": confusion.tolist(),
         },
         "curves": asdict(fitted.curves),
-        "fingerprint": classifier_fingerprint(study),
+        "fingerprint": fingerprint.classifier_fingerprint(study),
         "search": [asdict(entry) for entry in candidates],
     }
-    card = classifier_card(study, record, (len(training), len(validation)), recall(confusion))
-    write_folder(out, classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
+    card = cards.classifier_card(study, record, (len(training), len(validation)), recall(confusion))
+    write_folder(out, classifier.classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
     return Trained(reached.value, reached.interval, study.network, fitted.curves, candidates)
 
 
-def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[Samples, Samples]:
-    """Return the training and the validation samples of a data set, labelled for walls of a modulus.
-
-    Raises:
-        DatasetError: one of them is empty.
-    """
+def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifier.Samples, classifier.Samples]:
+    """Return the training and the validation samples of a data set, labelled for walls of a modulus."""
     parts = dataset.split()
     if not all(len(part) for part in parts):
         raise DatasetError(
@@ -187,8 +135,8 @@ def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[Samples, 
             "some each"
         )
     ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
-    target = classes_at_modulus(dataset.force_n, ratio, dataset.study.classes)
-    training, validation = (Samples(dataset.slices[part], target[part]) for part in parts)
+    target = classifier.classes_at_modulus(dataset.force_n, ratio, dataset.study.classes)
+    training, validation = (classifier.Samples(dataset.slices[part], target[part]) for part in parts)
     return training, validation
 
 
@@ -200,52 +148,38 @@ def train_reader(
     progress: Progress = None,
     measured: Progress = None,
 ) -> TrainedReader:
-    """Train the reader on a library and write its model folder.
-
-    Args:
-        library: of responses, of the study's eye.
-        study: with the `[reader]` to use.
-        out: the folder to make; it must not exist.
-        workers: processes that draw samples; by default one for each other usable core.
-        progress: called with 1 after each epoch.
-        measured: called with 1 after each eye that the intervals are measured on.
-
-    Raises:
-        ModelError: `out` exists or cannot be written.
-        InputError: the library is of other eyes than the study, does not hold the eyes of `[reader]`, or is too large.
-        SolverError: the training diverged.
-    """
+    """Train the reader on a library and write its model folder."""
     check_place(out)
     _check_library(library, study)
-    reader, (content, errors) = study.reader, _stored_library(library)
+    own, (content, errors) = study.reader, _stored_library(library)
     stored = load_library(LIBRARY_FILE, content)
-    fingerprint = reader_fingerprint(study, stored)
-    fitted = fit_reader(study, Source.of(library, reader, study.slice), workers or _other_cores(), progress)
-    provenance = _library_provenance("reader", study, reader.seed, content)
-    graph = reader_bytes(fitted.network, study.slice, provenance)
-    samples = reader.epochs * _whole_chunks(study)
+    marks = fingerprint.reader_fingerprint(study, stored)
+    fitted = reader.fit_reader(study, Source.of(library, own, study.slice), workers or _other_cores(), progress)
+    provenance = _library_provenance("reader", study, own.seed, content)
+    graph = reader.reader_bytes(fitted.network, study.slice, provenance)
+    samples = own.epochs * _whole_chunks(study)
     record: dict[str, Any] = {
         "kind": "reader",
         "default": DEFAULT_METHOD,
         "provenance": provenance,
-        "samples": {"training": samples, "validation": reader.validation_samples},
-        "epochs": reader.epochs,
+        "samples": {"training": samples, "validation": own.validation_samples},
+        "epochs": own.epochs,
         "metrics": _metrics_record(fitted.metrics),
         "curves": {"training_loss": fitted.training_loss},
         "library": asdict(errors),
     }
-    if reader.interval_eyes:
+    if own.interval_eyes:
         record["intervals"] = measured_intervals(
             partial(measuring, study, library, graph),
-            reader.interval_eyes,
+            own.interval_eyes,
             workers or available_cores(),
             "virtual eyes of the library's walls",
             measured,
         )
-        fingerprint |= interval_fingerprint(study, stored, graph)
-    record["fingerprint"] = fingerprint
-    write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
-    return TrainedReader(fitted.metrics, reader.epochs, samples)
+        marks |= fingerprint.interval_fingerprint(study, stored, graph)
+    record["fingerprint"] = marks
+    write_folder(out, graph, format_study(study), cards.reader_card(study, record), record, {LIBRARY_FILE: content})
+    return TrainedReader(fitted.metrics, own.epochs, samples)
 
 
 def train_raw_reader(
@@ -264,10 +198,10 @@ def train_raw_reader(
     check_place(out)
     _check_library(library, study)
     raw = study.raw_reader
-    fitted = fit_raw_reader(library, study, workers or _other_cores(), progress, learned)
-    metrics = measure_raw_reader(fitted.network, RawSource.of(library, study), study)
+    fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned)
+    metrics = raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study)
     provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0])
-    graph = raw_reader_bytes(fitted.network, provenance)
+    graph = raw_reader.raw_reader_bytes(fitted.network, provenance)
     frames = raw.batches * raw.batch_size
     samples = {
         "slices": raw.slice_epochs * _whole_chunks(study), "training": frames, "validation": raw.validation_frames,
@@ -282,13 +216,13 @@ def train_raw_reader(
     }
     if raw.interval_eyes:
         record["intervals"] = measured_intervals(
-            partial(measuring_raw, study, library, graph),
+            partial(raw_reader.measuring_raw, study, library, graph),
             raw.interval_eyes,
             workers or available_cores(),
             "virtual eyes of the library's walls, drawn as raw frames",
             measured,
         )
-    write_folder(out, graph, format_study(study), raw_reader_card(study, record), record)
+    write_folder(out, graph, format_study(study), cards.raw_reader_card(study, record), record)
     return TrainedRawReader(metrics, raw.batches, frames)
 
 
@@ -297,20 +231,16 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
 
     `workers` are processes, or a cluster's, that draw (by default one for each other usable core); `progress` is called
     with 1 after each batch.
-
-    Raises:
-        ModelError: `out` exists or cannot be written.
-        SolverError: the training diverged.
     """
     check_place(out)
     finder = study.wall_finder
-    fitted = fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)
+    fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)
     provenance = _provenance(
-        WALL_FINDER, study, finder.seed, FINDER_THREADS, scenes_seed=str(study.scenes.seed)
+        WALL_FINDER, study, finder.seed, READER_THREADS, scenes_seed=str(study.scenes.seed)
     )  # fmt: skip
-    graph = finder_bytes(fitted.network, provenance)
+    graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
-    metrics = measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
+    metrics = wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
     scenes = finder.batches * finder.batch_size
     record = {
         "kind": WALL_FINDER,
@@ -319,9 +249,9 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
         "batches": finder.batches,
         "metrics": asdict(metrics),
         "curves": {"training_loss": fitted.training_loss},
-        "fingerprint": finder_fingerprint(study),
+        "fingerprint": fingerprint.finder_fingerprint(study),
     }
-    write_folder(out, graph, format_study(study), finder_card(study, record), record)
+    write_folder(out, graph, format_study(study), cards.finder_card(study, record), record)
     return TrainedFinder(metrics, finder.batches, scenes)
 
 
@@ -379,7 +309,7 @@ def _whole_chunks(study: Study) -> int:
     return -(-study.reader.samples_per_epoch // CHUNK) * CHUNK
 
 
-def _metrics_record(metrics: ReaderMetrics) -> dict[str, Any]:
+def _metrics_record(metrics: reader.ReaderMetrics) -> dict[str, Any]:
     """Return `metrics` of `model.json`."""
     return {
         "validation_accuracy": metrics.accuracy,

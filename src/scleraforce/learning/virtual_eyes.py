@@ -86,9 +86,6 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     """Draw an eye within the ranges of `[reader]`; globes are stated open, sealed and not at all by turns.
 
     The direction of its sections is stated for half of the eyes.
-
-    Raises:
-        CalibrationError: the library does not have it.
     """
     reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import curve, descend, drawn_ahead, onnx_bytes, repeatable, torch
+from scleraforce.learning.descent import curve, drawn_ahead, onnx_bytes, torch, trained
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, WallFinderStudy
@@ -29,7 +29,6 @@ Float = NDArray[np.float32]
 INPUTS_OF_PIXEL = 3  # level, its root, and the row
 BOUNDARIES = 2  # upper and lower
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
-FINDER_THREADS = 1  # the other core draws; more threads would also sum in another order
 RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 
@@ -69,19 +68,15 @@ class WallFinderNetwork(torch.nn.Module):
             signal = torch.nn.functional.interpolate(signal, scale_factor=2, mode="nearest")
             signal = block(torch.cat([signal, shortcut], dim=1))
         pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
-        return self._interleaved(self.boundaries(signal)), self.wall(pooled)[:, 0]
+        rows, columns = self.rows // 2, self.columns // 2
+        parts = self.boundaries(signal).reshape(-1, BOUNDARIES, 2, rows, columns).transpose(2, 3)  # interleaved rows
+        return parts.reshape(-1, BOUNDARIES, 2 * rows, columns), self.wall(pooled)[:, 0]
 
     def inputs(self, frames: torch.Tensor) -> torch.Tensor:
         """Return what the first convolution sees, (n, INPUTS_OF_PIXEL, rows, columns)."""
         row = torch.linspace(-1.0, 1.0, self.rows)[:, None].expand_as(frames)
         stacked = torch.stack([frames, frames.clamp(min=0.0).sqrt(), row], dim=1)
         return stacked.contiguous(memory_format=torch.channels_last)  # quicker on a CPU
-
-    def _interleaved(self, channels: torch.Tensor) -> torch.Tensor:
-        """Return (n, boundary, row, column) of (n, boundary * 2, row / 2, column)."""
-        rows, columns = self.rows // 2, self.columns // 2
-        parts = channels.reshape(-1, BOUNDARIES, 2, rows, columns).transpose(2, 3)
-        return parts.reshape(-1, BOUNDARIES, 2 * rows, columns)
 
 
 def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential:
@@ -158,9 +153,6 @@ def fit_wall_finder(
     """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
 
     `workers` processes draw scenes; `progress` is called with 1 after each batch.
-
-    Raises:
-        SolverError: the descent diverged.
     """
     with closing(drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers)) as drawn:
         return descend_finder(study, drawn, progress)
@@ -170,17 +162,16 @@ def descend_finder(
     study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
 ) -> FittedFinder:
     """Train a new network on batches of scenes, in order."""
-    losses: list[float] = []
-    with repeatable(study.seed, FINDER_THREADS):
-        network = WallFinderNetwork(study)
-        optimiser = torch.optim.AdamW(network.parameters(), study.learning_rate, weight_decay=study.weight_decay)
-        network.train()
-        rounds = ([(_loss(network, batch, study), 1)] for batch in drawn)
-        for loss in descend(network, optimiser, rounds, study, study.batches, "wall_finder"):
-            losses.append(loss)
-            if progress:
-                progress(1)
-    return FittedFinder(network.eval(), curve(losses))
+    network, losses = trained(
+        lambda: WallFinderNetwork(study),
+        lambda network, _, batch: [(_loss(network, batch, study), 1)],
+        drawn,
+        study,
+        study.batches,
+        "wall_finder",
+        progress=progress,
+    )
+    return FittedFinder(network, curve(losses))
 
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:

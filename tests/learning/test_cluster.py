@@ -1,0 +1,118 @@
+"""Data sets, networks and recordings made by a Dask cluster: the bytes of this machine, even if a worker dies."""
+
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+from dask_cluster import NEEDS_DASK, Cluster
+from folder_contents import contents
+from small_finder import SMALL_STUDY
+
+from scleraforce.cluster import cluster_workers
+from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
+from scleraforce.laboratory.phantom import write_phantom
+from scleraforce.laboratory.virtual_eye import study_sections
+from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
+from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.wall_finder import fit_wall_finder
+from scleraforce.study import DatasetGroup, MeshStudy, NetworkStudy, OctStudy, Study
+
+pytestmark = [*NEEDS_DASK, pytest.mark.slow]
+
+GROUPS = tuple(DatasetGroup(thickness_m=thickness_m, images=600, max_force_n=20e-3) for thickness_m in (5e-4, 8e-4))
+STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4, level=0))
+STUDY = replace(STUDY, dataset=replace(STUDY.dataset, contacts=12, group=GROUPS))
+
+
+@pytest.fixture(autouse=True)
+def threads_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train here on as many threads as workers do: sums in another order differ in the last bit."""
+    monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", CLASSIFIER_THREADS)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    made = Cluster(tmp_path)
+    yield made
+    made.end()
+
+
+def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    victim, _ = cluster.worker(), cluster.worker()
+    done: list[int] = []
+
+    def interrupt(count: int) -> None:
+        done.append(count)
+        if sum(done) == 200:
+            victim.send_signal(signal.SIGKILL)
+        if sum(done) == 600:
+            raise KeyboardInterrupt
+
+    there, here = tmp_path / "there", tmp_path / "here"
+    with pytest.raises(KeyboardInterrupt):
+        generate_dataset(STUDY, there, workers=cluster_workers(cluster.address), progress=interrupt)
+    assert victim.wait() == -signal.SIGKILL
+    assert generate_dataset(STUDY, there, workers=cluster_workers(cluster.address)).simulated == 600
+    generate_dataset(STUDY, here, workers=2)
+    assert contents(there) == contents(here)
+
+
+def test_slices_that_are_drawn_from_a_library_are_the_same_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
+    cluster.worker()
+    library, there, here = analytic_library(), tmp_path / "there", tmp_path / "here"
+    workers = cluster_workers(cluster.address)
+    generate_dataset(STUDY, there, youngs_modulus_pa=0.3e6, library=library, workers=workers)
+    generate_dataset(STUDY, here, youngs_modulus_pa=0.3e6, library=library)
+    assert contents(there) == contents(here)
+
+
+def test_recordings_are_the_same_on_a_cluster_that_loses_a_worker(cluster: Cluster, tmp_path: Path) -> None:
+    eyes, acquisition = sample_eyes(STUDY, 4, 3, "pig", {}), Acquisition((0.002, 0.01), STUDY, 3)
+    victim, _ = cluster.worker(), cluster.worker()
+
+    def kill(done: int) -> None:
+        if done:
+            victim.send_signal(signal.SIGKILL)
+
+    workers = cluster_workers(cluster.address)
+    assert acquire_all(tmp_path / "there", eyes, acquisition, workers=workers, progress=kill) == 4
+    assert victim.wait() == -signal.SIGKILL
+    for eye in eyes:
+        write_phantom(tmp_path / "here" / eye.id, acquisition.plan(eye), study_sections(eye, STUDY), STUDY)
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> None:
+    cluster.worker()  # of two threads, which share PyTorch's random numbers
+    rng = np.random.default_rng(0)
+    training, validation = (
+        Samples(255 * rng.integers(0, 2, (count, 6, 9), dtype=np.uint8), rng.integers(0, 3, count))
+        for count in (400, 100)
+    )
+    study = NetworkStudy(search_widths=(5, 9, 12), search_depths=(1, 2), epochs=3, batch_size=50, learning_rate=0.05)
+    ticks: list[int] = []
+    workers = cluster_workers(cluster.address)
+    there = search_sizes(study, training, validation, progress=ticks.append, workers=workers)
+    here = search_sizes(study, training, validation)
+    assert ticks == [3] * 6
+    assert (there.candidates, there.study) == (here.candidates, here.study)
+    assert there.fitted.curves == here.fitted.curves
+    for one, other in zip(there.fitted.network.layers, here.fitted.network.layers, strict=True):
+        np.testing.assert_array_equal(one.weight, other.weight)
+        np.testing.assert_array_equal(one.bias, other.bias)
+
+
+def test_a_wall_finder_learns_the_same_from_scenes_that_a_cluster_draws(cluster: Cluster) -> None:
+    cluster.worker()
+    finder = replace(SMALL_STUDY.wall_finder, batches=12)
+    there = fit_wall_finder(SMALL_STUDY.scenes, finder, cluster_workers(cluster.address))
+    here = fit_wall_finder(SMALL_STUDY.scenes, finder, 1)
+    assert there.training_loss == here.training_loss
+    for one, other in zip(there.network.parameters(), here.network.parameters(), strict=True):
+        np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())

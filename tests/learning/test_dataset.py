@@ -1,0 +1,535 @@
+"""Data sets: the plan, the store, slices of linear mechanics and of the library."""
+
+import hashlib
+import multiprocessing
+import os
+import shutil
+from contextlib import closing
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from analytic_library import analytic_library
+from effects import contents
+from numcodecs import Zstd
+from numcodecs.checksum32 import CRC32C
+from scipy import stats
+from small_models import rehash_store
+from small_recordings import calibration_text
+
+from reference_walls import cut_section
+from scleraforce.errors import DatasetError, InputError, SolverError, StudyError
+from scleraforce.learning.dataset import (
+    DTYPES,
+    CalibratedModulus,
+    complete_dataset,
+    create_dataset,
+    draft_plan,
+    missing_dataset_units,
+    open_dataset,
+    plan_dataset,
+    read_population_modulus,
+    write_dataset_unit,
+)
+from scleraforce.learning.generate import _simulating, generate_dataset, library_slices, near_library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.mechanics.contact import Contact, ScanPlane
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.processes import work_units
+from scleraforce.study import (
+    Choice,
+    DatasetGroup,
+    GlobeStudy,
+    MechanicsStudy,
+    MeshStudy,
+    Range,
+    Study,
+    format_study,
+    parse_study,
+)
+
+
+def with_dataset(**changes):
+    study = Study()
+    return replace(study, dataset=replace(study.dataset, **changes))
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return plan_dataset(Study())
+
+
+def test_the_papers_study_gives_its_19200_images(paper):
+    thickness, counts = np.unique(paper.thickness_m, return_counts=True)
+    np.testing.assert_allclose(thickness, [4e-4, 5e-4, 6e-4, 7e-4, 8e-4])
+    assert counts.tolist() == [3200, 4000, 4000, 4000, 4000]
+    assert paper.images == 19200
+
+
+def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_validation(paper):
+    assert not set(paper.contact[paper.validation]) & set(paper.contact[~paper.validation])
+    for thickness in np.unique(paper.thickness_m):
+        of_wall = paper.thickness_m == thickness
+        assert len(np.unique(paper.contact[of_wall])) == 200
+        assert paper.validation[of_wall].mean() == pytest.approx(0.1)
+    starts = np.flatnonzero(np.diff(paper.contact, prepend=-1))
+    assert len(starts) == 1000
+    assert all(paper.unit(unit).start in starts for unit in range(paper.units))
+
+
+def test_forces_are_uniform_up_to_the_largest_of_their_group(paper):
+    for thickness, largest in [(4e-4, 45e-3), (5e-4, 60e-3), (8e-4, 60e-3)]:
+        force = paper.force_n[np.isclose(paper.thickness_m, thickness)]
+        assert stats.kstest(force / largest, "uniform").pvalue > 0.01
+
+
+def test_contacts_lie_in_the_needles_range_all_around_the_eye(paper):
+    _, first = np.unique(paper.contact, return_index=True)
+    polar = (np.rad2deg(paper.polar_rad[first]) - 25.0) / 20.0
+    assert stats.kstest(polar, "uniform").pvalue > 0.01
+    assert stats.kstest(paper.azimuth_rad[first] / (2 * np.pi), "uniform").pvalue > 0.01
+
+
+def test_targets_are_the_classes_of_the_forces(paper):
+    expected = np.where(paper.force_n < 5e-3, 0, np.where(paper.force_n > 30e-3, 2, 1))
+    np.testing.assert_array_equal(paper.target, expected)
+
+
+def test_a_seed_gives_one_plan_and_another_seed_another():
+    group = (DatasetGroup(images=400),)
+    first, again, other = (plan_dataset(with_dataset(seed=seed, group=group)) for seed in (3, 3, 4))
+    for name, values in first.columns.items():
+        np.testing.assert_array_equal(values, again.columns[name])
+    assert np.any(first.force_n != other.force_n)
+    assert np.any(first.azimuth_rad != other.azimuth_rad)
+
+
+def test_open_ranges_are_drawn_for_each_sample_and_independently():
+    plan = plan_dataset(
+        with_dataset(
+            gap_m=Range(min=0.35e-3, max=1e-3),
+            tilt_rad=Range(min=-0.1, max=0.1),
+            direction_rad=Choice((0.0, 1.0)),
+            framing_lateral_m=Range(min=-1e-3, max=1e-3),
+            framing_depth_m=Range(min=-2e-4, max=2e-4),
+        )
+    )
+    assert stats.kstest((plan.gap_m - 0.35e-3) / 0.65e-3, "uniform").pvalue > 0.01
+    assert stats.kstest((plan.framing_lateral_m + 1e-3) / 2e-3, "uniform").pvalue > 0.01
+    assert np.mean(plan.direction_rad == 1.0) == pytest.approx(0.5, abs=0.02)
+    drawn = np.stack(
+        [plan.force_n / plan.force_n.max(), plan.gap_m, plan.tilt_rad, plan.framing_lateral_m, plan.framing_depth_m]
+    )
+    correlation = np.corrcoef(drawn) - np.eye(len(drawn))
+    assert np.abs(correlation).max() < 0.04
+
+
+def test_a_samples_seed_reproduces_its_draws(paper):
+    for sample in (0, 5000, 19199):
+        force = np.random.default_rng(paper.seed[sample]).random()
+        largest = 45e-3 if sample < 3200 else 60e-3
+        assert paper.force_n[sample] == force * largest
+
+
+def test_images_that_do_not_divide_are_spread_evenly():
+    plan = plan_dataset(with_dataset(contacts=7, group=(DatasetGroup(images=45), DatasetGroup(images=3))))
+    counts = np.bincount(plan.contact)
+    assert counts[:7].tolist() == [7, 7, 7, 6, 6, 6, 6]
+    assert counts[7:].tolist() == [1, 1, 1]
+    for group in (plan.contact < 7, plan.contact >= 7):
+        assert 0 < plan.validation[group].sum() < group.sum()
+
+
+@pytest.mark.parametrize(("contacts", "images", "whole"), [(200, 4000, True), (10, 100, True), (2, 10_000, False)])
+def test_units_cover_every_sample_once_and_hold_whole_contacts_where_that_is_possible(contacts, images, whole):
+    plan = plan_dataset(with_dataset(contacts=contacts, group=(DatasetGroup(images=images),)))
+    covered = np.concatenate([np.arange(plan.images)[plan.unit(unit)] for unit in range(plan.units)])
+    np.testing.assert_array_equal(covered, np.arange(plan.images))
+    starts = np.flatnonzero(np.diff(plan.contact, prepend=-1))
+    assert whole == all(plan.unit(unit).start in starts for unit in range(plan.units))
+
+
+def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_splits():
+    study = with_dataset(
+        contacts=7,
+        gap_m=Range(min=0.4e-3, max=0.9e-3),
+        group=(DatasetGroup(images=45), DatasetGroup(images=3), DatasetGroup(images=230, thickness_m=8e-4)),
+    )
+    whole, draft = plan_dataset(study), draft_plan(study)
+    assert draft.images == whole.images == 278
+    for part in (slice(0, 1), slice(40, 60), slice(45, 48), slice(277, 278)):
+        for name, values in draft.samples(part).columns.items():
+            np.testing.assert_array_equal(values, whole.columns[name][part], err_msg=name)
+    units = [draft.unit(number) for number in range(whole.units)]
+    assert len(units) > 1
+    np.testing.assert_array_equal(np.concatenate([unit.seed for unit in units]), whole.seed)
+
+
+MODULUS_PA = 0.3e6
+
+
+def small_study(seed=0):
+    """Two thicknesses, 5 contacts each, every range open, units that split contacts and thicknesses."""
+    study = Study(mesh=MeshStudy(divisions=4, level=1))
+    dataset = replace(
+        study.dataset,
+        seed=seed,
+        contacts=5,
+        gap_m=Range(min=0.35e-3, max=1e-3),
+        tilt_rad=Range(min=-0.1, max=0.1),
+        direction_rad=Range(min=-1.0, max=1.0),
+        framing_lateral_m=Range(min=-5e-4, max=5e-4),
+        framing_depth_m=Range(min=-2e-4, max=2e-4),
+        group=(
+            DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
+            DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
+        ),
+    )
+    return parse_study(format_study(replace(study, dataset=dataset)))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A data set made by one worker."""
+    path = tmp_path_factory.mktemp("made") / "dataset.zarr"
+    done = []
+    result = generate_dataset(small_study(), path, youngs_modulus_pa=MODULUS_PA, workers=1, progress=done.append)
+    assert (result.images, result.simulated, sum(done)) == (465, 465, 465)
+    return path
+
+
+@pytest.fixture
+def copy(made, tmp_path):
+    """A data set that a test may damage."""
+    return Path(shutil.copytree(made, tmp_path / "copy"))
+
+
+@pytest.mark.slow
+def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
+    path = tmp_path / "dataset.zarr"
+
+    def interrupt(done: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate_dataset(small_study(), path, youngs_modulus_pa=MODULUS_PA, workers=2, progress=interrupt)
+    assert not multiprocessing.active_children()
+    kept = len(list((path / "slices" / "c").iterdir()))
+    assert kept == 1
+    with pytest.raises(DatasetError, match="not complete"):
+        open_dataset(path)
+    result = generate_dataset(small_study(), path, youngs_modulus_pa=MODULUS_PA, workers=2)
+    assert result.simulated in (465 - 200, 465 - 65)
+    assert contents(path) == contents(made)
+
+
+@pytest.mark.slow
+def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
+    dataset = open_dataset(made)
+    study, columns = dataset.study, {name: dataset.read(name) for name in plan_dataset(dataset.study).columns}
+    for sample in (0, 130, 252, 253, 464):
+        row = {name: values[sample] for name, values in columns.items()}
+        mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
+        wall = LinearWall(mesh, study.eye.poisson_ratio)
+        contact = Contact(polar_rad=row["polar_rad"], azimuth_rad=row["azimuth_rad"])
+        needle = wall.needle_cnc([contact], 0.35e-3)[0]
+        plane = ScanPlane(contact, gap_m=row["gap_m"], direction_rad=row["direction_rad"], tilt_rad=row["tilt_rad"])
+        loads = {"youngs_modulus_pa": MODULUS_PA, "iop_pa": study.eye.iop_pa, "density_kg_m3": 1100.0}
+        resting, pushed = (
+            cut_section(mesh, plane, wall.displacement(needle, force, **loads)) for force in (0.0, row["force_n"])
+        )
+        window = slice_window(study.slice, resting.outer[:, 1].min(), row["framing_lateral_m"], row["framing_depth_m"])
+        wrong = np.count_nonzero(fill_section(pushed, window) != dataset.slices[sample])
+        assert wrong <= 3  # pixels whose centres the curve passes within the micrometres between two sets of stations
+
+
+def test_metadata_is_complete_and_is_the_plan(made):
+    dataset = open_dataset(made)
+    assert dataset.study == small_study()
+    assert dataset.youngs_modulus_pa == MODULUS_PA
+    assert dataset.attributes["seed"] == 0
+    assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
+    for name, values in plan_dataset(small_study()).columns.items():
+        np.testing.assert_array_equal(dataset.read(name), values)
+    training, validation = dataset.split()
+    np.testing.assert_array_equal(np.sort(np.r_[training, validation]), np.arange(dataset.images))
+    assert dataset.slices.shape == (465, 40, 140)
+    assert set(np.unique(dataset.slices)) == {0, 255}
+
+
+def flipped(place):
+    return lambda content: content[:place] + bytes([content[place] ^ 4]) + content[place:][1:]
+
+
+def replaced(old, new):
+    def change(content):
+        assert old in content
+        return content.replace(old, new, 1)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "message"),
+    [
+        ("slices/c/1/0/0", flipped(0), "slices/c/1/0/0"),
+        ("validation/c/0", flipped(-2), "validation/c/0"),
+        ("slices/c/2/0/0", None, "slices: 1 of 3 chunks are missing"),
+        ("zarr.json", replaced(b'"complete": true', b'"complete": false'), "not complete"),
+        ("zarr.json", replaced(b"max_force_mn = 45.0", b"max_force_mn = 46.0"), "hash"),
+        ("zarr.json", replaced(b"scleraforce-dataset-2", b"scleraforce-dataset-9"), "schema"),
+        ("zarr.json", replaced(b"{", b""), "not a data set"),
+        ("force_n/zarr.json", replaced(b"float64", b"float32"), "float32"),
+        ("force_n/zarr.json", replaced(b"{", b""), "force_n"),
+    ],
+)
+def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, change, message):
+    content = (copy / file).read_bytes()
+    (copy / file).unlink()
+    if change:
+        (copy / file).write_bytes(change(content))
+    with pytest.raises(DatasetError, match=message):
+        read_all(copy)
+
+
+def read_all(path):
+    dataset = open_dataset(path)
+    for name in ("slices", *DTYPES):
+        dataset.read(name)
+
+
+@pytest.mark.parametrize(("one", "other"), [("slices/c/0/0/0", "slices/c/1/0/0"), ("gap_m", "force_n")])
+def test_chunks_and_arrays_in_each_others_place_are_found(copy, one, other):
+    between = (copy / one).rename(copy / "between")
+    (copy / other).rename(copy / one)
+    between.rename(copy / other)
+    with pytest.raises(DatasetError, match=f"{one}.*: damaged"):
+        read_all(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force_n", np.nan, "not finite"),
+        ("force_n", -1e-3, "-1 to .* mN; its study asks for 0 to 60 mN"),
+        ("thickness_m", np.inf, "not finite"),
+        ("target", 3, "a class above 2"),
+        ("slices", 128, "a pixel other than 0"),
+    ],
+)
+def test_impossible_values_are_refused_even_where_the_hashes_agree(copy, name, value, message):
+    zarr.open_array(copy / name, mode="r+")[7] = value
+    rehash_store(copy)
+    with pytest.raises(DatasetError, match=f"{name}: .*{message}"):
+        open_dataset(copy).read(name)
+
+
+def test_a_pipe_or_a_device_within_a_data_set_is_refused(copy, tmp_path):
+    for file in ("zarr.json", "slices/c/1/0/0"):
+        content = (copy / file).read_bytes()
+        (copy / file).unlink()
+        os.mkfifo(copy / file)
+        with pytest.raises(DatasetError, match=f"{file}: a named pipe"):
+            read_all(copy)
+        (copy / file).unlink()
+        (copy / file).symlink_to("/dev/zero")
+        with pytest.raises(DatasetError, match=f"{file}: a device"):
+            read_all(copy)
+        (copy / file).unlink()
+        (copy / file).write_bytes(content)
+    partial_store(tmp_path / "d")
+    os.mkfifo(tmp_path / "d" / "slices" / "c")
+    with pytest.raises(DatasetError, match="slices/c: neither a regular file nor a folder"):
+        partial_store(tmp_path / "d")
+
+
+def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
+    bomb = CRC32C(location="end").encode(Zstd().encode(np.zeros(2**28, np.uint8)))
+    (copy / "slices/c/1/0/0").write_bytes(bomb)
+    rehash_store(copy)
+    with pytest.raises(DatasetError, match=r"slices/c/1/0/0: damaged .*would decode to 268435456"):
+        _ = open_dataset(copy).slices
+
+
+def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path):
+    with pytest.raises(DatasetError, match="no such data set"):
+        open_dataset(tmp_path / "nothing")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "todo.txt").write_text("x")
+    with pytest.raises(DatasetError, match="something else"):
+        generate_dataset(small_study(), tmp_path / "notes")
+    before = contents(made)
+    with pytest.raises(DatasetError, match="complete data set"):
+        generate_dataset(small_study(), made, youngs_modulus_pa=MODULUS_PA)
+    assert contents(made) == before
+
+
+def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=None):
+    study = study or small_study()
+    plan = plan_dataset(study)
+    create_dataset(path, study, youngs_modulus_pa, calibration, plan)
+    return plan
+
+
+def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
+    calibration = CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32)
+    partial_store(tmp_path / "d", calibration=calibration)
+    assert zarr.open_group(tmp_path / "d", mode="r").attrs["calibration"] == asdict(calibration)
+    for name, other in {"study": small_study(seed=1), "youngs_modulus_pa": 0.31e6, "calibration": None}.items():
+        with pytest.raises(DatasetError, match="study_hash" if name == "study" else name):
+            partial_store(tmp_path / "d", **{"calibration": calibration, name: other})
+
+
+def test_what_a_kill_leaves_is_taken_up(tmp_path):
+    path = tmp_path / "d"
+    plan = partial_store(path)
+    for unit in range(plan.units):
+        write_dataset_unit(
+            path, plan, small_study(), unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8)
+        )
+    chunk = path / "slices" / "c" / "1" / "0" / "0"
+    chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
+    chunk.with_suffix(".1234.partial").write_bytes(b"half")
+    shutil.rmtree(path / "force_n")  # killed while the metadata was written
+    assert partial_store(path).units == plan.units
+    assert missing_dataset_units(path, plan, small_study()) == [1]
+    with pytest.raises(DatasetError, match="1 of 3 parts"):
+        complete_dataset(path, plan, small_study())
+    write_dataset_unit(path, plan, small_study(), 1, np.zeros((200, 40, 140), np.uint8))
+    complete_dataset(path, plan, small_study())
+    assert not list(path.rglob("*.partial"))
+    assert open_dataset(path).images == 465
+
+
+@pytest.mark.slow
+def test_a_fault_in_a_worker_reaches_the_caller():
+    study = small_study()
+    steep = replace(
+        study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(min=1.39, max=1.396))
+    )
+    with (
+        closing(work_units(partial(_simulating, steep, MODULUS_PA), [0], 1)) as results,
+        pytest.raises(Exception, match="over the base"),
+    ):
+        next(results)
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_is_an_error_and_not_a_hang():
+    with closing(work_units(partial(_simulating, small_study(), MODULUS_PA), [0, 1], 1)) as results:
+        next(results)
+        multiprocessing.active_children()[0].kill()
+        with pytest.raises(SolverError, match="worker ended"):
+            next(results)
+
+
+def test_a_relative_path_may_be_named_like_an_array(copy, monkeypatch):
+    copy.rename(copy.with_name("slices"))
+    monkeypatch.chdir(copy.parent)
+    assert open_dataset(Path("slices")).slices.shape == (465, 40, 140)
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library()
+
+
+@pytest.fixture(scope="module")
+def study():
+    base = Study()
+    dataset = replace(
+        base.dataset,
+        contacts=5,
+        gap_m=Range(min=0.35e-3, max=1e-3),
+        tilt_rad=Range(min=-0.1, max=0.1),
+        framing_lateral_m=Range(min=-1e-3, max=1e-3),
+        framing_depth_m=Range(min=-2e-4, max=2e-4),
+        group=(
+            DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
+            DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
+        ),
+    )
+    return parse_study(format_study(replace(base, dataset=dataset)))
+
+
+def one_by_one(study, library, plan, sample):
+    """Cut and fill one sample as a section is cut and filled anywhere else."""
+    thickness, ratio = plan.thickness_m[sample : sample + 1], np.array([study.eye.iop_pa / MODULUS_PA])
+    plane = float(plan.gap_m[sample]), float(plan.tilt_rad[sample])
+    beside = library.for_contact(float(plan.polar_rad[sample]))
+    force_ratio = plan.force_n[sample : sample + 1] / MODULUS_PA
+    resting, loaded = (
+        cut_surfaces(beside.curves(thickness, ratio, force).curves_sbnc[0], *plane)
+        for force in (np.zeros(1), force_ratio)
+    )
+    framing = float(plan.framing_lateral_m[sample]), float(plan.framing_depth_m[sample])
+    return fill_section(loaded, slice_window(study.slice, float(resting.outer[:, 1].min()), *framing))
+
+
+@pytest.mark.slow
+def test_slices_equal_cutting_and_filling_one_by_one(study, library):
+    plan = plan_dataset(study)
+    near = near_library(study, plan, library)
+    images = library_slices(study, MODULUS_PA, draft_plan(study).unit(1), near)
+    numbers = np.arange(plan.images)[plan.unit(1)]
+    differing = [
+        int((image != one_by_one(study, library, plan, sample)).sum())
+        for sample, image in zip(numbers[:25], images, strict=False)
+    ]
+    assert max(differing) <= 2  # pixels of 5,600: centres on a boundary, to 2 um
+    assert np.mean(differing) < 0.4
+
+
+@pytest.mark.slow
+def test_the_store_says_finite_strain_and_is_taken_up(study, library, tmp_path):
+    def interrupt(done: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    whole, taken_up = tmp_path / "whole", tmp_path / "taken_up"
+    result = generate_dataset(study, whole, youngs_modulus_pa=MODULUS_PA, library=library)
+    assert (result.images, result.simulated) == (450, 450)
+    with pytest.raises(KeyboardInterrupt):
+        generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA, library=library, progress=interrupt)
+    with pytest.raises(DatasetError, match="begun with another mechanics"):
+        generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA)
+    assert generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA, library=library).simulated < 450
+    files = [path.relative_to(whole) for path in whole.rglob("*") if path.is_file()]
+    assert all((whole / file).read_bytes() == (taken_up / file).read_bytes() for file in files)
+    assert zarr.open_group(whole, mode="r").attrs["mechanics"] == "finite-strain"
+    dataset = open_dataset(whole)
+    assert dataset.slices.any(axis=(1, 2)).all()
+    assert set(np.unique(dataset.slices)) == {0, 255}
+
+
+def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library, tmp_path):
+    plan = plan_dataset(study)
+    other = replace(library, radius_m=11e-3)
+    with pytest.raises(DatasetError, match="library: of radius, nu, needle radius"):
+        near_library(study, plan, other)
+    dead = MechanicsStudy(follower=False)
+    others = {"globe.kind": {"globe": GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}
+    for key, changes in others.items():
+        with pytest.raises(StudyError, match=rf"{key}: not used by `generate` with finite-strain mechanics"):
+            generate_dataset(replace(study, **changes), tmp_path / "slices", library=library)
+    assert not (tmp_path / "slices").exists()
+
+
+def test_a_force_beyond_the_library_is_named(study, library):
+    with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
+        library_slices(study, 0.05e6, draft_plan(study).unit(0), library)
+
+
+def test_the_populations_modulus_is_read_with_its_provenance(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, mechanics="linear"))
+    found = read_population_modulus(file)
+    assert found.youngs_modulus_pa == pytest.approx(0.27e6)
+    assert (found.mechanics, found.path) == ("linear", str(file))
+    assert found.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
