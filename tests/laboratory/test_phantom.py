@@ -14,7 +14,7 @@ from effects import contents
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes
-from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, render_frame, write_phantom
+from scleraforce.laboratory.phantom import phantom_truth, plan_moving_phantom, plan_phantom, render_frame, write_phantom
 from scleraforce.laboratory.pushes import (
     ForcePath,
     format_log,
@@ -103,20 +103,19 @@ def test_truth_has_every_parameter(written):
         assert said["seed"] == list(frame.seed)
 
 
-def test_a_recording_may_keep_its_globe_to_itself_and_the_truth_has_it(written, tmp_path):
+def test_a_recording_may_omit_the_globe_that_the_truth_has(written, tmp_path):
     plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
     write_phantom(tmp_path / "untold", plan, dented_sections, STUDY, tell_globe=False)
-    told, untold = contents(written), contents(tmp_path / "untold")
-    assert {name for name in told if told[name] != untold[name]} == {"recording.toml"}
+    given, omitted = contents(written), contents(tmp_path / "untold")
+    assert {name for name in given if given[name] != omitted[name]} == {"recording.toml"}
     assert read_recording(tmp_path / "untold").info.eye.globe is None
     assert json.loads((tmp_path / "untold" / "truth.json").read_text())["globe"]["kind"] == "open"
 
 
-def test_the_truth_has_a_cornea_if_the_eye_has_one(written, tmp_path):
+def test_the_truth_has_a_cornea_if_the_eye_has_one(written):
     assert "cornea" not in json.loads((written / "truth.json").read_text())["form"]
     study = replace(STUDY, form=FormStudy(cornea=CorneaStudy(radius_m=8e-3)))
-    write_phantom(tmp_path / "cornea", plan_phantom(EYE, FORCES_N, study, 3), dented_sections, study)
-    truth = json.loads((tmp_path / "cornea" / "truth.json").read_text())
+    truth = phantom_truth(plan_phantom(EYE, FORCES_N, study, 3), study, [0.0] * 3)
     assert truth["form"]["cornea"] == asdict(CorneaStudy(radius_m=8e-3))
 
 
@@ -129,15 +128,8 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, 
 
 def test_scanner_stays_the_same_within_a_recording_and_the_eye_moves():
     frames = plan_phantom(EYE, [0.01] * 30, STUDY, 0).frames
-    of_recording = (
-        "attenuation_per_m",
-        "lines",
-        "band_m",
-        "axial_resolution_m",
-        "choroid_level_db",
-        "display_range_db",
-    )
-    assert all(len({getattr(frame.optics, name) for frame in frames}) == 1 for name in of_recording)
+    for name in ("attenuation_per_m", "lines", "band_m", "axial_resolution_m", "choroid_level_db", "display_range_db"):
+        assert len({getattr(frame.optics, name) for frame in frames}) == 1
     assert len({frame.optics.snr_db for frame in frames}) == 30
     for shifts in ([frame.pose.lateral_m for frame in frames], [frame.pose.depth_m for frame in frames]):
         assert 0.25e-3 < np.ptp(shifts) <= 0.4e-3
@@ -145,12 +137,13 @@ def test_scanner_stays_the_same_within_a_recording_and_the_eye_moves():
 
 def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
     study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=fixed(140e-6)))
-    layers = [frame.optics.conjunctiva for frame in plan_phantom(EYE, FORCES_N, study, 3).frames]
+    with_layer, bare = (
+        [frame.optics for frame in plan_phantom(EYE, FORCES_N, each, 3).frames] for each in (study, STUDY)
+    )
+    layers = [optics.conjunctiva for optics in with_layer]
     assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
-    assert {replace(layer, phase_rad=0.0) for layer in layers} == {replace(layers[0], phase_rad=0.0)}
-    others = [frame.optics for frame in plan_phantom(EYE, FORCES_N, STUDY, 3).frames]
-    bare = [replace(frame.optics, conjunctiva=None) for frame in plan_phantom(EYE, FORCES_N, study, 3).frames]
-    assert bare == others
+    assert len({replace(layer, phase_rad=0.0) for layer in layers}) == 1
+    assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
 
 
 def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_path):
@@ -264,15 +257,12 @@ MOVING_STUDY = Study(
     mesh=MeshStudy(divisions=4),
     phantom=PhantomStudy(approach_s=fixed(2.5), shadow_count=fixed(2)),
 )
-MOVING_EYE = PhantomEye(
-    id="eye-x", thickness_m=600e-6, youngs_modulus_pa=0.25e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6
-)
 TURNING_POINTS_N = (0.02, 0.005, 0.035)
 
 
 def plan(study=MOVING_STUDY, seed=3, **changes):
     motion = {"rate_hz": 50.0, "ramp_n_per_s": 0.02, "hold_s": 0.5} | changes
-    return plan_moving_phantom(MOVING_EYE, TURNING_POINTS_N, study, seed, **motion)
+    return plan_moving_phantom(EYE, TURNING_POINTS_N, study, seed, **motion)
 
 
 def flat_sections(forces_n):
@@ -287,17 +277,8 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     forces_n = np.array(moving.forces_n)
     times_s = np.array([frame.time_s for frame in moving.frames])
     # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5 s up to 35 mN; 0.5 s there.
-    expected_mn = [
-        (2.4, 0.0),
-        (3.0, 10.0),
-        (3.6, 20.0),
-        (3.96, 20.0),
-        (4.4, 12.0),
-        (5.0, 5.0),
-        (6.0, 20.0),
-        (7.2, 35.0),
-    ]
-    for time_s, force_mn in expected_mn:
+    expected_mn = {2.4: 0.0, 3.0: 10.0, 3.6: 20.0, 3.96: 20.0, 4.4: 12.0, 5.0: 5.0, 6.0: 20.0, 7.2: 35.0}
+    for time_s, force_mn in expected_mn.items():
         assert forces_n[np.argmin(np.abs(times_s - time_s))] == pytest.approx(force_mn / 1e3, abs=1e-9)
     assert np.abs(np.diff(forces_n)).max() == pytest.approx(0.02 / 50)
     assert motion_end_s(moving.motion) == pytest.approx(7.25)
@@ -347,7 +328,7 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
 
 
 def test_sections_of_many_forces_equal_each_alone() -> None:
-    sections_at = linear_sections(MOVING_EYE, MOVING_STUDY)
+    sections_at = linear_sections(EYE, MOVING_STUDY)
     forces_n = np.linspace(0.0, 0.03, 300)
     many = sections_at(forces_n)
     assert len(many) == 300
@@ -359,7 +340,7 @@ def test_sections_of_many_forces_equal_each_alone() -> None:
 @pytest.mark.slow
 def test_a_finite_strain_eye_moves_too() -> None:
     study = Study(mesh=MeshStudy(kind="graded", core=4, rings=6), mechanics=MechanicsStudy("finite-strain"))
-    sections = study_sections(MOVING_EYE, study)(plan(study, rate_hz=20.0, hold_s=0.0).forces_n)
+    sections = study_sections(EYE, study)(plan(study, rate_hz=20.0, hold_s=0.0).forces_n)
     top_m = [np.interp(0.0, section.outer[:, 0], section.outer[:, 1]) for section in sections]
     assert max(np.abs(np.diff(top_m))) < 0.2e-3 < 1e-3 < max(top_m) - min(top_m)
 
@@ -387,13 +368,10 @@ def acquisition(seed=0, **changes):
     return pushes, sensor, sense(pushes, sensor, 2, -1, pushes[-1].end_s + 1.0, rng)
 
 
-def test_the_true_force_at_each_frame_is_the_given_one():
+def test_the_force_is_the_given_one_at_frames_relaxes_while_the_needle_holds_and_is_zero_between_pushes():
     pushes, _, _ = acquisition()
-    assert true_force(pushes, np.array([push.frame_s for push in pushes])) == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
-
-
-def test_force_relaxes_while_the_needle_holds_and_is_zero_between_pushes():
-    pushes, _, _ = acquisition()
+    at_frames = true_force(pushes, np.array([push.frame_s for push in pushes]))
+    assert at_frames == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
     push = pushes[3]
     hold_s = push.start_s + push.ramp_s + np.linspace(0.0, push.hold_s, 200)
     held = true_force(pushes, hold_s)
@@ -404,26 +382,19 @@ def test_force_relaxes_while_the_needle_holds_and_is_zero_between_pushes():
     assert (true_force(pushes, np.r_[0.0, between_s]) == 0.0).all()
 
 
-def test_log_runs_at_its_rate_and_in_sensor_steps():
+def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its_rate_in_steps():
     _, _, log = acquisition()
     assert np.diff(log[:, 0]) == pytest.approx(1 / 200.0)
     steps = log[:, 1:4] / 5e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
     assert np.diff(acquisition(sample_rate_hz=500.0)[2][:, 0]) == pytest.approx(1 / 500.0)
-
-
-def test_log_is_the_contact_force_with_sign_offset_drift_and_noise():
     pushes, sensor, log = acquisition(force_step_n=0.0)
-    rest = log[:, 3] + true_force(pushes, log[:, 0]) - sensor.offset_n[2] - sensor.drift_n_per_s * log[:, 0]
+    force_n = true_force(pushes, log[:, 0])
+    rest = log[:, 3] + force_n - sensor.offset_n[2] - sensor.drift_n_per_s * log[:, 0]
     assert rest.std() == pytest.approx(sensor.noise_n, rel=0.03)
     assert abs(rest.mean()) < 4 * sensor.noise_n / np.sqrt(len(rest))
     assert np.corrcoef(rest[1:], rest[:-1])[0, 1] == pytest.approx(0.0, abs=0.05)
     assert log[:, 4:].std() == pytest.approx(sensor.torque_noise_nm, rel=0.05)
-
-
-def test_lateral_axes_see_their_share_of_the_force():
-    pushes, sensor, log = acquisition(force_step_n=0.0)
-    force_n = true_force(pushes, log[:, 0])
     for column, share in ((1, sensor.cross_talk_fraction[0]), (2, sensor.cross_talk_fraction[1])):
         slope, offset = np.polyfit(force_n, log[:, column], 1)
         assert slope == pytest.approx(share, abs=0.01)
@@ -518,15 +489,8 @@ def test_another_folder_is_not_overwritten(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_command_makes_many_eyes_and_takes_them_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "study.toml").write_text(format_study(MANY_STUDY))
-    command = [
-        "phantom",
-        "--study",
-        str(tmp_path / "study.toml"),
-        "--out",
-        str(tmp_path / "eyes"),
-        "--forces-mn",
-        "2,10",
-    ]
+    out = str(tmp_path / "eyes")
+    command = ["phantom", "--study", str(tmp_path / "study.toml"), "--out", out, "--forces-mn", "2,10"]
     given = ("--polar-angle-deg", "35", "--azimuth-deg", "0")
     assert run([*command, "--count", "2", "--eye", "pig", *given, "--workers", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -1,7 +1,6 @@
 """Virtual eyes: sections at finite strain, and of a globe that turns."""
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
 from math import pi, radians
 from pathlib import Path
@@ -69,10 +68,6 @@ EYE = PhantomEye(
 FORCES_N = (0.012, 0.0, 0.004)
 
 
-def sections_in_a_process(eye: PhantomEye, study: Study, forces_n: tuple[float, ...]) -> list[Section]:
-    return list(BentSections(eye, study)(forces_n))
-
-
 def test_each_section_is_that_of_its_state_alone() -> None:
     together = study_sections(EYE, STUDY)(FORCES_N)
     bent = bend_eye(
@@ -106,13 +101,6 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     )
     moved, linear_moved = bent.outer - rest.outer, linear.outer - linear_rest.outer
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
-
-
-def test_eye_and_study_go_to_another_process_and_sections_come_back() -> None:
-    with ProcessPoolExecutor(1) as pool:
-        there = pool.submit(sections_in_a_process, EYE, STUDY, (0.004,)).result()
-    here = BentSections(EYE, STUDY)((0.004,))
-    np.testing.assert_array_equal(there[0].outer, here[0].outer)
 
 
 def test_linear_mechanics_refuses_an_eye_that_it_does_not_support() -> None:
@@ -392,23 +380,18 @@ def test_the_plane_stays_in_space_while_the_globe_turns() -> None:
     assert (still.direction_rad, still.tilt_rad, still.gap_m) == pytest.approx((-1.1, 0.05, 0.5e-3))
 
 
-def test_a_drift_grows_evenly_to_one_side_and_ends_where_it_was_drawn() -> None:
-    times_s = np.array([2.0, 8.0, 20.0])
-    drift = PhantomStudy(eye_drift_rad=fixed(0.04))
+def turns_of(phantom: PhantomStudy, times_s: np.ndarray, seed: int) -> np.ndarray:
+    turns = draw_turns(phantom, times_s, np.random.default_rng(seed))
+    return np.array([(turn.about_x_rad, turn.about_y_rad) for turn in turns])
+
+
+def test_a_drift_grows_evenly_to_one_side_and_saccades_leave_it_every_second() -> None:
     for seed in range(5):
-        turns = np.array(
-            [(turn.about_x_rad, turn.about_y_rad) for turn in draw_turns(drift, times_s, np.random.default_rng(seed))]
-        )
+        turns = turns_of(PhantomStudy(eye_drift_rad=fixed(0.04)), np.array([2.0, 8.0, 20.0]), seed)
         assert np.linalg.norm(turns[-1]) == pytest.approx(0.04)
         assert turns == pytest.approx(np.outer([0.1, 0.4, 1.0], turns[-1]))
-
-
-def test_saccades_go_off_the_drift_by_as_much_as_is_drawn_and_stay_for_a_second() -> None:
-    times_s = np.arange(0.05, 60.0, 0.1)
     saccades = PhantomStudy(eye_saccade_rad=Range(min=0.005, max=0.015))
-    turns = np.array(
-        [(turn.about_x_rad, turn.about_y_rad) for turn in draw_turns(saccades, times_s, np.random.default_rng(1))]
-    )
+    turns = turns_of(saccades, np.arange(0.05, 60.0, 0.1), 1)
     sizes = np.linalg.norm(turns, axis=1)
     assert 0.005 <= sizes.min() < 0.006 < 0.014 < sizes.max() <= 0.015
     jumps = np.flatnonzero(np.linalg.norm(np.diff(turns, axis=0), axis=1) > 1e-9)
@@ -420,6 +403,6 @@ def test_saccades_go_off_the_drift_by_as_much_as_is_drawn_and_stay_for_a_second(
 def test_no_turn_goes_farther_than_drift_and_saccade_together() -> None:
     assert farthest_turn_rad(PhantomStudy()) == 0.0
     assert farthest_turn_rad(TURN_MOVING) == pytest.approx(radians(4.0))
-    for seed in range(50):
-        for turn in draw_turns(TURN_MOVING, np.linspace(1.0, 240.0, 20), np.random.default_rng(seed)):
-            assert np.hypot(turn.about_x_rad, turn.about_y_rad) <= radians(4.0)
+    for seed in range(20):
+        turns = turns_of(TURN_MOVING, np.linspace(1.0, 240.0, 20), seed)
+        assert np.linalg.norm(turns, axis=1).max() <= radians(4.0)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_library import analytic_library
-from dask_cluster import NEEDS_DASK, Cluster
-from folder_contents import contents
-from small_finder import SMALL_STUDY
+from effects import contents
+from small_models import SMALL_STUDY
+from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes

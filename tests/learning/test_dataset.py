@@ -309,7 +309,7 @@ def test_chunks_and_arrays_in_each_others_place_are_found(copy, one, other):
     between = (copy / one).rename(copy / "between")
     (copy / other).rename(copy / one)
     between.rename(copy / other)
-    with pytest.raises(DatasetError, match=f"{one}.*: damaged"):
+    with pytest.raises(DatasetError, match=f"({one}|{other}).*: damaged"):
         read_all(copy)
 
 

@@ -17,18 +17,21 @@ from scleraforce.calibration.known_forces import _certain, read_again
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
-from scleraforce.learning import intervals, virtual_eyes
-from scleraforce.learning.intervals import _scores, calibrated_otherwise, eye_scores, trait_factors
+from scleraforce.learning import virtual_eyes
 from scleraforce.learning.virtual_eyes import (
     CALIBRATED,
     FRAMES,
     VirtualEye,
     VirtualFrame,
+    _scores,
     calibrated,
+    calibrated_otherwise,
     draw_eye,
     draw_frames,
+    eye_scores,
     label_forces,
     of_population,
+    trait_factors,
 )
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
 from scleraforce.library import INNER, OUTER, Library
@@ -88,18 +91,17 @@ def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> None:
-    nothing, limbus_m = np.zeros(1), np.array([side * 3e-3])
-    at_limbus = {"limbus_m": limbus_m, "limbus_rad": np.array([0.2]), "soft_m": np.array([0.2e-3])}
+    nothing, across_m = np.zeros(1), np.linspace(-6e-3, 6e-3, 2401)
+    at_limbus = {"limbus_m": np.array([side * 3e-3]), "limbus_rad": np.array([0.2]), "soft_m": np.array([0.2e-3])}
     forms = Forms(curvature=nothing, skew=nothing, wedge=nothing, bow=nothing, **at_limbus)
-    across_m = np.linspace(-6e-3, 6e-3, 2401)
     depths = added_depths(forms, RADIUS_M, across_m[None])[0]
     np.testing.assert_array_equal(depths[INNER], depths[OUTER])
-    slope = np.gradient(depths[OUTER], side * across_m)
-    curvature = np.gradient(slope, side * across_m)
-    far = side * across_m > 4.5e-3
-    np.testing.assert_allclose(curvature[far][5:-5], 1 / CORNEA_RADIUS_M - 1 / 12e-3, rtol=0.05)
-    assert slope[np.argmin(np.abs(side * across_m - 3.6e-3))] == pytest.approx(0.6e-3 * 44.9 - np.tan(0.2), abs=0.01)
-    assert np.abs(depths[OUTER][side * across_m < 1e-3]).max() < 2e-6
+    outward_m = side * across_m
+    slope = np.gradient(depths[OUTER], outward_m)
+    curvature = np.gradient(slope, outward_m)[outward_m > 4.5e-3][5:-5]
+    np.testing.assert_allclose(curvature, 1 / CORNEA_RADIUS_M - 1 / 12e-3, rtol=0.05)
+    assert slope[np.argmin(np.abs(outward_m - 3.6e-3))] == pytest.approx(0.6e-3 * 44.9 - np.tan(0.2), abs=0.01)
+    assert np.abs(depths[OUTER][outward_m < 1e-3]).max() < 2e-6
 
 
 @pytest.mark.slow
@@ -309,7 +311,7 @@ def _drawn_as_then(monkeypatch: pytest.MonkeyPatch) -> None:
 
     They had 12 frames.
     """
-    monkeypatch.setattr("scleraforce.learning.intervals.FRAMES", 12)
+    monkeypatch.setattr("scleraforce.learning.virtual_eyes.FRAMES", 12)
     eyes = "scleraforce.learning.virtual_eyes"
     sizes = BoundaryErrors(
         outer_sd_m=2.6e-6, outer_lengths_m=(0.08e-3, 1.0e-3), thickness_sd_m=3e-6,
@@ -432,13 +434,13 @@ def test_every_second_eye_of_a_kind_is_calibrated_otherwise_as_well(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     traits = {BY_FRAMES: ("own E", "taut"), OTHERS: ("other E", "taut"), OTHERWISE: ("own E", "taut", "sparse")}
-    monkeypatch.setattr(intervals, "draw_eye", lambda *_: eye)
-    monkeypatch.setattr(intervals, "draw_frames", lambda *_: ())
-    monkeypatch.setattr(intervals, "calibrated", lambda *_: (BY_FRAMES, ()))
-    monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
-    monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
-    monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
-    scores_of = intervals.measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
+    monkeypatch.setattr(virtual_eyes, "draw_eye", lambda *_: eye)
+    monkeypatch.setattr(virtual_eyes, "draw_frames", lambda *_: ())
+    monkeypatch.setattr(virtual_eyes, "calibrated", lambda *_: (BY_FRAMES, ()))
+    monkeypatch.setattr(virtual_eyes, "of_population", lambda *_: OTHERS)
+    monkeypatch.setattr(virtual_eyes, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
+    monkeypatch.setattr(virtual_eyes, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
+    scores_of = virtual_eyes.measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
     found = {number: [(score.traits, score.eye) for score in scores_of(number)] for number in range(12)}
     for number, of_eye in found.items():
         of_all = [(found_in, str(number)) for found_in in traits.values()]
@@ -536,13 +538,10 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
     np.testing.assert_allclose(np.mean(of_new, axis=0), 0.90, atol=0.02)
 
 
-def test_no_trait_beside_the_kind_makes_intervals_narrower() -> None:
+def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
     scores = [Score("network", ("other E", "open"), str(eye), 1.0) for eye in range(50)]
     scores += [Score("network", ("other E", "open", "sparse"), str(eye), 0.1) for eye in range(50)]
     assert trait_factors(scores)["network"]["other E"]["sparse"] == 1.0
-
-
-def test_an_eye_of_many_frames_weighs_as_one_of_few() -> None:
     scores = [Score("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)]
     scores += [Score("fit", ("own E", "open"), "long", 9.0)] * 2000
     assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(0.5)
@@ -578,17 +577,13 @@ def walls(count: int, bend_per_m: float = 80.0) -> np.ndarray:
     return np.repeat(np.stack([outer, outer + 0.6e-3])[None], count, axis=0)
 
 
-def test_without_errors_the_boundaries_stay_where_they_can_be_seen() -> None:
+def test_errors_are_repeatable_and_without_them_boundaries_stay() -> None:
     true = walls(3)
     true[1, :, :7] = np.nan
     seen = disturb(true, SLICE, np.random.default_rng(0), NONE)
     known = np.isfinite(seen)
     np.testing.assert_array_equal(known, np.isfinite(true))
     np.testing.assert_allclose(seen[known], true[known], atol=1e-9)
-
-
-def test_the_same_generator_gives_the_same_errors_and_the_truth_is_left_alone() -> None:
-    true = walls(5)
     before = true.copy()
     first, second = (disturb(true, SLICE, np.random.default_rng(3)) for _ in range(2))
     np.testing.assert_array_equal(first, second)

@@ -78,7 +78,15 @@ def acquire_all(
     that calls this keeps its own work under `if __name__ == "__main__"`.
     """
     plans = [acquisition.plan(eye) for eye in eyes]
-    todo = [number for number, plan in enumerate(plans) if not _kept(out / plan.eye.id, plan, acquisition.study)]
+    todo = []
+    for number, plan in enumerate(plans):
+        recording = out / plan.eye.id
+        if not recording.exists():
+            todo.append(number)
+        elif not is_recorded(recording, plan, acquisition.study):
+            raise RecordingError(
+                f"{recording}: not the recording of this eye and seed; remove it or choose another folder"
+            )
     report = progress or (lambda _: None)
     report(len(eyes) - len(todo))
     with closing(work_units(partial(_acquiring, tuple(eyes), acquisition), todo, workers or available_cores())) as made:
@@ -86,13 +94,6 @@ def acquire_all(
             write_whole_folder(files, out / eyes[number].id)
             report(1)
     return len(todo)
-
-
-def _kept(recording: Path, plan: PhantomPlan, study: Study) -> bool:
-    """Return whether a recording is there; raise a RecordingError for any other content."""
-    if recording.exists() and not is_recorded(recording, plan, study):
-        raise RecordingError(f"{recording}: not the recording of this eye and seed; remove it or choose another folder")
-    return recording.exists()
 
 
 def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:

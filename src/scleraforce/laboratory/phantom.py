@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
+from scleraforce.laboratory import pushes
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
 from scleraforce.laboratory.light import (
     BscanOptics,
@@ -28,20 +29,6 @@ from scleraforce.laboratory.light import (
     sample_conjunctiva,
     sample_needle,
     sample_optics,
-)
-from scleraforce.laboratory.pushes import (
-    TIME_DIGITS,
-    ForcePath,
-    ForceSensor,
-    Motion,
-    Push,
-    format_log,
-    motion_end_s,
-    plan_path,
-    plan_pushes,
-    sample_sensor,
-    sense,
-    true_force,
 )
 from scleraforce.laboratory.virtual_eye import (
     EyeTurn,
@@ -126,7 +113,7 @@ class PhantomFrame:
     pose: Pose
     optics: BscanOptics
     seed: tuple[int, ...]
-    push: Push | None = None
+    push: pushes.Push | None = None
     turn: EyeTurn | None = None
 
 
@@ -136,15 +123,15 @@ class PhantomPlan:
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
-    motion: Motion
-    sensor: ForceSensor
+    motion: pushes.Motion
+    sensor: pushes.ForceSensor
     seed: int
 
     @property
     def forces_n(self) -> list[float]:
         """The true force at each frame's time, in N."""
         times_s = np.array([frame.time_s for frame in self.frames])
-        return [float(f"{force_n:.12g}") for force_n in true_force(self.motion, times_s)]
+        return [float(f"{force_n:.12g}") for force_n in pushes.true_force(self.motion, times_s)]
 
     @property
     def turns(self) -> list[EyeTurn]:
@@ -162,9 +149,9 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     _check_forces(eye, forces_n)
     phantom = study.phantom
     scanner, place = sample_scanner(eye, study, seed)
-    pushes = plan_pushes(tuple(forces_n), phantom, stream(eye, seed, PUSHES))
+    planned = pushes.plan_pushes(tuple(forces_n), phantom, stream(eye, seed, PUSHES))
     frames = []
-    for index, push in enumerate(pushes):
+    for index, push in enumerate(planned):
         rng = stream(eye, seed, FRAME, index)
         of_frame = sample_optics(phantom, study.oct, rng)
         optics = replace(
@@ -178,8 +165,8 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = stream_key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    sensor = sample_sensor(phantom, stream(eye, seed, SENSOR))
-    return PhantomPlan(eye, _turning(eye, frames, study, seed), pushes, sensor, seed)
+    sensor = pushes.sample_sensor(phantom, stream(eye, seed, SENSOR))
+    return PhantomPlan(eye, _turning(eye, frames, study, seed), planned, sensor, seed)
 
 
 def plan_moving_phantom(
@@ -204,9 +191,9 @@ def plan_moving_phantom(
         if not low <= value <= high:
             raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}")
     scanner, place = sample_scanner(eye, study, seed)
-    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, stream(eye, seed, PUSHES))
-    count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
-    times_s = [round(FIRST_S + index / rate_hz, TIME_DIGITS) for index in range(count)]
+    path = pushes.plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, stream(eye, seed, PUSHES))
+    count = int((pushes.motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
+    times_s = [round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)]
     drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
     frames = [
@@ -221,7 +208,7 @@ def plan_moving_phantom(
             zip(times_s, drift.tolist(), strict=True)
         )
     ]
-    sensor = sample_sensor(study.phantom, stream(eye, seed, SENSOR))
+    sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
     return PhantomPlan(eye, _turning(eye, frames, study, seed), path, sensor, seed)
 
 
@@ -305,15 +292,15 @@ def write_phantom(
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
     noise = stream(plan.eye, plan.seed, NOISE)
-    log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
-    (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
+    log = pushes.sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, pushes.motion_end_s(plan.motion) + TAIL_S, noise)
+    (folder / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
     truth = json.dumps(phantom_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
     (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     scanner, eye, globe = study.oct, plan.eye, study.globe.kind if tell_globe else None
-    average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
+    average_s = MOVING_AVERAGE_S if isinstance(plan.motion, pushes.ForcePath) else HELD_AVERAGE_S
     return RecordingInfo(
         EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe),
         OctInfo(
@@ -354,7 +341,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
         "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
-        **({"path": asdict(plan.motion)} if isinstance(plan.motion, ForcePath) else {}),
+        **({"path": asdict(plan.motion)} if isinstance(plan.motion, pushes.ForcePath) else {}),
         "frames": [
             {
                 "file": frame.file,

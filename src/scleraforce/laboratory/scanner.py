@@ -121,13 +121,7 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     measured = [_measure(eye, kind, slope) for eye, slope in zip(seen, slopes, strict=True)]
     strengths, angle = reflections([surface for _, surface in measured])
     frames = tuple(
-        MeasuredFrame(
-            frame.eye,
-            frame.display,
-            {**frame.values, "reflection_db": strength, "reflection_angle_rad": angle},
-            frame.shadows,
-            frame.lines,
-        )
+        replace(frame, values={**frame.values, "reflection_db": strength, "reflection_angle_rad": angle})
         for (frame, _), strength in zip(measured, strengths, strict=True)
     )
     ranges = {name: _range([frame.values[name] for frame in frames]) for name in (*MEASURED[:OF_FRAMES], *NOT_DRAWN)}
@@ -231,9 +225,7 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     if (low is not None and found.median < low) or (high is not None and found.median > high):
         return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of what a study takes")
     ends = np.clip([found.low, found.high], low, high)
-    return MeasuredRange(
-        median=found.median, low=float(ends[0]), high=float(ends[1]), seen=found.seen, at_most=found.at_most
-    )
+    return replace(found, low=float(ends[0]), high=float(ends[1]))
 
 
 def _sampled(name: str, found: MeasuredRange) -> Choice | Range:

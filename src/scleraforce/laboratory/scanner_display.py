@@ -1,14 +1,11 @@
 """A measured frame of an eye at rest, and its display: from counts back to light, by the noise above the tissue.
 
-Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: its quantiles lie at -ln(1 -
-p) over the mean noise, and in dB they have a standard deviation of 5.57 dB. A line through the quantiles of the counts,
-over their values on a display of a known kind (`display_kind`), gives its gain and its offset. Quantiles also hold
-where the display cuts off darker pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
-
-Scanners average frames. That takes the noise's spread away, but not the speckle's, which is the same in every frame of
-an eye at rest. Where the wall's speckle spreads farther than the noise on a logarithmic display, the scale comes from
-it instead, by the quartiles of an exponential intensity, and the noise gives the number of averaged looks. On other
-displays averaged noise looks like an offset: a display with an offset is refused.
+Detector noise has an exponential intensity on any scanner: its quantiles are -ln(1 - p) times the mean (Goodman,
+Speckle Phenomena in Optics, ch. 3). A line through the quantiles of the counts, over their values on a display of a
+known kind (`display_kind`), gives gain and offset, also where the display cuts off darker pixels. If a scanner averages
+frames, the noise spreads less but the wall's speckle does not: on a logarithmic display the speckle then gives the
+scale and the noise the number of averaged looks; on other displays averaged noise looks like an offset, which is
+refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,8 @@
 """The light that a scanner shows: of the wall, the layer below, shadows, reflection, speckle, lines."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,17 @@ class WallLight:
         return levels
 
 
+def _fitted_curve(
+    model: Callable[..., Trace], at: NDArray[Any], seen: Trace, start: Sequence[float] | Trace, **options: Any
+) -> tuple[Trace, Trace] | None:
+    """Return the parameters of a curve and their standard errors; None if no curve fits."""
+    try:
+        value, covariance = curve_fit(model, at, seen, start, **options)
+    except (RuntimeError, ValueError):
+        return None
+    return value, np.sqrt(np.diag(covariance))
+
+
 def depth_profile(
     levels: NDArray[np.float64], depth_m: NDArray[np.float64], chosen: NDArray[np.bool_], bin_m: float
 ) -> tuple[Trace, Trace, Trace]:
@@ -117,14 +129,13 @@ def _fit_light(
         dark = np.median(found_db) < OVER_NOISE_DB if len(found_db) else True
         why = "is hardly brighter than the noise" if dark else "saturates the display"
         raise FrameError(f"{eye.name}: the wall {why}: its light cannot be measured")
-    try:
-        value, covariance = curve_fit(
-            _seen_db, at_m[seen], found_db[seen], (found_db[seen].max(), 500.0), sigma=1.0 / np.sqrt(count[seen]),
-            method="trf", loss="soft_l1", x_scale=(10.0, 1000.0),
-        )  # fmt: skip
-    except RuntimeError as fault:
-        raise FrameError(f"{eye.name}: the light in the wall follows no law that could be fitted") from fault
-    return value, np.sqrt(np.diag(covariance))
+    found = _fitted_curve(
+        _seen_db, at_m[seen], found_db[seen], (found_db[seen].max(), 500.0), sigma=1.0 / np.sqrt(count[seen]),
+        method="trf", loss="soft_l1", x_scale=(10.0, 1000.0),
+    )  # fmt: skip
+    if found is None:
+        raise FrameError(f"{eye.name}: the light in the wall follows no law that could be fitted")
+    return found
 
 
 def _seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
@@ -209,16 +220,15 @@ def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBel
         layer = 10.0 ** ((at_inner_db + level) / 10.0) * np.exp(-2.0 * per_m * np.maximum(y, 0.0)) * inside
         return level_db(wall + layer + 1.0)
 
-    try:
-        value, covariance = curve_fit(
-            model, at_m[seen], found_db[seen], (-8.0, 4000.0, 150e-6, 0.0, 15e-6), sigma=1.0 / np.sqrt(count[seen]),
-            method="trf", loss="soft_l1", x_scale=(3.0, 1000.0, 5e-5, 1e-5, 1e-5),
-            bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
-        )  # fmt: skip
-    except RuntimeError:
+    found = _fitted_curve(
+        model, at_m[seen], found_db[seen], (-8.0, 4000.0, 150e-6, 0.0, 15e-6), sigma=1.0 / np.sqrt(count[seen]),
+        method="trf", loss="soft_l1", x_scale=(3.0, 1000.0, 5e-5, 1e-5, 1e-5),
+        bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
+    )  # fmt: skip
+    if found is None:
         reason = Unmeasured(BLURRED)
         return reason, reason, reason
-    error = np.sqrt(np.diag(covariance))
+    value, error = found
     level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
     if isinstance(level, Unmeasured):
         return level, level, level
@@ -273,14 +283,11 @@ def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow 
     near = near[np.isfinite(light_db[near])]
     light = 10.0 ** (light_db[near] / 10.0)
     start = ((place.start + place.stop - 1) / 2, columns, 1.0 - light.min(), 1.0)
-    try:
-        value, covariance = curve_fit(
-            _light, near, light, start, bounds=((near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0))
-        )
-    except (RuntimeError, ValueError):
+    ends = (near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0)
+    found = _fitted_curve(_light, near, light, start, bounds=ends)
+    if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
-    if not np.sqrt(covariance[2, 2]) < MOST_LOSS_ERROR:
-        return None
+    value, _ = found
     return SeenShadow(
         column=float(value[0]), width_m=float(value[1] * eye.scale.lateral_m), loss_fraction=float(value[2])
     )
@@ -504,16 +511,15 @@ def _fit_reflection(
         return _seen(slope, below, sigma, whole)
 
     weight = np.ones(len(light))
-    try:
-        for _ in range(3):  # the spread of speckle is its light
-            value[free], covariance = curve_fit(
-                model, below, light, np.clip(value[free], LOW[free], HIGH[free]), sigma=weight,
-                bounds=(LOW[free], HIGH[free]), max_nfev=300,
-            )  # fmt: skip
-            errors[free] = np.sqrt(np.diag(covariance))
-            weight = _seen(slope, below, sigma, value) + noise
-    except RuntimeError:
-        return None
+    for _ in range(3):  # the spread of speckle is its light
+        found = _fitted_curve(
+            model, below, light, np.clip(value[free], LOW[free], HIGH[free]), sigma=weight,
+            bounds=(LOW[free], HIGH[free]), max_nfev=300,
+        )  # fmt: skip
+        if found is None:
+            return None
+        value[free], errors[free] = found
+        weight = _seen(slope, below, sigma, value) + noise
     return value, errors
 
 
@@ -563,15 +569,13 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
 def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> SeenLine | None:
     """Return the line at a peak of the rows' light over the noise; None: it is wider than a line."""
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
-    try:
-        value, _ = curve_fit(
-            _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
-            bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
-        )  # fmt: skip
-    except RuntimeError:
+    found = _fitted_curve(
+        _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
+        bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
+    )  # fmt: skip
+    if found is None or found[0][2] > WIDEST:
         return None
-    if value[2] > WIDEST:
-        return None
+    value, _ = found
     width_m = max(float(value[2]), NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
     return SeenLine(
         depth_m=float((value[0] + 0.5) * eye.scale.depth_m),

@@ -239,16 +239,10 @@ SAMPLE = 7  # every 7th pixel tells the brightness
 LEAST_LIGHT = 1e-3  # over the noise
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A frame and its imaged columns (column,), outside of the black bands."""
-
-    frame: Pixels
-    imaged: NDArray[np.bool_]
-
-
-def scanned(study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator) -> Shown:
-    """Return the frame that a scanner shows of a picture; `apex_column`: the surface lies across the light there."""
+def scanned(
+    study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator
+) -> tuple[Pixels, NDArray[np.bool_]]:
+    """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without the black bands."""
     lines = _lines(study, picture.window, rng)
     field = _field(study, picture, lines, rng)
     light = _folded(study, field, picture.window, rng)
@@ -259,7 +253,7 @@ def scanned(study: SceneScannerStudy, picture: Picture, apex_column: float | Non
     share = _display(study, light, rng)
     imaged = _blacken(study, share, rng)
     frame = np.rint(share * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
-    return Shown(frame, imaged)
+    return frame, imaged
 
 
 def _lines(study: SceneScannerStudy, window: Window, rng: np.random.Generator) -> list[Ridge]:
@@ -505,13 +499,14 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     picture = empty_picture(window)
     tissue = draw_tissue(study.tissue, wall, picture, rng)
     draw_over(study.over, tissue, wall.dent_m, picture, rng)
-    shown = scanned(study.scanner, picture, _apex(tissue), rng)
-    outer_row, inner_row = _truth(tissue, window, shown.imaged)
-    surface_row = tissue.surface - window.above - 0.5
-    seen, judged = judged_columns(shown.frame, surface_row, outer_row, inner_row)
+    frame, imaged = scanned(study.scanner, picture, _apex(tissue), rng)
+    surface_row, outer, inner = (row - window.above - 0.5 for row in (tissue.surface, tissue.outer, tissue.inner))
+    shown = imaged & (outer < window.rows - 1) & (inner > 0.0) & (inner > outer)
+    outer_row, inner_row = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
+    seen, judged = judged_columns(frame, surface_row, outer_row, inner_row)
     outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
     scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.refractive_index)
-    return Scene(shown.frame, scale, outer_row, inner_row, judged)
+    return Scene(frame, scale, outer_row, inner_row, judged)
 
 
 def _apex(tissue: Tissue) -> float | None:
@@ -520,12 +515,3 @@ def _apex(tissue: Tissue) -> float | None:
     if not np.isfinite(slope).any() or np.nanmin(slope) > LEVEL_RAD:
         return None
     return float(np.nanargmin(slope))
-
-
-def _truth(
-    tissue: Tissue, window: Window, imaged: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the wall's boundaries in rows of pixel centres, NaN where a column shows none."""
-    outer, inner = tissue.outer - window.above - 0.5, tissue.inner - window.above - 0.5
-    shown = imaged & (outer < window.rows - 1) & (inner > 0.0) & (inner > outer)
-    return np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)

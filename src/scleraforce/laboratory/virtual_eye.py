@@ -315,6 +315,7 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
         ("eye-5", 800e-6, 0.25e6, (2, 1, 2)),
     )
     low, high = study.needle.polar_angle_rad.bounds
+    limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
     rng = np.random.default_rng((study.phantom.seed, 45))
     eyes = []
     for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
@@ -330,29 +331,14 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
         )
         forces_n: list[float] = []
         for target, count in enumerate(trials):
-            forces_n += _drawn(target, count, study, rng) if to_the_bounds else _spread(target, count, study)
-        eyes.append((eye, _mixed(forces_n)))
+            low_n, high_n = limits_n[target], limits_n[target + 1]
+            if to_the_bounds:
+                drawn_n = sorted(rng.uniform(low_n, high_n, count).tolist())
+            else:
+                first_n, last_n = (0.0 if target == 0 else low_n + CLEAR_N), high_n - CLEAR_N
+                drawn_n = [first_n + (last_n - first_n) * (index + 0.5) / count for index in range(count)]
+            forces_n += [round(force_n, 7) for force_n in drawn_n]
+        step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
+        # An order that mixes the classes and starts with the largest force: a clear first contact.
+        eyes.append((eye, tuple(forces_n[-1 - (index * step) % len(forces_n)] for index in range(len(forces_n)))))
     return tuple(eyes)
-
-
-def _spread(target: int, count: int, study: Study) -> list[float]:
-    """Return forces evenly spread over a class, clear of its bounds."""
-    low_n, high_n = _class_range(target, study)
-    first_n, last_n = (0.0 if target == 0 else low_n + CLEAR_N), high_n - CLEAR_N
-    return [round(first_n + (last_n - first_n) * (index + 0.5) / count, 7) for index in range(count)]
-
-
-def _drawn(target: int, count: int, study: Study, rng: np.random.Generator) -> list[float]:
-    """Return forces drawn from the whole of a class, rising."""
-    return [round(force_n, 7) for force_n in sorted(rng.uniform(*_class_range(target, study), count).tolist())]
-
-
-def _class_range(target: int, study: Study) -> tuple[float, float]:
-    limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
-    return limits_n[target], limits_n[target + 1]
-
-
-def _mixed(forces_n: list[float]) -> tuple[float, ...]:
-    """Return the forces in an order that mixes them and starts with the largest: a clear first contact."""
-    step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
-    return tuple(forces_n[-1 - (index * step) % len(forces_n)] for index in range(len(forces_n)))

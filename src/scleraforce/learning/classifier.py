@@ -1,10 +1,9 @@
 """The classifier of the paper (section 2.4): fully connected layers that learn from simulated slices.
 
-The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the gradient noisy, and with random
-framing plain descent stalls. Srivastava et al. ("Dropout", 2014, appendix A) recommend a high rate with momentum, made
-safe here by a start scaled for dropout (`build_network`), a warm-up, clipped gradients, and a rate that falls to zero
-along a cosine. Several dropout masks a sample (Inoue, "Multi-sample dropout", 2019) lessen the noise cheaply: the first
-layer, which is most of the work, is computed once for all of them.
+The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the gradient noisy; Srivastava et al.
+("Dropout", 2014, appendix A) recommend a high rate with momentum, made safe here by a start scaled for dropout
+(`build_network`), a warm-up, clipped gradients, and a rate that falls to zero along a cosine. Several dropout masks a
+sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer, most of the work, is computed once for all.
 """
 
 import hashlib

@@ -32,7 +32,7 @@ class DatasetPlan:
     """Every sample's metadata, each of shape (samples,); the samples of a contact are neighbours.
 
     `contact` numbers the contacts through all groups. `validation` marks the samples of the contacts that training
-    never sees. `seed` reproduces a sample's own draws (see `sample_draws`).
+    never sees. `seed` reproduces a sample's own draws (`DRAWS`, uniform).
     """
 
     force_n: NDArray[np.float64]
@@ -124,12 +124,6 @@ def draft_plan(study: Study) -> PlanDraft:
     return PlanDraft(study, tuple(drafts))
 
 
-def sample_draws(seed: NDArray[np.uint32]) -> dict[str, NDArray[np.float64]]:
-    """Return the uniform draws in [0, 1) of samples with these seeds, each of shape (samples,), by `DRAWS` name."""
-    uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
-    return dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
-
-
 @dataclass(frozen=True)
 class _GroupDraft:
     """A group: its contacts, numbered from `first_contact` and each with the number of its samples, and all seeds."""
@@ -147,7 +141,8 @@ class _GroupDraft:
         seed, group = self.seed[samples], self.group
         numbers = np.arange(samples.start, samples.stop)
         contact = np.searchsorted(np.cumsum(self.spread), numbers, side="right")
-        draws = sample_draws(seed)
+        uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
+        draws = dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
         gap = study.dataset.gap_m
         force_n = group.max_force_n * draws["force"]
         return {

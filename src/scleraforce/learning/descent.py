@@ -4,10 +4,11 @@ import os
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from math import cos, pi
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -117,6 +118,14 @@ def descend(
             if not np.isfinite(total):
                 raise SolverError(f"training diverged in step {step} of {steps}; lower {section}.learning_rate")
         yield total / samples
+
+
+@dataclass(frozen=True)
+class Fitted(Generic[Network]):
+    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
+
+    network: Network
+    training_loss: tuple[float, ...]
 
 
 def trained(

@@ -1,9 +1,8 @@
 """Fingerprints of behaviour: a few numbers that move when the training of a model would.
 
-Parts of a training are computed at small size: load paths and the library that they make, samples of fixed seeds, the
-first steps of the descent, the scores that intervals rest on. Each result is reduced to at most 64 numbers, which
-`model.json` keeps with a tolerance. A model is out of date when today's code computes other numbers; a rename or a
-comment moves none. Code that only runs in cases that the small size lacks is not covered.
+Parts of a training are computed at small size, and each result is reduced to at most 64 numbers, which `model.json`
+keeps with a tolerance. A model is out of date when today's code computes other numbers; a rename moves none. Code that
+only runs in cases that the small size lacks is not covered.
 """
 
 from dataclasses import replace
@@ -20,10 +19,9 @@ from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, wi
 from scleraforce.learning.dataset import plan_dataset
 from scleraforce.learning.descent import torch
 from scleraforce.learning.generate import SampleSimulator
-from scleraforce.learning.intervals import STREAM, measuring, trait_factors
 from scleraforce.learning.reader import descend_reader
 from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples, Source, draw_seen
-from scleraforce.learning.virtual_eyes import calibrated, draw_eye, draw_frames
+from scleraforce.learning.virtual_eyes import STREAM, calibrated, draw_eye, draw_frames, measuring, trait_factors
 from scleraforce.learning.wall_finder import VALIDATION_SCENES, descend_finder, scene_batch
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path

@@ -1,13 +1,9 @@
 """The raw reader: from a raw frame and the known values of the eye to the force, without a decision on boundaries.
 
 A network like the wall finder's gives distributions of both boundaries' rows for every second column. They make a slice
-that is not binary: the share of each pixel that is wall, in the mean over all places of the boundaries. The layers of
-the slice network read that. So every part learns from the force.
-
-The layers that read slices learn from drawn slices, as the slice reader does: slices are many times cheaper than
-frames. In the first batches of raw frames the wall alone is learned, by the wall finder's loss; then the force's loss
-(`reader_loss`) is added. Its intervals are measured on the slice reader's eyes (`learning.virtual_eyes`), read from raw
-frames with the light of the training.
+of shares of wall, in the mean over all places of the boundaries, which the layers of the slice network read. These
+layers learn from drawn slices first; then the wall is learned from raw frames by the wall finder's loss, and last
+everything by the force's loss beside it. Intervals are measured on the eyes of `learning.virtual_eyes`, in raw frames.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -23,8 +19,7 @@ from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import curve, drawn_ahead, onnx_bytes, torch, trained
-from scleraforce.learning.intervals import eye_scores, network_score
+from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
 from scleraforce.learning.reader import (
     ReaderMetrics,
     ReaderNetwork,
@@ -43,7 +38,7 @@ from scleraforce.learning.samples import (
     library_of_tissue,
     validation_chunks,
 )
-from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, of_population, wall_depths
+from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
 from scleraforce.library.slices import Framing
@@ -278,21 +273,13 @@ def pair_rows(boundary_rows: NDArray[np.floating], window: FrameWindow) -> Float
     return kept
 
 
-@dataclass(frozen=True)
-class FittedRawReader:
-    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
-
-    network: RawReaderNetwork
-    training_loss: tuple[float, ...]
-
-
 def fit_raw_reader(
     library: Library,
     study: Study,
     workers: int,
     progress: Callable[[int], object] | None = None,
     learned: Callable[[int], object] | None = None,
-) -> FittedRawReader:
+) -> Fitted[RawReaderNetwork]:
     """Train a raw reader; the same study and library give the same weights on the same machine."""
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
@@ -309,7 +296,7 @@ def fit_raw_reader(
             "raw_reader",
             progress=learned,
         )
-    return FittedRawReader(network, curve(losses))
+    return Fitted(network, curve(losses))
 
 
 def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:

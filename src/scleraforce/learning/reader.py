@@ -1,12 +1,10 @@
 """The reader's network and its training: from a slice and the eye's known values to a histogram of F/E and a place.
 
-A column of a slice is wall from one depth to another, so three numbers describe it: whether there is wall, its amount,
-and its mean depth. The depth enters as the distance from the undeformed circle of the eye, so that only the dent and
-the framing vary. Convolutions along the columns follow, then layers that also see the known values.
+Three numbers describe a column: whether there is wall, its amount, and its mean depth below the undeformed circle of
+the eye. Convolutions along the columns follow, then layers that also see the known values.
 
 The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
-rules", 2007): least for the true distribution of the force given the network's inputs. Plus Huber's loss of the
-contact's place. The optimiser is AdamW, on samples that are drawn afresh for every epoch.
+rules", 2007), plus Huber's loss of the contact's place; AdamW descends on samples drawn afresh for every epoch.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,4 @@
-"""Samples for the reader, drawn from the response library: any number, each of another eye.
-
-They are drawn ahead in other processes, and are the same for any number of these.
-"""
+"""Samples for the reader, drawn from the response library: any number, each of another eye."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields

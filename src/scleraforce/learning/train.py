@@ -16,8 +16,8 @@ from scleraforce.errors import DatasetError, InputError
 from scleraforce.learning import cards, classifier, fingerprint, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
 from scleraforce.learning.descent import READER_THREADS, onnx, torch
-from scleraforce.learning.intervals import measured_intervals, measuring
 from scleraforce.learning.samples import CHUNK, Source
+from scleraforce.learning.virtual_eyes import measured_intervals, measuring
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.files import StoredErrors
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, network_session, write_folder

@@ -1,13 +1,10 @@
 """The wall finder: its network, the drawn scenes that it learns from, its training, and its metrics.
 
 Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution: a reduced frame goes in; for
-every second column come out two distributions over the rows, of the wall's upper and lower boundary, and the
-probability of wall. Rows come back to full resolution in the last step, as two channels that are interleaved: most of
-the work is done on a quarter of the pixels.
-
-The loss of a boundary is the cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969),
-which includes the distance of a wrong row; both are proper, so the spread is honest. Columns without wall count for the
-third output alone, and an invisible wall does not count.
+every second column come out two distributions over the rows, of the wall's boundaries, and the probability of wall.
+Rows come back to full resolution in the last step, as two interleaved channels. The loss of a boundary is the
+cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969), which includes the distance
+of a wrong row.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import curve, drawn_ahead, onnx_bytes, torch, trained
+from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, WallFinderStudy
@@ -139,17 +136,9 @@ def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
     return kept
 
 
-@dataclass(frozen=True)
-class FittedFinder:
-    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
-
-    network: WallFinderNetwork
-    training_loss: tuple[float, ...]
-
-
 def fit_wall_finder(
     scenes: ScenesStudy, study: WallFinderStudy, workers: int, progress: Callable[[int], object] | None = None
-) -> FittedFinder:
+) -> Fitted[WallFinderNetwork]:
     """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
 
     `workers` processes draw scenes; `progress` is called with 1 after each batch.
@@ -160,7 +149,7 @@ def fit_wall_finder(
 
 def descend_finder(
     study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
-) -> FittedFinder:
+) -> Fitted[WallFinderNetwork]:
     """Train a new network on batches of scenes, in order."""
     network, losses = trained(
         lambda: WallFinderNetwork(study),
@@ -171,7 +160,7 @@ def descend_finder(
         "wall_finder",
         progress=progress,
     )
-    return FittedFinder(network, curve(losses))
+    return Fitted(network, curve(losses))
 
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:

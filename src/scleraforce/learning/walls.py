@@ -1,16 +1,11 @@
 """The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy only).
 
-An ellipsoid curves otherwise than a sphere, and more on one side of the contact than on the other; at the limbus the
-surface turns up to the cornea, which curves more (7.8 mm instead of 12); and the wall's thickness changes along the
-section. This is the form at rest: it is added to the dented wall unchanged.
+A form at rest is added to the dented wall unchanged: another curvature than a sphere's, different on both sides of the
+contact, a surface that turns up at the limbus to the more curved cornea, and a thickness that changes along the
+section.
 
-The errors imitate the errors that `benchmarks/bench_boundary_errors.py` measures on rendered frames: the surface is
-smoothed, which moves it where it bends; where it faces the light its mirror reflection moves it up; on it lies a small
-error that neighbouring columns share. The thickness seen in a column is off by a scale of the whole frame, by an error
-that reaches farther along the columns and grows with the slope, now and then by a bump on a steep flank, and seldom by
-the layer below the wall, whose lower edge is taken for the wall's along a stretch. No boundary is found in columns that
-the scan does not reach at the sides, nor where the surface leaves the frame at the bottom, near which it is seen too
-high, or at the top.
+The errors imitate the errors that `benchmarks/bench_boundary_errors.py` measures on rendered frames (`BoundaryErrors`).
+No boundary is found in columns that the scan does not reach at the sides, nor where the surface leaves the frame.
 """
 
 from dataclasses import dataclass
