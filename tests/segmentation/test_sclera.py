@@ -109,3 +109,13 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
     assert "one sees wall where the other does not" in doubt(without, seen)
     assert doubt(replace(without, needle=needle), seen) == ""
     assert doubt(found, seen) == ""
+
+
+def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(shipped: WallFinder) -> None:
+    frame = image(wall_section(4.2e-3, surface_m=0.4e-3))
+    alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
+    assert checked.usable, checked.reason
+    gap = np.isnan(alone.outer_row)
+    inside = np.flatnonzero(~gap)
+    assert gap[inside[0] : inside[-1]].any()
+    np.testing.assert_array_equal(np.isnan(checked.outer_row)[inside[0] : inside[-1]], gap[inside[0] : inside[-1]])

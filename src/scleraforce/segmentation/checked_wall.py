@@ -75,8 +75,20 @@ def checked_by(
         shown = refined_wall(part, seen)
         if ways_agree(found, seen):
             shown = joined_walls(frame, found, shown, seen.step_rows)
+        if not reason:
+            _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
     return replace(found, usable=not reason, reason=reason)
+
+
+def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
+    """Clear the columns of a usable wall in gaps of the first method's: there a dent may leave the frame."""
+    seen = np.isfinite(found.outer_row)
+    inside = np.flatnonzero(seen)
+    gaps = ~seen
+    gaps[: inside[0]] = gaps[inside[-1] :] = False
+    for boundary in (shown.outer_row, shown.inner_row):
+        boundary[gaps] = np.nan
 
 
 def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
@@ -283,7 +295,7 @@ def _prior(thickness_m: Float, sd_m: Float) -> Float:
 def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: float) -> Segmentation:
     """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
 
-    Where only the other wall is, it is taken, but for what a needle hides.
+    Columns that only the other wall has are taken from it, except where a needle hides them.
 
     Args:
         frame: counts on a logarithmic scale (row, column).
