@@ -44,11 +44,9 @@ SHEARED = 1.08
 
 
 def pole_direction(polar_rad: float, direction_rad: float) -> tuple[float, float]:
-    """Return where the eye's pole lies: the parts of its axis along the section and across it.
+    """Return the direction of the eye's pole: the parts of its axis along the section and across it.
 
-    Args:
-        polar_rad: polar angle of the contact.
-        direction_rad: of the section, from the meridian (`mechanics.contact.ScanPlane`).
+    `direction_rad`: of the section, from the meridian (`mechanics.contact.ScanPlane`).
 
     >>> [round(part, 3) for part in pole_direction(0.5, 0.0)]
     [-0.479, 0.0]
@@ -64,13 +62,7 @@ def pole_directions(polar_s: Floats, direction_s: Floats) -> Floats:
 
 
 def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) -> Floats:
-    """Return how far the needle's force moves the dent (sample,), m, times where the pole lies (`pole_direction`).
-
-    Args:
-        force_ratio_s: F/E, m^2.
-        thickness_s: of the walls, m.
-        poisson_ratio: nu.
-    """
+    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per part of `pole_direction`."""
     pushed: Floats = SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
     return pushed
 
@@ -88,13 +80,9 @@ def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:
 
 
 def undented_motion(undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats) -> Floats:
-    """Return what the pressure moves (sample, boundary, node, [away from the axis, up]), m.
+    """Return the motion under the pressure (sample, boundary, node, [away from the axis, up]), m.
 
-    Args:
-        undented_sbnc: walls under the pressure alone, as `library.responses` has them: distance from the axis, depth.
-        angles_n: of the nodes (`meridian_angles`).
-        radius_m: of the eye.
-        thickness_s: of the walls.
+    `undented_sbnc`: walls under the pressure alone (distance from the axis, depth); `angles_n`: of their nodes.
     """
     radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
     at_rest = radii_sb[..., None, None] * np.stack([np.sin(angles_n), np.cos(angles_n)], axis=-1)
@@ -111,9 +99,9 @@ def base_bulge(motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_
     Args:
         motion_sbnc: of walls under the pressure alone (`undented_motion`).
         angles_n: of their nodes.
-        places_sbpc: unit vectors to the places at rest: along the section, across it, up along the needle axis; of one
-            sample for all, or of each.
-        pole_s2: where the eye's pole lies (`pole_direction`).
+        places_sbpc: unit vectors to the places at rest: along the section, across it, up along the needle axis; one
+            sample for all, or one for each.
+        pole_s2: direction of the eye's pole (`pole_direction`).
     """
     upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
     eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
@@ -125,7 +113,7 @@ def base_bulge(motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_
 
 
 def _about(axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats) -> Floats:
-    """Return the motion at places of walls about an axis; beyond the base, that of the base: none."""
+    """Return the motion at places of walls about an axis; beyond the base, the base's: zero."""
     axis = axis_sc[:, None, None, :]
     along = (places_sbpc * axis).sum(axis=-1, keepdims=True)
     away = places_sbpc - along * axis
@@ -142,13 +130,7 @@ def _about(axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: 
 
 
 def contact_rises(undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float) -> Floats:
-    """Return how far contacts rise along their normal under the pressure alone (a, t, p), m.
-
-    Args:
-        undented_tpbnc: walls of the library without the needle (`library.responses`).
-        polar_rad: polar angles of the contacts (a,).
-        radius_m: of the eye.
-    """
+    """Return how far contacts at polar angles (a,) rise along their normal under the pressure alone (a, t, p), m."""
     outer_tpnc = undented_tpbnc[:, :, 0].astype(np.float64)
     # The first has hardly moved; and an angle that is a little off turns the rise by its square only.
     spline = CubicSpline(meridian_angles(undented_tpbnc[0, 0].astype(np.float64), radius_m))
@@ -158,12 +140,9 @@ def contact_rises(undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius
 
 
 def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
-    """Return the derivative of a contact's rise by the pressure over E (t, p), m.
+    """Return the derivative of a contact's rise (t, p) by the pressure over E (t, p), m.
 
-    Args:
-        rise_tp: the rise at the library's thicknesses and tensions, m.
-        thinness_t: thickness over radius.
-        tension: p R/(E t) (p,).
+    `thinness_t`: thickness over radius; `tension`: p R/(E t) (p,).
     """
     ratio_tp = tension * thinness_t[:, None]
     per_ratio = rise_tp / ratio_tp  # hardly turns where the wall is linear
@@ -217,10 +196,10 @@ def base_stiffness(
 
 
 def _factor(angles: Floats, ratio_bklt: Floats, base_rad: Floats) -> Floats:
-    """Return the factor (k, l, t) of a contact whose base lies so far away around it.
+    """Return the factor (k, l, t) of a contact whose base lies at these angles around it.
 
-    The outermost supports, which deep dents run into, would make the spline between the others swing: they count where
-    they are needed.
+    The outermost supports, which deep dents run into, would make the spline between the others oscillate: they are used
+    only where they are needed.
     """
     inner = angles[1] <= base_rad.min() and base_rad.max() <= angles[-2]
     near = slice(1, -1) if inner else slice(None)

@@ -50,7 +50,7 @@ class SolvedPath(NamedTuple):
 
 @dataclass(frozen=True)
 class Building:
-    """What a run has done: paths in the library, those of them solved by this run, its duration."""
+    """The outcome of a run: paths in the library, paths that this run solved, its duration."""
 
     paths: int
     solved: int
@@ -68,18 +68,17 @@ def build_library(
     progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
 ) -> Building:
-    """Build the library of a study, or the part of it that an interrupted run has left to do.
+    """Build the library of a study, or the remaining part of an interrupted run.
 
     The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
     that calls this keeps its own work under `if __name__ == "__main__"`.
 
     Args:
         study: the study.
-        out: where the store goes; an incomplete store of the same plan is completed.
-        workers: processes, or those of a cluster (`cluster_workers`); None: one for each core that this process may
-            use.
+        out: place of the store; an incomplete store of the same plan is completed.
+        workers: processes, or those of a cluster (`cluster_workers`); by default one for each core of this process.
         progress: called with the number of paths that are newly done (or found done, at the start).
-        solve: what solves a path, for tests; None: `solve_path`.
+        solve: solves a path; by default `solve_path`.
 
     Raises:
         InputError: `out` holds something else, another or a complete library.
@@ -103,9 +102,7 @@ def build_library(
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
-    """Return the path of a unit, with an open globe.
-
-    It is solved up to a force of twice the largest that the library is asked for, and goes straight on from there.
+    """Return the path of a unit, with an open globe, to twice the library's largest force; beyond it is extrapolated.
 
     Raises:
         SolverError: the path cannot be followed to its last tip.
@@ -155,12 +152,8 @@ def cached_library(
 ) -> Library:
     """Return the library of a study; the first time it is built, which takes a minute or two.
 
-    Args:
-        study: the study.
-        folder: the cache; None: the user's.
-        workers: processes that build it; None: one for each core that this process may use.
-        progress: called with the number of paths that are newly done, only where the library has to be built.
-        solve: as of `build_library`.
+    `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. The other
+    arguments are those of `build_library`.
 
     Raises:
         InputError: the cache cannot be written.
@@ -186,7 +179,7 @@ def _name(study: Study) -> str:
 
 
 def _stored(place: Path) -> Library | None:
-    """Return the library of a place; None where there is none, or a damaged one."""
+    """Return the library of a place; None if it is missing or damaged."""
     if place.is_dir():
         with suppress(InputError):
             return open_library(place)
@@ -200,7 +193,7 @@ def _build(
     progress: Callable[[int], None] | None,
     solve: PathSolver | None,
 ) -> None:
-    """Build a library, or finish what an interrupted run has left, and put it into its place."""
+    """Build a library, or finish an interrupted run, and put it into its place."""
     begun = place.with_suffix(".begun")
     try:
         build_library(study, begun, workers=workers, progress=progress, solve=solve)

@@ -1,7 +1,7 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
-Its walls, and the factors of its forces, are stored in a reduced basis (`library.stiffened`) and unpacked when they
-are read. Their largest errors were measured when the file was written, and stand in it. The steps of the basis change
+Its walls, and the factors of its forces, are stored in a reduced basis (`library.stiffened`) and unpacked when they are
+read. Their largest errors were measured when the file was written, and are stored in it. The steps of the basis change
 smoothly along the last axis of the rows (the tips, the polar angles): their second differences are stored, and all is
 deflated.
 """
@@ -35,7 +35,7 @@ FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
 @dataclass(frozen=True, kw_only=True)
 class StoredErrors:
-    """By how much a stored library differs from the computed one, at most, at its states.
+    """Largest differences of a stored library from the computed one, at its states.
 
     `curves_m` is of a point of a wall, along each axis; `stiffness` of the factor of a force.
     """
@@ -48,12 +48,8 @@ class StoredErrors:
 class _ReducedArray:
     """An array that is stored in a reduced basis.
 
-    Attributes:
-        name: with which the names of its entries begin.
-        error: the entry with its largest error.
-        row_axes: how many of its axes, the first, make its rows.
-        value_axes: how many make the values of a row.
-        largest_error: that a file may have.
+    `name` begins the names of its entries; `error` is the entry with its largest error, at most `largest_error`. Its
+    first `row_axes` axes make its rows, the other `value_axes` the values of a row.
     """
 
     name: str
@@ -71,7 +67,7 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
     """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked.
 
     Raises:
-        InputError: the library is too large for a model folder, or cannot be stored so exactly.
+        InputError: the library is too large for a model folder, or cannot be stored with the allowed error.
     """
     walls = walls_of(library)
     _check_size(library.curves_tpdbnc.size * len(walls.stiffening))
@@ -89,14 +85,10 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
 
 
 def load_library(path: str | PathLike[str], content: bytes | None = None) -> Library:
-    """Read a library that `save_library` has written.
-
-    Args:
-        path: the file.
-        content: its bytes, where they have been read (and checked) already.
+    """Read a library that `save_library` has written; `content`: its bytes, if they are read (and checked) already.
 
     Raises:
-        InputError: the file is missing, damaged, or no library.
+        InputError: the file is missing, damaged, or not a library.
     """
     data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
@@ -116,7 +108,7 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
 
 
 def _check_size(values: int) -> None:
-    """Check that so many values of float32 are no more than a file of a model folder may have."""
+    """Check that this many values of float32 fit into a file of a model folder."""
     found, most = 4 * values, KINDS["model file"].max_bytes
     if found > most:
         raise InputError(
@@ -126,7 +118,7 @@ def _check_size(values: int) -> None:
 
 
 def _reduced(stored: _ReducedArray, values: NDArray[np.floating]) -> tuple[dict[str, NDArray[Any]], float]:
-    """Return what is stored of an array, by name, and its largest error."""
+    """Return the stored entries of an array, by name, and its largest error."""
     rows_rv = values.reshape(prod(values.shape[: stored.row_axes]), -1)
     reduced = reduce_rows(rows_rv, FOR_THE_BASIS * stored.largest_error)
     error = float(np.abs(reduced.rows().astype(np.float32) - rows_rv.astype(np.float64)).max())
@@ -142,7 +134,7 @@ def _reduced(stored: _ReducedArray, values: NDArray[np.floating]) -> tuple[dict[
 
 
 def _stored(archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]) -> tuple[ReducedRows, tuple[int, ...]]:
-    """Read an array that is stored in a reduced basis, of so many rows along its first axes; its rows' own shape."""
+    """Read an array in a reduced basis with these lengths of its row axes; return its rows and a row's shape."""
     error = _plain(archive, stored.error, 0)
     if not 0.0 <= error <= stored.largest_error:
         raise ValueError(f"{stored.error}: {error}; must be 0 to {stored.largest_error:g}")
@@ -158,7 +150,7 @@ def _stored(archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]) -> t
 def _differences(steps_rk: NDArray[Any], along: int) -> NDArray[Any]:
     """Return second differences along the last axis of the rows (part, row / along, along).
 
-    Whole numbers wrap around at both ends of their type, here and in their sums: nothing is lost.
+    Integers wrap around at both ends of their type, here and in their sums: nothing is lost.
     """
     rows, parts = steps_rk.shape
     steps_kra = steps_rk.T.reshape(parts, rows // along, along)
@@ -177,7 +169,7 @@ def _summed(differences_kra: NDArray[Any]) -> NDArray[Any]:
 
 
 def _check_entries(archive: ZipFile) -> None:
-    """Check that every entry is as it is written here, and all of them no more than a file of a model folder."""
+    """Check that every entry is deflated, not encrypted, and that all together are not too large."""
     left = KINDS["model file"].max_bytes
     for entry in archive.infolist():
         left -= entry.file_size
@@ -186,13 +178,13 @@ def _check_entries(archive: ZipFile) -> None:
 
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:
-    """Read what is stored as it is; an array without axes is a number."""
+    """Read an entry that is not reduced; an array without axes is a number."""
     array = _read(archive, name, "float32" if name == UNDENTED else "float64", axes)
     return array if array.ndim else float(array)
 
 
 def _read(archive: ZipFile, name: str, wanted: str, axes: int) -> NDArray[Any]:
-    """Read an array of a type and a number of axes, as it is written here."""
+    """Read an array of a type and a number of axes."""
     data = archive.read(f"{name}.npy")
     file = BytesIO(data)
     read_header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}[read_magic(file)]

@@ -1,11 +1,11 @@
 """The force from the wall's boundaries alone: the wall of the response library that lies best on them.
 
-Least squares with a loss that a wrong stretch cannot pull (Cauchy's), by a damped Gauss-Newton method. Unknown are the
-dent and the pose; thickness, gap, E, IOP and the eye's size are unknown too, held by what is known of them, so that
-what is not known widens the force's interval by as much as it should; so is the rigidity of a globe that may be sealed.
-The force follows from the dent: F = E f(dent, wall, pressure under the needle).
+Least squares with a robust loss (Cauchy's), by a damped Gauss-Newton method. Unknown are the dent and the pose;
+thickness, gap, E, IOP and the eye's size are unknown too, with priors, so that an unknown property widens the force's
+interval by as much as it should; so is the rigidity of a globe that may be sealed. The force follows from the dent: F =
+E f(dent, wall, pressure under the needle).
 
-`docs/reader.md` says where the noise and the other constants come from.
+`docs/reader.md` gives the sources of the noise and the other constants.
 """
 
 from collections.abc import Sequence
@@ -89,13 +89,13 @@ INTERVAL = (0.05, 0.95)
 class BoundaryFit:
     """The wall of the library that lies best on a frame's boundaries.
 
-    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior.
-    `contact_m` is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is
-    the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
-    segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
-    point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
-    `iop_pa` is the pressure in the eye under the needle, `tension` that times the eye's radius over E times thickness.
-    `loss` is what the boundaries and what is known of the eye lose, in squares of standard deviations.
+    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior. `contact_m`
+    is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is the robust
+    root mean square distance from the wall, `outliers` the share of columns farther off than a segmented wall ever is,
+    not counting an inner boundary at the end of a layer below the wall. `wall_bmc` (boundary, point, 2) is the wall in
+    the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`. `iop_pa` is the pressure in the
+    eye under the needle, `tension` that times the eye's radius over E times thickness. `loss` is the cost of boundaries
+    and prior, in squares of standard deviations.
     """
 
     force_n: float
@@ -113,7 +113,7 @@ class BoundaryFit:
     loss: float
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the probability of each class: no class is ever certain, as the draws are so many."""
+        """Return the probability of each class; no class is ever certain, as the number of draws is finite."""
         above = [(int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
         edges = (1.0, *above, 0.0)
         return tuple(high - low for high, low in pairwise(edges))
@@ -127,19 +127,16 @@ def fit_boundaries(
     smoothing_m: float = 0.0,
     borne_n: float | None = None,
 ) -> BoundaryFit | None:
-    """Fit the library to the boundaries of a frame.
+    """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
     Args:
         library: responses of walls.
         lateral_m: lateral places of the frame's columns from its middle (column,), m.
         depth_bc: depth of the outer and the inner boundary below the frame's top (2, column), m, free of refraction;
             NaN where a boundary is not seen.
-        prior: what is known.
-        smoothing_m: over which the segmentation smooths the outer boundary (a Gaussian's standard deviation).
-        borne_n: the needle's force, where it is known: one more place to begin from in a sealed globe, and no more.
-
-    Returns:
-        The fit; None where less is seen than there are unknowns.
+        prior: of the unknowns.
+        smoothing_m: standard deviation of the Gaussian with which the segmentation smooths the outer boundary.
+        borne_n: the needle's force, if known: one more start in a sealed globe.
     """
     columns = _thinned(lateral_m, depth_bc, smoothing_m)
     outer = columns.places.outer
@@ -163,16 +160,7 @@ def fit_boundaries(
 def fit_from(
     library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float, unknown: Array
 ) -> BoundaryFit:
-    """Fit the library to boundaries from one place only, and to the end: what a prior changes a little in a fit.
-
-    Args:
-        library: of responses, as `fit_boundaries`, like the other arguments.
-        lateral_m: of the columns.
-        depth_bc: of the boundaries.
-        prior: what is known.
-        smoothing_m: of the outer boundary.
-        unknown: where a fit to the same boundaries lies (`BoundaryFit.unknown`).
-    """
+    """Fit as `fit_boundaries` from the unknowns of another fit only, to the end: for small changes of the prior."""
     problem = _problem(library, _thinned(lateral_m, depth_bc, smoothing_m), prior)
     return problem.result(*gauss_newton(problem, problem.inside(unknown.copy()), TO_THE_END, _step))
 
@@ -318,7 +306,7 @@ class _Problem:
         return float(np.exp(unknown[self.walls.pressure] - unknown[MODULUS]) * radius_m / unknown[THICKNESS])
 
     def result(self, unknown: Array, placed: Placed, cost: float) -> BoundaryFit:
-        """Return the fit with its uncertainty: the curvature's, with the noise that the misfit shows (Birge)."""
+        """Return the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
         signed = self.columns.residual(placed)
         residual = np.where(placed.seen, np.abs(signed), np.inf)
         misfit = robust_spread(residual)
@@ -344,14 +332,14 @@ class _Problem:
         )
 
     def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:
-        """Return what turns standard normal numbers into draws about the unknowns (unknown, number)."""
+        """Return the matrix from standard normal numbers to draws about the unknowns (unknown, number)."""
         normal, _ = self.normal_equations(unknown, placed, scale)
         sd = self.prior.sd  # in these units the matrix is well conditioned
         lower = np.linalg.cholesky(sd[:, None] * normal * sd)
         return np.asarray(sd[:, None] * np.linalg.inv(lower).T)
 
     def _drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
-        """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
+        """Return forces drawn from the posterior, with the model error of the library on top."""
         normal, (level_z, growth_z) = _standard_normal(len(NAMES) + 2), _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)

@@ -1,4 +1,4 @@
-"""Compiled loops: what a frame shows of a library's wall and how that turns with the unknowns; the law of its globe.
+"""Compiled loops: the depths that a frame shows of a library's wall, their derivatives, and the law of its globe.
 
 `tests/oracles/fit_arrays.py` does the same by arrays.
 """
@@ -47,9 +47,9 @@ GAUSS_HERMITE = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0
 
 
 class States(NamedTuple):
-    """States of walls in the library's own size, (wall,) each; where the pole lies (wall, 2); and all walls' pose.
+    """States of walls in the library's own size, (wall,) each; the pole's direction (wall, 2); and all walls' pose.
 
-    `curves_of` and `motion_of`: the wall whose curves each has, and whose motion under the pressure: itself, or one
+    `curves_of` and `motion_of`: the wall whose curves, and whose motion under the pressure, each has: itself, or one
     before it.
     """
 
@@ -67,7 +67,7 @@ class States(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """What `prediction.Stations` says of places and rings."""
+    """Places and rings of `prediction.Stations`."""
 
     places: Floats
     left: Integers
@@ -86,9 +86,9 @@ def depths_of_walls(
     slope: Floats,
     reached: NDArray[np.bool_],
 ) -> None:
-    """Write what a frame shows of walls at places, which go from the left on either boundary.
+    """Write the depths of walls at places, which go from the left on either boundary, (wall, place), m.
 
-    Depths (wall, place), m; of the first wall the slope and whether it is reached (place,).
+    Of the first wall also the slope and whether it is reached (place,).
     """
     walls, nodes = len(states.tip_m), tables.curves.shape[1] // 4
     rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
@@ -160,7 +160,7 @@ def _motion(tables: SplineTables, rings: Rings, states: States, wall: int, motio
 def _add_motion(
     meridian: Floats, angles: Floats, axis: tuple[float, float, float], sign: float, at: Floats, total: Floats
 ) -> None:
-    """Add the motion of a place of a wall about an axis, of whose meridian it is known (node, [away, up])."""
+    """Add the motion of a place of a wall about an axis, given along its meridian (node, [away, up])."""
     along = at[0] * axis[0] + at[1] * axis[1] + at[2] * axis[2]
     x, y, z = at[0] - along * axis[0], at[1] - along * axis[1], at[2] - along * axis[2]
     norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
@@ -185,7 +185,7 @@ def _add_motion(
 def _cut(
     curve: Floats, moved: Floats, pushed: Floats, size: float, gap_m: float, lateral: Floats, down: Floats
 ) -> None:
-    """Write what the plane meets of a boundary (node, 2), left side first (2 node,) (`prediction.cut_by_plane`)."""
+    """Write where the plane meets a boundary (node, 2), left side first (2 node,) (`prediction.cut_by_plane`)."""
     nodes = len(curve)
     squares = np.empty(nodes)
     for side in range(2):
@@ -214,7 +214,7 @@ def _cut(
 
 @compiled
 def _without_folds(lateral: Floats, down: Floats) -> int:
-    """Move what lies ahead of all before to the front; return how much that is."""
+    """Move the points that lie ahead of all before to the front; return their number."""
     length = 1
     for node in range(1, len(lateral)):
         if lateral[node] > lateral[length - 1]:
@@ -299,7 +299,7 @@ def predict(
     jacobian: Floats,
     seen: NDArray[np.bool_],
 ) -> None:
-    """Write what a frame shows at places (`placement.Placed`); `pressure`: which unknown is that under the needle."""
+    """Write the prediction at places (`placement.Placed`); `pressure`: index of the pressure under the needle."""
     moving = np.array([TIP, GAP, THICKNESS, pressure, ALONG, ACROSS])
     moved = np.empty(len(moving))
     varied = np.empty((len(moving) + 1, len(unknown)))
@@ -378,7 +378,7 @@ def _step(tables: SplineTables, unknown: Floats, place: int, pressure: int) -> f
 
 @compiled
 def _form(unknown: Floats, from_contact_m: float, is_inner: float, row: Floats) -> tuple[float, float]:
-    """Return what a form adds to depth and slope, and write how the depth turns with it (`unknowns`)."""
+    """Return the contribution of a form to depth and slope, and write its derivatives (`unknowns`)."""
     depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
     row[WEDGE] = from_contact_m * is_inner
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):

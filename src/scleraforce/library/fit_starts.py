@@ -46,9 +46,9 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 def starts(
     walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int, farthest_m: float = FARTHEST_M
 ) -> list[Array]:
-    """Return where to begin: dents that lie better than their neighbours, the best first, (unknown,) each.
+    """Return starts: dents that lie better than their neighbours, the best first, (unknown,) each.
 
-    Each comes with its best lateral place and depth. A dent that lies much worse than the best is none to begin from.
+    Each comes with its best lateral place and depth. A dent that lies much worse than the best is not a start.
 
     Args:
         walls: that may be seen.
@@ -73,15 +73,7 @@ def starts(
 
 
 def bearing_start(walls: Walls, mean: Array, borne_n: float, lateral_m: Array, depth_m: Array) -> Array:
-    """Return where to begin in a sealed globe whose needle is known to bear a force: (unknown,).
-
-    Args:
-        walls: that may be seen.
-        mean: of the prior (unknown,).
-        borne_n: the force.
-        lateral_m: places of the outer boundary that are seen (place,).
-        depth_m: its depth there (place,).
-    """
+    """Return the start (unknown,) in a sealed globe whose needle is known to bear a force; arguments of `starts`."""
     states = _by_pressure(walls, mean)
     nearest = int(np.argmin(np.abs(force_n(walls, states) - borne_n)))
     start: Array = _laid(walls, states[[nearest]], lateral_m, depth_m)[0][0]
@@ -89,16 +81,9 @@ def bearing_start(walls: Walls, mean: Array, borne_n: float, lateral_m: Array, d
 
 
 def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, depth_m: Array) -> Array | None:
-    """Return the state of a sealed globe that lies best, of those at much higher pressures than the one that was found.
+    """Return the best state of a sealed globe among those at much higher pressures than `fitted`.
 
-    None where all lie much worse than that one, or the globe has none.
-
-    Args:
-        walls: that may be seen.
-        mean: of the prior (unknown,).
-        fitted: unknowns of the state that was found (unknown,).
-        lateral_m: places of the outer boundary that are seen (place,).
-        depth_m: its depth there (place,).
+    None if all lie much worse than that one, or the globe has none. Arguments are those of `starts`.
     """
     states = _by_pressure(walls, mean)
     higher = (states[:, PRESSURE] > fitted[PRESSURE] + HIGHER) & (force_n(walls, states) < LARGEST_N)
@@ -110,7 +95,7 @@ def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, dep
 def _laid(
     walls: Walls, samples: Array, lateral_m: Array, depth_m: Array, farthest_m: float = FARTHEST_M
 ) -> tuple[Array, Array]:
-    """Return walls where they lie best on an outer boundary (sample, unknown), and how far off that is (sample,)."""
+    """Return the best poses of walls on an outer boundary (sample, unknown), and how far off they are (sample,)."""
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
     over_pole = samples.copy()
@@ -131,7 +116,7 @@ def _laid(
 
 
 def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Return dents (sample, unknown) at the pressures that they may be under, and which dent each is (sample,)."""
+    """Return dents (sample, unknown) at their possible pressures, and the number of the dent of each (sample,)."""
     globe, dents = walls.globe, np.arange(len(dents_du))
     if not globe.can_be_sealed:
         return dents_du, dents
@@ -148,7 +133,7 @@ def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp
 
 
 def _by_pressure(walls: Walls, mean: Array) -> Array:
-    """Return states of a globe of the rigidity that it is taken to have (state, unknown), by their pressure."""
+    """Return states of a globe of the mean rigidity (state, unknown), by their pressure."""
     library = walls.library
     thickness, resting, size, modulus = (values[0] for values in _resting(walls, mean[None]))
     law = walls.globe.globe(walls.globe.mean * size**3).over(modulus)
@@ -182,14 +167,9 @@ MIDDLE_M = 1.5e-3  # to either side of the frame's: there lies the contact of a 
 def limbus_starts(columns: Columns, unknown: Array, placed: Placed, sides: Sequence[float] = SIDES) -> list[Array]:
     """Return unknowns with a limbus on each of some sides, where enough of the surface is seen there.
 
-    Its place is searched; the angle and the curvature beyond, and the depth and the turn of the wall with them, follow
-    by linear least squares on the outer boundary.
-
-    Args:
-        columns: of the frame.
-        unknown: of a fit without that limbus (unknown,).
-        placed: what it predicts.
-        sides: -1 is the left one, 1 the right one.
+    The limbus's place is searched; the angle and the curvature beyond, and the depth and the turn of the wall with
+    them, follow by linear least squares on the outer boundary. `unknown` and `placed` are a fit without that limbus and
+    its prediction; side -1 is the left one, 1 the right one.
     """
     outer = columns.places.outer
     rest_m, pose = (columns.depth_m - placed.depth_m)[:outer], placed.jacobian[:outer, POSE]
@@ -210,13 +190,7 @@ def one_sided_starts(walls: Walls, columns: Columns, mean: Array, count: int) ->
     """Return unknowns with a limbus on one side, of walls that are laid on the middle and the other side alone.
 
     A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow there, which a search over the
-    whole surface takes for the dent.
-
-    Args:
-        walls: that may be seen.
-        columns: of the frame.
-        mean: of the prior (unknown,).
-        count: of dents to begin from on each side.
+    whole surface takes for the dent. `count` dents are tried on each side.
     """
     lateral_m, depth_m = columns.places.lateral_m[: columns.places.outer], columns.depth_m[: columns.places.outer]
     found = list[Array]()
@@ -230,13 +204,10 @@ def one_sided_starts(walls: Walls, columns: Columns, mean: Array, count: int) ->
 
 
 def _limbus(place_m: float, along_m: Array, rest_m: Array, pose: Array) -> tuple[float, Array, Array]:
-    """Return how far off the surface is in the mean with the best limbus at a place, how the pose moves, that limbus.
+    """Return the mean misfit of the surface with the best limbus at a place, the change of the pose, and that limbus.
 
-    Args:
-        place_m: of the limbus from the contact.
-        along_m: places of the surface towards it, from the contact (place,).
-        rest_m: how far the surface lies below the wall without it (place,).
-        pose: derivatives of the wall's depth by the unknowns of `POSE` (place, 2).
+    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `pose`:
+    derivatives of the wall's depth by the unknowns of `POSE` (place, 2).
     """
     beyond_m = np.maximum(along_m - place_m, 0.0)
     if np.count_nonzero(beyond_m) < LEAST_COLUMNS:

@@ -19,10 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a frame is looked at, (place,): lateral m, and the boundary (0 outer, 1 inner).
+    """Places on a frame, (place,): lateral m, and the boundary (0 outer, 1 inner), outer places first.
 
-    The outer boundary's places come first. `smoothing_m`: over which the outer boundary was smoothed (a Gaussian's
-    standard deviation).
+    `smoothing_m`: standard deviation of the Gaussian that smoothed the outer boundary.
     """
 
     lateral_m: Array
@@ -31,7 +30,7 @@ class Places:
 
     @property
     def outer(self) -> int:
-        """How many lie on the outer boundary."""
+        """Number of places on the outer boundary."""
         return int(np.searchsorted(self.boundary, 1))
 
     @property
@@ -43,10 +42,7 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """What a frame shows at places: depth in m and slope (place,), derivatives (place, unknown), whether reached.
-
-    The unknowns are those of whoever predicts.
-    """
+    """Depths at places in m and slopes (place,), derivatives (place, unknown), and whether each place is reached."""
 
     depth_m: Array
     slope: Array
@@ -62,13 +58,9 @@ def place_curves(curves: Array, lateral_m: float, depth_m: float, rotation_rad: 
 
 
 def pose_derivatives(places: Places, depth_m: Array, slope: Array, pose: tuple[float, float]) -> tuple[Array, ...]:
-    """Return how the depths change with lateral shift, depth and rotation of the pose, (place,) each.
+    """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each.
 
-    Args:
-        places: where the frame is looked at.
-        depth_m: of the placed curves (place,).
-        slope: of the placed curves (place,).
-        pose: lateral place and depth of the section's origin, m.
+    `pose`: lateral place and depth of the section's origin, m.
     """
     across, down = places.lateral_m - pose[0], depth_m - pose[1]
     return -slope, np.ones_like(depth_m), across + slope * down
@@ -86,7 +78,7 @@ def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArr
 
 
 def _smoothed(curve_sc: Array, at: Array, sd_m: float) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the same of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
+    """As `_depths_along`, of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
     if not sd_m:
         return _depths_along(curve_sc, at)
     apart = sqrt(3.0) * sd_m
@@ -96,7 +88,7 @@ def _smoothed(curve_sc: Array, at: Array, sd_m: float) -> tuple[Array, Array, ND
 
 
 def _depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Interpolate a polyline, without what folds back; of one that only does nothing is seen."""
+    """Interpolate a polyline without the parts that fold back; nothing is seen of one that only folds back."""
     lateral, down = curve_sc.T
     if (lateral[1:] <= lateral[:-1]).any():
         ahead = np.concatenate([[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]])
@@ -117,7 +109,7 @@ NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the m
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """What a frame shows: its places, their depth and the standard deviation along the normal, (place,) in m.
+    """The wall that a frame shows: places, their depth and the standard deviation along the normal, (place,) in m.
 
     `as_one` neighbouring places share one error.
     """
@@ -141,9 +133,7 @@ class Columns:
     def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
         """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,).
 
-        Args:
-            placed: the prediction.
-            scale: by which the standard deviations are larger than stated.
+        `scale`: factor on the stated standard deviations.
         """
         jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
         residual = self.residual(placed)
@@ -158,14 +148,14 @@ class Columns:
 
 
 class Problem(Protocol):
-    """What is fitted to a frame: unknowns (unknown,), each held by what is known of it before."""
+    """A fit to a frame: unknowns (unknown,), each with a prior."""
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and its cost."""
         ...
 
     def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
-        """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with what is known before."""
+        """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with the prior."""
         ...
 
     def inside(self, unknown: Array) -> Array:
@@ -175,9 +165,9 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Stopping:
-    """When a fit ends: after so many steps, or when a step is shorter than `converged_sd` standard deviations.
+    """The end of a fit: after `iterations` steps, or a step shorter than `converged_sd` standard deviations.
 
-    Or when a step that is hardly damped lowers the cost by less than `settled_cost`. `retry_damping` is the least
+    Or a step that is hardly damped and lowers the cost by less than `settled_cost`. `retry_damping` is the least
     damping after a step that made things worse.
     """
 
@@ -190,13 +180,9 @@ class Stopping:
 def gauss_newton(
     problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
 ) -> tuple[Array, Placed, float]:
-    """Return the unknowns, what they predict and their cost, from where a step would change nothing.
+    """Return the fitted unknowns, their prediction and their cost.
 
-    Args:
-        problem: what is fitted.
-        start: unknowns to begin from (unknown,).
-        stopping: when to end.
-        step_of: returns the step for the damped normal matrix and the gradient; None: their solution.
+    `step_of` returns the step for the damped normal matrix and the gradient; by default their solution.
     """
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)

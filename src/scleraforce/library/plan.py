@@ -1,4 +1,4 @@
-"""What a library holds: its axes, and the load paths that make it.
+"""The plan of a library: its axes, and the load paths that make it.
 
 There is a path for each stiffening of the tissue, thickness and tension, p R/(E t), and forces alone for some walls of
 the first stiffening with the support nearer to the needle axis or farther from it (`library.base` needs them).
@@ -30,7 +30,7 @@ SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the 
 
 @dataclass(frozen=True, kw_only=True)
 class LibraryPlan:
-    """All that the load paths of a library depend on, and nothing else of the study."""
+    """Everything that the load paths of a library depend on."""
 
     radius_m: float
     poisson_ratio: float
@@ -52,7 +52,7 @@ class LibraryPlan:
 
     @property
     def tension(self) -> Floats:
-        """Tensions p R/(E t) (p,): even in log(tension / what is left of it to the burst)."""
+        """Tensions p R/(E t) (p,): even in log(tension / (burst - tension))."""
         low, high = self.grid.tension.bounds
         burst = burst_tension(self.poisson_ratio)
         odds = np.geomspace(low / (burst - low), high / (burst - high), self.grid.tensions)
@@ -100,7 +100,7 @@ class LibraryPlan:
         return max(2, int(np.searchsorted(self.tip_m, SUPPORT_TIP_M, side="right")))
 
     def place(self, unit: int) -> tuple[int, ...]:
-        """Return where a unit stands: (stiffening, thickness, tension), or (support, thickness, tension)."""
+        """Return the place of a unit: (stiffening, thickness, tension), or (support, thickness, tension)."""
         if unit < self.paths:
             shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
             return tuple(int(number) for number in np.unravel_index(unit, shape))
@@ -137,14 +137,14 @@ class LibraryPlan:
         """SHA-256, in hexadecimal, of the recipe and of `METHOD`.
 
         A library is reused as long as the key is the same, so `METHOD` has to rise with each change of the mechanics
-        that moves load paths. Nothing is computed to find that out when a library is opened; the fingerprint of the
-        shipped reader moves with the load paths, and its test says when `METHOD` has to rise.
+        that moves load paths. The fingerprint of the shipped reader moves with the load paths, and its test says when
+        `METHOD` has to rise.
         """
         return sha256(f"{METHOD} {self.recipe}".encode()).hexdigest()
 
 
 def plan_library(study: Study) -> LibraryPlan:
-    """Return the plan that a study asks for: `[library]`, sizes and nu, and the middle of the needle's polar angles.
+    """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles.
 
     Raises:
         InputError: the wall would burst.
@@ -164,10 +164,10 @@ def plan_library(study: Study) -> LibraryPlan:
 
 
 def parse_plan(recipe: str, name: str) -> LibraryPlan:
-    """Return the plan whose recipe somebody gives; `name` stands in the messages.
+    """Return the plan of a recipe; `name` is used in messages.
 
     Raises:
-        InputError: it is no recipe of a plan.
+        InputError: it is not the recipe of a plan.
     """
     try:
         given = parse_json(recipe)
@@ -183,7 +183,7 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
 
 
 def _numbers(record: LibraryPlan | LibraryStudy) -> bool:
-    """Whether every field that is to be a number is one, of its own type."""
+    """Whether every number field has its own type."""
     return all(type(getattr(record, item.name)) is item.type for item in fields(record) if item.type in (int, float))
 
 
@@ -192,11 +192,11 @@ def _sampled(value: dict[str, Any]) -> Sampled:
 
 
 def stiffening_place(stiffening: Floats) -> Floats:
-    """Return where tissue stands on the axis of b, on which states change smoothly."""
+    """Return the place of tissue on the axis of b, on which states change smoothly."""
     place: Floats = np.log1p(stiffening / LITTLE_STIFFENING)
     return place
 
 
 def evenly_picked(count: int, most: int) -> NDArray[np.intp]:
-    """Return at most so many numbers from first to last of `count`, as even as they can be."""
+    """Return at most `most` numbers from first to last of `count`, evenly spaced."""
     return np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp)

@@ -56,7 +56,7 @@ STATION_RAD = 0.04  # between the places
 
 @dataclass(frozen=True, eq=False)
 class Stations:
-    """Places of a section and where the library's rings lie among them.
+    """Places of a section and the positions of the library's rings among them.
 
     `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary, left nodes and
     right ones), from the axis outwards on either side, lies between the place `left_bw` and the next one, by `share_bw`
@@ -69,11 +69,9 @@ class Stations:
     share_bw: Array
 
     def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
-        """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
+        """Return the motion of the points that the plane meets (sample, boundary, [left, right], node, 3), m.
 
-        Args:
-            place: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
-            pole_s2: where the eye's pole lies (`base.pole_direction`).
+        `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
         """
         thickness, ratio, _ = place
         bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
@@ -86,7 +84,7 @@ class Stations:
 
 
 def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stations:
-    """Return the stations of sections about so far from the needle axis, of walls about so thick."""
+    """Return the stations of sections about `gap_m` from the needle axis, of walls about `thickness_m` thick."""
     reach = np.sin(library.node_angles())
     count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
     stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
@@ -103,9 +101,9 @@ HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit t
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """The walls that a fit looks among: those of a library, in globes of which so much is known.
+    """The candidate walls of a fit: a library and the known globe.
 
-    `gap_m` and `thickness_m` are about those of the walls.
+    `gap_m` and `thickness_m` are approximate values of the walls.
     """
 
     library: Library
@@ -116,12 +114,12 @@ class Walls:
 
     @cached_property
     def stations(self) -> Stations:
-        """Where what the base's nearness moves is found."""
+        """Stations at which the effect of the base is computed."""
         return section_stations(self.library, self.gap_m, self.thickness_m)
 
     @property
     def pressure(self) -> int:
-        """Which unknown is the pressure under the needle: the IOP where the globe is open."""
+        """Index of the unknown that is the pressure under the needle: the IOP in an open globe."""
         return PRESSURE if self.globe.can_be_sealed else IOP
 
 
@@ -162,13 +160,7 @@ def formed_wall(walls: Walls, unknown: Array) -> Array:
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
-    """Predict what a frame shows at places, with its derivatives.
-
-    Args:
-        walls: that may be seen.
-        unknown: (unknown,), in the order of `NAMES`.
-        places: where the frame was looked at.
-    """
+    """Predict the depths and slopes at places for unknowns in the order of `NAMES`, with their derivatives."""
     count = len(places.lateral_m)
     placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
     stations = walls.stations
@@ -179,7 +171,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 
 
 def shining(slope: Array) -> Array:
-    """Return how far the mirror reflection moves the edge of a surface of some slope, over where it faces the light.
+    """Return how far the mirror reflection moves the edge of a surface of a slope, over where it faces the light.
 
     >>> shining(np.array([0.0, SHINING_SLOPE])).round(3)
     array([1.   , 0.368])
@@ -195,7 +187,7 @@ def _log_ratio(walls: Walls, unknown_su: Array) -> Array:
 
 
 def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
-    """Return thickness, pressure over E and tip of samples in the library's own size, kept within what it holds."""
+    """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
     library, size = walls.library, np.exp(unknown_su[:, SIZE])
     thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
     return (
@@ -206,17 +198,12 @@ def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array
 
 
 def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
-    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis.
+    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
 
-    Args:
-        curves_sbnc: distance from the axis and depth (sample, boundary, node, 2), nodes from the axis outwards.
-        gap_s: distance of the plane from the axis, m.
-        moved_sbwnc: how far what the plane meets has moved, (sample, boundary, [left, right], node, 3): along the
-            section, across it and down, m.
-
-    Returns:
-        Lateral place and depth (sample, boundary, 2 node, 2); nodes nearer to the axis than the plane lie in the
-        middle, at the depth that the plane's nearest point has.
+    The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
+    result is (sample, boundary, 2 node, 2). Nodes nearer to the axis than the plane are put in the middle, at the depth
+    of the plane's nearest point. `moved_sbwnc` (sample, boundary, [left, right], node, 3) is the motion of the points
+    that the plane meets: along the section, across it and down, m.
     """
     gap = gap_s[:, None, None]
     if moved_sbwnc is None:
@@ -258,7 +245,7 @@ LEAST_SD = 3e-3  # relative, of the pressure that the law gives: volumes of the 
 
 
 def off_the_law(walls: Walls, unknown_su: Array) -> Array:
-    """Return how far unknowns (sample, unknown) are off the law, in standard deviations; 0 where the globe is open."""
+    """Return how far unknowns are off the globe's law (sample,), in standard deviations; 0 if the globe is open."""
     if not walls.globe.can_be_sealed:
         return np.zeros(len(unknown_su))
     off, sd = _off(walls, unknown_su)
@@ -266,7 +253,7 @@ def off_the_law(walls: Walls, unknown_su: Array) -> Array:
 
 
 def law_slope(walls: Walls, unknown: Array) -> Array:
-    """Return how `off_the_law` turns with each unknown (unknown,)."""
+    """Return the derivative of `off_the_law` by each unknown (unknown,)."""
     slope = np.zeros(len(NAMES))
     if walls.globe.can_be_sealed:
         moving = list(MOVING)
@@ -278,7 +265,7 @@ def law_slope(walls: Walls, unknown: Array) -> Array:
 
 
 def keep_within(walls: Walls, unknown_su: Array) -> Array:
-    """Return unknowns (sample, unknown) whose pressure is that of a rigidity within the globe's bounds."""
+    """Return unknowns (sample, unknown) with the pressure limited by the globe's bounds of rigidity."""
     known = walls.globe
     if not known.can_be_sealed:
         return unknown_su

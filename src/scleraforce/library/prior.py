@@ -1,4 +1,4 @@
-"""What is known before a frame is fitted: of the eye, of the pose, and of forms that eyes have."""
+"""The prior of a fit: the known eye, the pose, and the forms that eyes have."""
 
 from dataclasses import dataclass
 from math import log, radians, sin, sqrt
@@ -52,13 +52,13 @@ HEAVY = np.array([INNER_OFFSET, *(FORM.start + np.array([1, 2, 4, 5, 6]))])
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known before a frame, in the order of NAMES.
+    """The prior of the unknowns, in the order of NAMES.
 
     `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
-    what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
-    a standard normal number. `globe` is what is known of it; `calibrated` (2, 2) the inverse covariance of that number
-    and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of the
-    eye's forces.
+    the effect of `same_force` (unknown,): that combination of unknowns is as far off its mean as a standard normal
+    number; it is 0 where it is not used. `globe` is the known globe; `calibrated` (2, 2) the inverse covariance of that
+    number and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of
+    the eye's forces.
     """
 
     mean: Array
@@ -71,12 +71,7 @@ class Prior:
 
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:
-    """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
-
-    Args:
-        known: of the eye.
-        trained: the study's ranges.
-    """
+    """Return the prior of a frame's unknowns: the known eye, else the ranges that the model was trained for."""
     mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
@@ -101,7 +96,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
 
 
 def _pole(known: Known) -> tuple[tuple[float, float], float]:
-    """Return where the pole lies, and its standard deviation: anywhere around where the direction is not stated."""
+    """Return the pole's direction and its standard deviation: anywhere around if the direction is not stated."""
     polar_rad = TYPICAL_POLAR_RAD if known.polar_rad is None else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
     if known.direction_rad is None:
         return (0.0, 0.0), max(sin(polar_rad) / sqrt(2.0), POLE_SD)
@@ -109,10 +104,10 @@ def _pole(known: Known) -> tuple[tuple[float, float], float]:
 
 
 def _same_force(mean: Array, sd: Array) -> Array:
-    """Return the combination of unknowns that an eye's own modulus is sure of.
+    """Return the combination of unknowns that an eye's own modulus determines.
 
-    It was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so is the modulus, and
-    the force that belongs to a dent is right all the same: it is that force which is known.
+    The modulus was fitted to dents and forces at the stated thickness and IOP. If these are wrong, so is the modulus,
+    and yet the force that belongs to a dent is right: that force is known.
     """
     along = np.zeros(len(NAMES))
     along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
@@ -120,7 +115,7 @@ def _same_force(mean: Array, sd: Array) -> Array:
 
 
 def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
-    """Return mean and standard deviation of what is stated, else of the range that it lies in."""
+    """Return mean and standard deviation of a stated value, else of its range."""
     low, high = bounds
     return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
 
@@ -130,7 +125,7 @@ def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def form_size(unknown: Array) -> float:
-    """Return how far a wall (unknown,) is from an even sphere: the largest of its form, over the spread that is known.
+    """Return how far a wall (unknown,) is from an even sphere: the largest of its form, over the known spread.
 
     >>> form_size(np.zeros(len(NAMES)))
     0.0

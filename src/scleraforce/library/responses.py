@@ -43,7 +43,7 @@ SLACK = 1e-9  # relative: an end of a range may be computed in two ways
 def weight_products(
     first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
 ) -> tuple[NDArray[np.intp], Floats]:
-    """Return rows (sample, 16) of a table over two axes, the second of a length, and the products of their weights."""
+    """Return rows (sample, 16) of a table over two axes, the second of length `seconds`, and weights there."""
     support = np.arange(SUPPORT)
     rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
     weights = of_first[:, :, None] * of_second[:, None]
@@ -51,10 +51,10 @@ def weight_products(
 
 
 def check_inside(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
-    """Check that all values lie in a range; the message gives them in `unit`s, by another name where `printed`.
+    """Check that all values lie in a range; the message gives them in `unit`s, named `printed` if given.
 
     Raises:
-        InputError: a value is outside, or no number.
+        InputError: a value is outside, or is not a number.
     """
     values = np.asarray(values)
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
@@ -69,10 +69,10 @@ def check_inside(name: str, values: Floats, low: float, high: float, unit: Human
 def check_tension(
     tension: Floats, thickness_m: Floats, ends: tuple[float, float], radius_m: float, poisson_ratio: float
 ) -> None:
-    """Check that tensions lie between the ends of a library's; the message gives what they are in the wall's IOP/E.
+    """Check that tensions lie within a library's; the message gives them as the wall's IOP/E.
 
     Raises:
-        InputError: one is outside, or no number.
+        InputError: one is outside, or is not a number.
     """
     inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
     if inside.all():
@@ -87,7 +87,7 @@ def check_tension(
 
 
 def inside_ends(values: Floats, axis: Floats) -> Floats:
-    """Return values of a range that was checked, without what rounding added."""
+    """Return values of a checked range without the rounding beyond its ends."""
     return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
 
 
@@ -95,7 +95,7 @@ def check_arrays(library: "Library") -> None:
     """Check the shapes and values of a library.
 
     Raises:
-        InputError: names what does not fit.
+        InputError: names the array that does not fit.
     """
     shape = (len(library.thickness_m), len(library.tension), len(library.tip_m))
     if min(shape) < SUPPORT:
@@ -155,11 +155,11 @@ class Library:
 
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
     `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
-    at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
+    at one pressure, and `curves_tpdbnc` the curves of `Responses`, of walls clamped 90 degrees from the needle axis.
     `undented_tpbnc` are the walls without the needle, from axis to clamp. `stiffness_atpd` is the factor of the force
     for contacts at the polar angles `polar_rad` (a,), from 0; the library answers for `contact_polar_rad`.
-    `max_force_ratio` is the largest F/E that it is asked for. The walls' tissue stiffens by `stiffening`
-    (`mechanics.material`); `stiffened` has those of other tissue, None where the library holds no other.
+    `max_force_ratio` is its largest F/E. The walls' tissue stiffens by `stiffening` (`mechanics.material`); `stiffened`
+    has the walls of other tissue, None if the library holds no other.
     """
 
     thickness_m: Floats
@@ -250,13 +250,7 @@ class Library:
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
-        """Return what the base's nearness moves walls beside the pole by (sample, boundary, place, 3), m.
-
-        Args:
-            thickness_m: wall thickness (sample,), m.
-            iop_ratio: pressure over E (sample,).
-            places_sbpc: unit vectors to the places at rest, of one sample or of each.
-            pole_s2: where the eye's pole lies; see `base.base_bulge`, also for the result.
+        """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`.
 
         Raises:
             InputError: a wall lies outside the library.
@@ -285,7 +279,7 @@ class Library:
         self._check_walls(thickness_m, iop_ratio)
 
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
-        """Return the lowest and the highest IOP ratio (sample,) that the library has of walls."""
+        """Return the lowest and the highest IOP ratio (sample,) that the library holds for walls."""
         per_tension = np.asarray(thickness_m) / self.radius_m
         return self.tension[0] * per_tension, self.tension[-1] * per_tension
 
@@ -324,7 +318,7 @@ class Library:
         return largest
 
     def for_contact(self, polar_rad: float) -> "Library":
-        """Return the library of needles at a polar angle; it shares what does not depend on that.
+        """Return the library of needles at a polar angle; it shares the arrays that do not depend on it.
 
         Raises:
             InputError: the polar angle is outside the library's range.
@@ -332,7 +326,7 @@ class Library:
         return replace(self, contact_polar_rad=polar_rad, weights=self._weights)
 
     def for_stiffening(self, stiffening: float) -> "Library":
-        """Return the library of tissue that stiffens by b, at the same contact; the last few are kept.
+        """Return the library of tissue that stiffens by b, at the same contact; the last few are cached.
 
         Raises:
             InputError: the library does not hold such tissue.
@@ -350,11 +344,11 @@ class Library:
 
     @property
     def stiffenings(self) -> Floats:
-        """The stiffenings that it holds walls of (b,)."""
+        """Stiffenings of its walls (b,)."""
         return np.array([self.stiffening]) if self.stiffened is None else self.stiffened.stiffening
 
     def nearest_contact(self, polar_rad: float | None) -> "Library":
-        """Return the library of needles at a polar angle, or at the nearest that it has; None: as it is."""
+        """Return the library of needles at a polar angle, or at the nearest that it holds; for None, itself."""
         if polar_rad is None:
             return self
         return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
@@ -362,7 +356,7 @@ class Library:
     def within(self, distance_m: float) -> "Library":
         """Return the library without the material that lies farther than `distance_m` from the needle axis.
 
-        One node beyond is kept. It is smaller and faster, for slices that do not show what it leaves out.
+        One node beyond is kept. It is smaller and faster, for slices that do not show the rest.
         """
         near = (self.curves_tpdbnc[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
         nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
@@ -442,7 +436,7 @@ class Library:
         return values_and_slopes(self._splines, self._contact_volumes, axis=1)
 
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
-        """Force and slope at the library's tips for some walls, each (sample, d)."""
+        """Force and slope at the library's tips for walls, each (sample, d)."""
         rows, weights = walls
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
@@ -456,7 +450,7 @@ class Library:
         return found
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
-        """Return where walls stand between those of the library, after a check that they do."""
+        """Return the walls' places between those of the library, after a check that they lie inside."""
         tension = self._check_walls(thickness_m, iop_ratio)
         t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
         p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
@@ -483,7 +477,7 @@ def _samples(*values: Floats) -> list[Floats]:
 
 
 def library_of(walls: StiffenedWalls, **others: Any) -> Library:
-    """Return the library of walls, of the first stiffening that they have; `others`: its other arguments.
+    """Return the library of walls, of their first stiffening; `others`: its other arguments.
 
     Raises:
         InputError: they do not belong together.
@@ -494,7 +488,7 @@ def library_of(walls: StiffenedWalls, **others: Any) -> Library:
 
 
 def walls_of(library: Library) -> StiffenedWalls:
-    """Return what a library holds of walls of every stiffening."""
+    """Return a library's walls of every stiffening."""
     return library.stiffened or StiffenedWalls(
         stiffening=np.array([library.stiffening]),
         force_ratio_btpd=library.force_ratio_tpd[None],

@@ -27,15 +27,9 @@ Floats = NDArray[np.float64]
 def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
     """Return the pressure over E at dents (sample,); NaN where no pressure of the library solves the law.
 
-    It then runs away (`mechanics.equilibrium`), or rises beyond the library. Dents count from the undented wall at that
-    pressure, as they do in all states of the library.
-
-    Args:
-        library: of responses.
-        thickness_m: wall thickness, m.
-        iop_ratio: pressure without the needle over E.
-        tip_m: dent, m.
-        globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+    It then runs away (`mechanics.equilibrium.SealedDent`), or rises beyond the library. Dents count from the undented
+    wall at that pressure. `iop_ratio` is the pressure without the needle over E; the globe is over E, and its rate a
+    number or (sample,).
 
     Raises:
         InputError: a sample without the needle lies outside the library, or its dent does.
@@ -125,7 +119,7 @@ def _missing(
     along: Floats,
     path: Floats,
 ) -> float:
-    """Return what the law misses at a pressure."""
+    """Return the error of the law at a pressure."""
     ratio = np.exp(log_ratio)
     risen = level_of(ratio, is_logarithmic) - level_of(eyes.resting[eye], is_logarithmic)
     return float(risen - eyes.rate[eye] * _displaced(tables, eyes, eye, ratio, along, path))
@@ -161,7 +155,7 @@ def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats)
 
 @compiled
 def _reached_tip(tip_m: Floats, path: Floats, wanted: float) -> float:
-    """Return where loading first reaches a force; the deepest tip where it never does (`crossing.first_crossing`)."""
+    """Return where loading first reaches a force; the deepest tip where it never does (`splines.first_crossing`)."""
     tips = len(tip_m)
     if path[0] >= wanted:
         return float(tip_m[0])
@@ -178,7 +172,7 @@ def _reached_tip(tip_m: Floats, path: Floats, wanted: float) -> float:
 
 @compiled
 def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
-    """Return place and value of the largest force of an interval (`crossing._peaks`)."""
+    """Return place and value of the largest force of an interval (`splines._peaks`)."""
     _, b, c, d = cubic
     end = _value(cubic, 1.0)
     under = c * c - 3.0 * b * d
@@ -193,7 +187,7 @@ def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
 
 @compiled
 def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
-    """Return where a cubic reaches a value from below (`crossing._rising_root`)."""
+    """Return where a cubic reaches a value from below (`splines._rising_root`)."""
     low, place = 0.0, 0.5 * high
     for _ in range(MOST_STEPS):
         over = _value(cubic, place) - wanted
@@ -218,7 +212,7 @@ def _value(cubic: tuple[float, float, float, float], x: float) -> float:
 
 @compiled
 def level_of(pressure: float, is_logarithmic: bool) -> float:
-    """Return what of the pressure is linear in the volume (`mechanics.globe`)."""
+    """Return the level of a pressure, which is linear in the volume (`mechanics.globe`)."""
     return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
 
 
@@ -235,17 +229,10 @@ def iop_ratio_under_force(
     globe: Globe,
     tolerance: float = 1e-7,
 ) -> Floats:
-    """Return the pressure over E under forces (sample,); the library's highest where it rises beyond.
+    """Return the pressure over E under forces F/E (sample,), m^2; the library's highest where it rises beyond.
 
-    Under a force a higher pressure leaves a shallower dent, which displaces less: one pressure solves the law.
-
-    Args:
-        library: of responses.
-        thickness_m: wall thickness, m.
-        iop_ratio: pressure without the needle over E.
-        force_ratio: F/E, m^2; where it is more than a wall carries, the dent counts as the library's deepest.
-        globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
-        tolerance: of the logarithm of the pressure.
+    Where a force is more than a wall carries, the dent counts as the library's deepest. `tolerance` is that of the
+    logarithm of the pressure; the other arguments are those of `iop_ratio_at_dent`.
 
     Raises:
         InputError: a wall lies outside the library.

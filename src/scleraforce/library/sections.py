@@ -31,26 +31,16 @@ PARTS_MIDDLE = 12  # between X = 0 and the first ring that the plane meets
 def cut_rings(curves: NDArray[np.floating], gap_m: Floats | float, tilt_rad: Floats | float) -> tuple[Floats, Floats]:
     """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative where the plane misses one.
 
-    Args:
-        curves: distance from the needle axis and depth of the rings (..., node, 2), m.
-        gap_m: distance of the plane from the needle axis, m; broadcasts against (..., node).
-        tilt_rad: its tilt about its lateral axis.
+    The curves are distance from the needle axis and depth of the rings (..., node, 2), m; gap and tilt broadcast.
     """
     distance, deep = curves[..., 0].astype(np.float64), curves[..., 1].astype(np.float64)
     return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
 def cut_surfaces(curves_bnc: NDArray[np.floating], gap_m: float, tilt_rad: float = 0.0) -> Section:
-    """Cut a wall, two surfaces of revolution about the needle axis.
+    """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2): distance and depth, m.
 
-    Args:
-        curves_bnc: outer and inner surface (boundary, node, 2): distance from the needle axis and depth, m, from the
-            axis outwards (one sample of `Responses.curves_sbnc`).
-        gap_m: distance of the plane from the needle axis, m.
-        tilt_rad: turns the plane about its lateral axis.
-
-    Returns:
-        The section, from negative to positive lateral side, in the order of the material.
+    The section goes from negative to positive lateral side, in the order of the material.
 
     Raises:
         InputError: the plane does not cut through both surfaces.
@@ -60,12 +50,7 @@ def cut_surfaces(curves_bnc: NDArray[np.floating], gap_m: float, tilt_rad: float
 
 
 def highest_depths(curves_snc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats) -> Floats:
-    """Return the smallest depth of the section of each surface (sample,), m.
-
-    Args:
-        curves_snc: one surface for each sample (sample, node, 2), m.
-        gap_m: distance of its plane (sample,), m.
-        tilt_rad: tilt of its plane (sample,).
+    """Return the smallest depth of the section of each surface (sample,), m; the surfaces are (sample, node, 2).
 
     Raises:
         InputError: a plane misses its surface.
@@ -122,7 +107,7 @@ ALONG, ACROSS, DOWN = range(3)
 
 @dataclass(frozen=True, eq=False)
 class SectionMotion:
-    """How far sections have moved, in the library's size.
+    """The motion of sections, in the library's size.
 
     `lateral_p` (place,): even places of a section, m, the same to both sides of the needle axis. `moved_sbpc` (sample,
     boundary, place, [along the section, across it, down]), m.
@@ -147,7 +132,7 @@ class SectionMotion:
 
     @property
     def across_contact(self) -> Floats:
-        """How far the contact has moved across the section (sample,), m."""
+        """Motion of the contact across the section (sample,), m."""
         middle: Floats = self.moved_sbpc[:, 0, len(self.lateral_p) // 2, ACROSS]
         return middle
 
@@ -160,15 +145,15 @@ def section_motion(
     pole_s2: Floats,
     reach_m: float,
 ) -> SectionMotion:
-    """Return what pressure and force move sections by.
+    """Return the motion of sections by pressure and force.
 
     Args:
         library: of responses.
         walls: its states that are cut.
         place: of the walls in the library: thickness, m, and pressure over E, (sample,) each.
         gap_m: of the sections (sample,), m.
-        pole_s2: where the eye's pole lies (`base.pole_direction`).
-        reach_m: how far sections are looked at, to either side of the needle axis.
+        pole_s2: direction of the eye's pole (`base.pole_direction`).
+        reach_m: half width of the sections, to either side of the needle axis.
 
     Raises:
         InputError: a wall lies outside the library.
@@ -188,7 +173,7 @@ def section_motion(
 
 
 def _growth(library: Library, walls: Responses) -> Floats:
-    """Return how much wider walls are than at rest (sample,): 1 where they are as wide."""
+    """Return how much wider walls are than at rest (sample,): 1 if unchanged."""
     angles = library.node_angles()
     node = min(int(np.searchsorted(angles, GROWN_RAD)), len(angles) - 1)
     wide: Floats = walls.curves_sbnc[:, OUTER, node, 0] / (library.radius_m * np.sin(angles[node]))

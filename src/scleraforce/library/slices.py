@@ -34,19 +34,18 @@ def depths_at_columns(
     turn_s: Floats,
     moved: tuple[Floats, SectionMotion] | None = None,
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the depth of boundaries in the columns of their slices.
+    """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
+
+    The depths (sample, boundary, column), m, are after the turn: NaN where there is no wall; where a boundary folds
+    over, of the part seen from above.
 
     Args:
         square_sbn: X^2 of the rings (sample, boundary, node), m^2; negative where the plane misses a ring.
         depth_sbn: Y of the rings, m.
         columns_sc: laterals of the columns, after the turn (sample, column), m.
         turn_s: turn of the section about its frame's origin, from lateral to depth (sample,), rad.
-        moved: distance of the planes (sample,), m, and how far what they meet has moved; that of the contact across the
-            plane is in X^2 already.
-
-    Returns:
-        Depths after the turn (sample, boundary, column), m, NaN where there is no wall; where a boundary folds over, of
-        the part seen from above. And which samples have such a boundary (sample,).
+        moved: distance of the planes (sample,), m, and the motion; that of the contact across the plane is in X^2
+            already.
     """
     reach_m = np.abs(columns_sc).max(axis=1)
     reach_m = reach_m + np.where(turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0)
@@ -74,8 +73,8 @@ def depths_at_columns(
 class _Stations:
     """Y (sample, boundary, station) at X = 0, STATION_M, 2 STATION_M ...; NaN beyond the last ring.
 
-    Between two stations Y is linear in X^2, as it is between two rings. Sections are alike to both sides until they are
-    `moved`: then stations lie on both, X = 0 at the one of the number `middle`.
+    Between two stations Y is linear in X^2, as it is between two rings. Sections are symmetric until they are `moved`:
+    then stations lie on both sides, and X = 0 is the station number `middle`.
     """
 
     def __init__(self, depth_sbt: Floats, middle: int = 0) -> None:
@@ -106,7 +105,7 @@ class _Stations:
         return _Stations(self.depth_sbt[samples], self.middle)
 
     def moved(self, gap_s: Floats, motion: SectionMotion) -> "_Stations":
-        """Return sections that have moved: what is seen at a place has come there from where it stood before."""
+        """Return sections that have moved: each place shows the point that has moved there."""
         last = self.depth_sbt.shape[2] - 1
         lateral = np.arange(-last, last + 1) * STATION_M
         moved = motion.at(lateral)
@@ -212,8 +211,8 @@ class WallBoundaries:
     """Boundaries of walls in the columns of their slices.
 
     `depth_sbc` (sample, boundary, column): depth of the outer and the inner boundary below the slice's top edge at the
-    centre of the column, m; NaN where there is none. Where a boundary folds over, the part seen from above.
-    `folded` (sample,): some boundary folds over, so that the two depths do not say all.
+    centre of the column, m; NaN where there is none. Where a boundary folds over, the part seen from above. `folded`
+    (sample,): some boundary folds over, so that the two depths are not the whole wall.
     """
 
     depth_sbc: Floats
@@ -235,13 +234,7 @@ def wall_boundaries(
 ) -> WallBoundaries:
     """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
 
-    Args:
-        curves_sbnc: walls (`Responses.curves_sbnc`), m; material that the slice shows must not be left out.
-        gap_m: distance of the plane from the needle axis (sample,), m.
-        tilt_rad: tilt of the plane (sample,).
-        framing: where the section lies in the slice.
-        study: size of the slice and of its pixel.
-        motion: how far what the planes meet has moved; None: it stays where the curves have it.
+    `curves_sbnc` must include all material that the slice shows; `motion` moves the points that the planes meet.
     """
     columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[:, None]
     depth_sbc = np.empty((*curves_sbnc.shape[:2], study.columns))
@@ -258,14 +251,10 @@ def wall_boundaries(
 
 
 def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> NDArray[np.uint8]:
-    """Draw walls: 255 in each pixel whose centre lies between the boundaries, else 0.
+    """Draw walls, (sample, rows, columns): 255 in each pixel whose centre lies between the boundaries, else 0.
 
-    Args:
-        depth_sbc: boundaries (sample, boundary, column), m below the top edge; NaN: no wall in this column.
-        study: size of the slice and of its pixel.
-
-    Returns:
-        The slices, shape (sample, rows, columns); a centre on a boundary belongs to what is below it.
+    The boundaries (sample, boundary, column) are m below the top edge; NaN: no wall in this column. A centre on a
+    boundary belongs to the side below it.
     """
     rows = np.rint(depth_sbc * (SNAP / study.pixel_m)) / SNAP - 0.5
     first = np.ceil(np.clip(rows - 0.5 / SNAP, 0.0, study.rows))

@@ -39,7 +39,7 @@ class CubicSpline:
 
     @cached_property
     def knots(self) -> Floats:
-        """Knots, shape (node + 4,): the second node from each end is none."""
+        """Knots, shape (node + 4,): the second node from each end is not a knot."""
         ends = [np.repeat(self.nodes[0], SUPPORT), np.repeat(self.nodes[-1], SUPPORT)]
         return np.concatenate([ends[0], self.nodes[2:-2], ends[1]])
 
@@ -57,7 +57,7 @@ class CubicSpline:
         return self.pieces.weights(places)
 
     def shares(self, places: Floats) -> Floats:
-        """Return how much a value at each node counts at places (place, node); for a few, cheaper than all weights."""
+        """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
         return np.asarray(np.linalg.solve(self._matrix().T, self._spread(places).T).T)
 
     def slopes(self, coefficients: Floats) -> Floats:
@@ -75,7 +75,7 @@ class CubicSpline:
 
     @cached_property
     def _inverse(self) -> Floats:
-        """What turns values at the nodes into weights (B-spline, node): the matrix is small and well conditioned."""
+        """Inverse of the nodes' matrix (B-spline, node), which is small and well conditioned."""
         return np.asarray(np.linalg.inv(self._matrix()))
 
     def _matrix(self) -> Floats:
@@ -145,15 +145,10 @@ def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Float
 
 
 def values_and_slopes(splines: Sequence[CubicSpline], values: Floats, axis: int) -> Floats:
-    """Return what gives the values and their slopes at the nodes of one axis, by weights over the other two.
+    """Return the weights over two axes of the values and their slopes at the nodes of the third.
 
-    Args:
-        splines: of the three axes.
-        values: at their nodes, (node, node, node).
-        axis: whose nodes stay.
-
-    Returns:
-        A row for each pair of nodes of the other two axes, with values and then slopes at the n nodes, (pair, 2 n).
+    `values` are at the nodes (node, node, node) of the splines' axes; the nodes of `axis` stay. There is a row for each
+    pair of nodes of the other two axes, with values and then slopes at the n nodes, (pair, 2 n).
     """
     moved = np.moveaxis(values, axis, -1)
     slopes = splines[axis].slopes(splines[axis].coefficients(moved, axis=2))
@@ -169,7 +164,7 @@ Curves = NDArray[np.float32]
 class SplineWeights:
     """Spline weights over a library's axes: `thickness_m` (t,), `tension` (p,), `tip_m` (d,). Each is computed once.
 
-    `longer` are those of the same walls with more nodes of the curves, whose first weights are theirs.
+    `longer` has the weights of the same walls with more nodes of the curves; its first weights are these.
     """
 
     thickness_m: Floats
@@ -212,16 +207,10 @@ CONVERGED = 1e-13  # of an interval
 
 
 def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: Floats) -> Floats:
-    """Return the smallest tip at which each path carries its force; NaN where it never does.
+    """Return the smallest tip (sample,), m, at which each path carries its force; NaN where it never does.
 
-    Args:
-        tip_m: increasing tips (tip,), m.
-        force_sd: force at them (sample, tip).
-        slope_sd: its derivative by the tip (sample, tip).
-        wanted_s: the force to find, in the same unit (sample,).
-
-    Returns:
-        The tips (sample,), m; the first tip where already that carries more.
+    `force_sd` and `slope_sd` are force and slope at the increasing tips (sample, tip). The first tip is returned where
+    its force is larger already.
     """
     cubic = _cubics(np.diff(tip_m), force_sd, slope_sd)
     peak_place, peak = _peaks(cubic)

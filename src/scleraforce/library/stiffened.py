@@ -32,9 +32,8 @@ BLOCK = 64  # rows that are worked on together: they stay in the cache
 class ReducedRows:
     """Rows as sums of the rows of a basis.
 
-    Attributes:
-        basis_kv: a step of each part (part, value), float32.
-        steps: how many of them every row takes (row, part); a table for each of `STEP_TYPES`, in the basis' order.
+    `basis_kv`: a step of each part (part, value), float32. `steps`: integers (row, part) that multiply them; a table
+    for each of `STEP_TYPES`, in the basis' order.
     """
 
     basis_kv: NDArray[np.float32]
@@ -58,11 +57,7 @@ class ReducedRows:
 
 
 def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:
-    """Return rows in a reduced basis.
-
-    Args:
-        rows_rv: the rows (row, value), finite.
-        largest_error: by which no value may be off.
+    """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`.
 
     Raises:
         InputError: the values are too large for so small an error.
@@ -79,13 +74,13 @@ def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedR
 
 
 def _worst(rest_rv: Floats) -> Floats:
-    """Return the largest value of each row, whatever its sign (row,)."""
+    """Return the largest absolute value of each row (row,)."""
     worst: Floats = np.maximum(rest_rv.max(axis=1, initial=0.0), -rest_rv.min(axis=1, initial=0.0))
     return worst
 
 
 def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
-    """Take off the whole numbers of a direction that come nearest to each row; return them (row,)."""
+    """Subtract the integer multiple of a direction that comes nearest to each row; return the multiples (row,)."""
     steps = np.empty(len(rest_rv))
     for start in range(0, len(rest_rv), BLOCK):
         block = slice(start, start + BLOCK)
@@ -95,7 +90,7 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
 
 
 def _by_size(rows_rv: NDArray[np.floating], directions: list[NDArray[np.float32]], steps: list[Floats]) -> ReducedRows:
-    """Put the parts that need the largest numbers first, and every number into the smallest type that holds it."""
+    """Put the parts with the largest integers first, and every integer into the smallest type that holds it."""
     rows, values = rows_rv.shape
     basis_kv, steps_kr = np.reshape(np.array(directions, np.float32), (-1, values)), np.reshape(steps, (-1, rows))
     most = np.abs(steps_kr).max(axis=1, initial=0.0)
@@ -168,10 +163,10 @@ class ReducedCurves:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StiffenedWalls:
-    """What a library holds of walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
+    """A library's walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
 
-    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are those of `Library`, of each b.
-    Of the curves only the first `nodes` are given.
+    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are those of `Library`, for each b. Of the
+    curves only the first `nodes` are given.
     """
 
     stiffening: Floats
@@ -197,7 +192,7 @@ class StiffenedWalls:
         """Return the arrays of `Library` that change with the stiffening, by name.
 
         Raises:
-            InputError: such tissue is not among them.
+            InputError: the stiffening is outside the range.
         """
         weights = self._weights(stiffening)
         mixed = (np.tensordot(weights, values, axes=1) for values in (self.force_ratio_btpd, self.displaced_btpd))
@@ -220,7 +215,7 @@ class StiffenedWalls:
         return replace(self, nodes=nodes)
 
     def _weights(self, stiffening: float) -> Floats:
-        """Return what each b weighs at another (b,)."""
+        """Return the weight of each b at another (b,)."""
         here: Floats = (self.stiffening == stiffening).astype(np.float64)
         if here.any():
             return here

@@ -35,7 +35,7 @@ STORE = CheckedStore(
 
 
 def create_library(path: Path, plan: LibraryPlan) -> None:
-    """Create the store with its axes and no paths, or take up what a killed run of the same plan has left.
+    """Create the store with its axes and no paths, or continue an interrupted run of the same plan.
 
     Raises:
         InputError: `path` holds something else, another library, or a complete one.
@@ -44,7 +44,7 @@ def create_library(path: Path, plan: LibraryPlan) -> None:
 
 
 def missing_library_units(path: Path, plan: LibraryPlan) -> list[int]:
-    """Return the numbers of the load paths that are not in the store, or cannot be read there."""
+    """Return the numbers of the load paths that are missing or cannot be read."""
     arrays = _arrays(plan)
     return [
         unit
@@ -61,7 +61,7 @@ def write_library_unit(
     displaced_d: NDArray[np.float64],
     curves_dbnc: NDArray[np.float32],
 ) -> None:
-    """Write one load path: what `build.SolvedPath` says, as far as it is kept.
+    """Write the stored part of one load path (`build.SolvedPath`).
 
     Raises:
         InputError: the folder cannot be written to, or the disk is full.
@@ -78,7 +78,7 @@ def write_library_unit(
 
 
 def complete_library(path: Path, plan: LibraryPlan) -> None:
-    """Mark the store as complete, and clear what killed runs have left beside their chunks.
+    """Mark the store as complete, and clear leftovers of killed runs.
 
     Raises:
         InputError: paths are missing.
@@ -91,7 +91,7 @@ def open_library(path: str | PathLike[str]) -> Library:
     """Read a complete library; every chunk's checksum is checked.
 
     Raises:
-        InputError: nothing there, no library, not complete, or damaged.
+        InputError: missing, not a library, not complete, or damaged.
 
     >>> import scleraforce as sf
     >>> library = sf.open_library("responses")

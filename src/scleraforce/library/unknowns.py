@@ -22,12 +22,9 @@ SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 
 def form_depths(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[Array, Array, Array]:
-    """Return what a form adds to depths and slopes, (place,) each, and how the depths turn with it, (place, form).
+    """Return the contributions of a form (7,) to depths and slopes, (place,) each, and their derivatives (place, form).
 
-    Args:
-        form: (7,), in the order of `FORMS`.
-        from_contact_m: lateral distance from the contact (place,), m.
-        is_inner: 1 on the inner boundary, 0 on the outer (place,).
+    `from_contact_m`: lateral distance from the contact (place,); `is_inner`: 1 on the inner boundary, 0 on the outer.
     """
     wedge = form[6]
     depths, slopes = wedge * from_contact_m * is_inner, wedge * is_inner

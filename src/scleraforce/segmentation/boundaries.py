@@ -38,17 +38,10 @@ _ONE_HALF = np.float32(0.5)
 def glance(
     frame: Counts, first: int, eight_bits: bool, brightest: int, workplace: Workplace
 ) -> tuple[Counts, int, bool, bool]:
-    """Return a frame's columns from the first one on as cells, and what is seen in these.
+    """Return a frame's columns from the first one on as cells, their noise floor, and two warnings.
 
-    Args:
-        frame: counts, shape (row, column).
-        first: column.
-        eight_bits: see `grid_cells`.
-        brightest: largest count.
-        workplace: for such frames.
-
-    Returns:
-        The cells, their noise floor, whether the detector is saturated, and whether a needle may be there.
+    The warnings are whether the detector is saturated, and whether a needle may be there. `eight_bits`: see
+    `grid_cells`; `brightest`: largest count.
     """
     sizes, memory = workplace.sizes, workplace.memory
     rows, columns = sizes.grid_rows, sizes.grid_columns
@@ -68,23 +61,15 @@ def find_boundaries(
     frame: Counts, first: int, cells: Counts, floor: int, missing: Flags, behind: tuple[int, int],
     workplace: Workplace, outer_row: Double, inner_row: Double,
 ) -> tuple[int, float, float, float]:  # fmt: skip
-    """Write the boundaries in a frame's columns from the first one on, NaN where there is no wall.
+    """Write the boundaries in a frame's columns from the first one on, (column,), NaN where there is no wall.
 
-    Args:
-        frame: counts, shape (row, column).
-        first: column.
-        cells: of `glance`.
-        floor: their noise floor.
-        missing: columns that have been filled from beside.
-        behind: first point of the surface that a needle hides, and the first one after.
-        workplace: for such frames.
-        outer_row: the result, (column,).
-        inner_row: the same.
+    `cells` and `floor` are those of `glance`; `missing` are columns that have been filled from beside, `behind` the
+    first point of the surface that a needle hides, and the first one after.
 
     Returns:
-        How many points show the surface, its median contrast in these, the noise of a pixel, and the wall's median
-        thickness, m, NaN where its inner boundary was not found. Nothing is written where fewer points than
-        LEAST_SHAPE show the surface.
+        The number of points that show the surface, its median contrast in these, the noise of a pixel, and the wall's
+            median thickness, m, NaN if its inner boundary was not found. Nothing is written if fewer points than
+            LEAST_SHAPE show the surface.
     """
     sizes, tables, memory = workplace.sizes, workplace.tables, workplace.memory
     row, contrast, bridged, inner = memory.point[0], memory.point[1], memory.point[2], memory.point[3]
@@ -120,18 +105,9 @@ def find_as_before(
 ) -> tuple[int, float, float, float]:  # fmt: skip
     """Take all steps at once, for a frame that is imaged from and to the columns that the one before was.
 
-    Args:
-        frame: counts, shape (row, column).
-        eight_bits: as of `glance`.
-        brightest: as of `find_lit`.
-        dark: as of `find_lit`.
-        before: first column of the frame before, and the one after its last.
-        workplace: for such frames.
-        rows: outer and inner boundary, (2, column).
-
-    Returns:
-        As `find_boundaries`; -1 points where another part is imaged, something at the top edge may be a needle, or
-        hardly anything is seen: the steps tell what.
+    `before`: first column of the frame before, and the one after its last. `rows`: outer and inner boundary, (2,
+    column). Return as `find_boundaries`; -1 points where another part is imaged, something at the top edge may be a
+    needle, or hardly anything is seen: then the single steps find the reason.
     """
     first, after, lit, largest = find_lit(frame, brightest, dark)
     if first != before[0] or after != before[1] or lit != after - first:
@@ -213,7 +189,7 @@ def _search_below(
     frame: Counts, first: int, floor: int, tables: Tables, memory: Memory, row: Float, present: Flags,
     along_rows: Float, prior: Float,
 ) -> float:  # fmt: skip
-    """Write the wall's thickness at each group into `memory.group[6]`; return the share of them that show its end."""
+    """Write the wall's thickness at each group into `memory.group[6]`; return the share of groups that show its end."""
     looked_row, looked_along = memory.looked[0], memory.looked[1]
     for at in range(len(tables.looked_at)):
         point = tables.looked_at[at]
@@ -249,20 +225,7 @@ def thickness_below(
     frame: Counts, first: int, floor: int, row: Float, present: Flags, along_rows: Float, prior: Float,
     workplace: Workplace, thickness_m: Float, shown: Flags,
 ) -> None:  # fmt: skip
-    """Write the thickness below a surface at each group of points, m, and which groups show the wall's end.
-
-    Args:
-        frame: counts, shape (row, column).
-        first: column.
-        floor: count of its noise floor.
-        row: of the surface, no NaN, (point,).
-        present: whether there is a surface.
-        along_rows: of `stretch`.
-        prior: as of `score_jumps`.
-        workplace: for such frames.
-        thickness_m: the first result, (group,).
-        shown: the second one.
-    """
+    """Write the thickness below a surface without NaN at each group of points, m, and which groups show its end."""
     memory = workplace.memory
     _search_below(frame, first, floor, workplace.tables, memory, row, present, along_rows, prior)
     thickness_m[:] = memory.group[6]

@@ -15,7 +15,7 @@ CACHED = 64  # sizes of frames: black bands at both sides may change from frame 
 
 @lru_cache(maxsize=CACHED)
 def fine_columns(columns: int) -> Float:
-    """Return at most 128 columns of a frame with so many, evenly spaced from the first to the last."""
+    """Return at most 128 columns of a frame, evenly spaced from the first to the last."""
     return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
 
 
@@ -36,7 +36,7 @@ def nearest_point(columns: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
 def continuation(columns: int, first: float, spacing: float, points: int) -> Float:
     """Return the matrix that takes a curve at evenly spaced points to `fine_columns`, shape (fine, point).
 
-    It interpolates, and goes on beyond the curve's ends along their slopes (over three points: less ragged).
+    It interpolates, and extrapolates beyond the curve's ends along their slopes (over three points: less ragged).
     """
     at, column = fine_columns(columns), first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
@@ -50,10 +50,7 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Flo
 
 @lru_cache(maxsize=CACHED)
 def grouping(points: int) -> tuple[NDArray[np.intp], Float]:
-    """Return INNER_COLUMNS evenly spread points, and the matrix from means of groups of these to all points.
-
-    Shapes (INNER_COLUMNS,) and (point, group).
-    """
+    """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
     chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
     middle = chosen.reshape(-1, GROUP).mean(axis=1)
     matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
@@ -61,6 +58,6 @@ def grouping(points: int) -> tuple[NDArray[np.intp], Float]:
 
 
 def grouped(values: Float) -> Float:
-    """Return the means over the groups of points that are looked at, (group,)."""
+    """Return the means over groups of points, (group,)."""
     mean: Float = values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
     return mean

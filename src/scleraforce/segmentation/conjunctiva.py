@@ -1,9 +1,9 @@
-"""The sclera's surface below a conjunctiva: a layer with a surface of its own, over a wall whose thickness is told.
+"""The sclera's surface below a conjunctiva: a layer with a surface of its own, over a wall of known thickness.
 
-The first surface that light meets is then the layer's, and the wall looks thicker than it is told to be. The frame is
-unrolled along that surface, as for the inner boundary, and the sclera's is the path of the largest steps up (the
-sclera sends more light back) at about the depth that the told thickness leaves. Where no such path stands out of the
-speckle, or where the wall below it would fit the told thickness no better, the segmentation stays as it is.
+The first surface that light meets is then the layer's, and the wall looks thicker than it is known to be. The frame is
+unrolled along that surface, as for the inner boundary, and the sclera's is the path of the largest steps up (the sclera
+sends more light back) at about the depth that the known thickness leaves. If no such path stands out of the speckle, or
+if the wall below it would fit the known thickness no better, the segmentation stays unchanged.
 """
 
 from dataclasses import replace
@@ -39,16 +39,10 @@ FITS = 0.5  # of the excess may be left below the step
 
 
 def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thickness_m: float | None) -> Segmentation:
-    """Return a segmentation whose outer boundary is the sclera's, where the frame shows it below another layer.
+    """Return a segmentation whose outer boundary is the sclera's, if the frame shows it below another layer.
 
-    Args:
-        frame: counts, shape (row, column).
-        scale: size of the frame's pixel, with the refractive index.
-        found: of `find_wall` in that frame.
-        thickness_m: of the wall, as told; None: not told, and the segmentation stays as it is.
-
-    Returns:
-        The segmentation; the one given where no layer is seen.
+    `found` is of `find_wall` in that frame; it is returned if no layer is seen, or if the thickness of the wall is not
+    known.
     """
     if thickness_m is None or not found.usable or not found.inner_found:
         return found
@@ -90,12 +84,10 @@ def _unrolled(frame: Pixels, columns: NDArray[np.intp], row: Float, along_rows: 
 
 
 def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
-    """Return the layer's thickness in each group, m; None where no step stands out.
+    """Return the layer's thickness in each group, m; None if no step stands out.
 
-    Args:
-        light: below the surface, (group, cell).
-        thickness_m: of layer and wall together.
-        excess_m: by how much that is more than the wall's as told.
+    `light`: below the surface, (group, cell); `thickness_m`: of layer and wall together; `excess_m`: over the wall's
+    known thickness.
     """
     end = min(CELLS, int(thickness_m / CELL_M)) - WINDOW
     first, last = (int(share * excess_m / CELL_M) for share in EXPECTED)
@@ -122,7 +114,7 @@ def _spread(step: Float) -> float:
 
 
 def _steps(light: Float) -> Float:
-    """Return by how much the cells below each edge are brighter than those above, (group, cell); neighbours pooled."""
+    """Return the rise of light at each edge between cells, (group, cell); neighbours are pooled."""
     pooled = cast(Float, cv2.blur(light, (1, POOLED)))
     total = np.concatenate([np.zeros((len(light), 1), np.float32), pooled.cumsum(axis=1, dtype=np.float32)], axis=1)
     edge, top, bottom = _windows()
@@ -133,6 +125,6 @@ def _steps(light: Float) -> Float:
 
 @lru_cache(maxsize=1)
 def _windows() -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Return the edges between cells, and where the windows above and below them begin and end."""
+    """Return the edges between cells, and the ends of the windows above and below them."""
     edge = np.arange(CELLS)
     return edge, np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, CELLS)

@@ -1,4 +1,4 @@
-"""What is found in a frame: the wall with a verdict, and what speaks against one."""
+"""The result of a segmentation: the wall with a verdict, or the reason why there is none."""
 
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
@@ -20,13 +20,13 @@ UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner b
 class Segmentation:
     """The wall in one frame.
 
-    `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with
-    outer_row <= r < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`.
-    `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
-    `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
-    `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
-    `needle`: the one that crosses the frame, None where none is seen; what it hides has no boundaries.
-    `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None where none is looked for or seen.
+    `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with outer_row <= r
+    < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`. `usable`: a wall was
+    found that can be judged; otherwise `reason` says why not. `inner_found`: if False, the inner boundary cannot be
+    seen and the mask ends 1 mm below the surface. `thickness_m`: median thickness along the surface's normal, NaN if
+    the inner boundary was not found. `needle`: the needle that crosses the frame, or None; the columns that it hides
+    have no boundaries. `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None if none is
+    looked for or seen.
     """
 
     outer_row: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Segmentation:
 
 
 def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
-    """Return what is found in a frame of some shape that shows no wall."""
+    """Return the result for a frame that shows no wall."""
     nowhere = np.full(shape[1], np.nan)
     return Segmentation(
         nowhere, nowhere.copy(), shape[0], False, reason, False, thickness_m=float("nan"), needle=needle
@@ -58,12 +58,9 @@ def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None 
 
 
 def blank_fault(floor: float, brightest: int, saturated: bool) -> str:
-    """Return why nothing can be looked for in a frame, '' where that is not so.
+    """Return why a frame cannot be searched, or ''.
 
-    Args:
-        floor: count of the noise.
-        brightest: largest count.
-        saturated: whether more than SATURATED_SHARE of the cells have (nearly) that.
+    `floor`: count of the noise; `saturated`: more than SATURATED_SHARE of the cells have (nearly) the largest count.
     """
     if brightest - floor < EMPTY_SHARE * max(brightest, 1):
         return "the frame is empty: all pixels are alike"
@@ -73,13 +70,9 @@ def blank_fault(floor: float, brightest: int, saturated: bool) -> str:
 
 
 def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
-    """Return why a surface cannot be judged, '' where it can.
+    """Return why a surface cannot be judged, or ''.
 
-    Args:
-        seen: points that show it.
-        points: all of them.
-        contrast: median of those that show it.
-        noise: of a pixel.
+    `seen` of `points` points show it, with this median contrast; `noise` is of a pixel.
     """
     if not seen:
         return "no wall was found"

@@ -63,7 +63,7 @@ def rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
 
 
 def counts_of(frame: Pixels) -> NDArray[np.uint16]:
-    """Return a frame as the loops take it: one type for all, which are compiled once."""
+    """Return a frame as the loops take it: one type for all, compiled once."""
     counts = np.ascontiguousarray(frame, np.uint16).view()
     counts.flags.writeable = False
     return counts

@@ -66,11 +66,7 @@ _ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 def rows_per_metre(column: Float, row: Float, lateral_m: float, depth_m: float) -> Float:
     """Return the rows along a column for 1 m of thickness along a surface's normal, shape (point,).
 
-    Args:
-        column: columns of the surface in the frame, evenly spaced, shape (point,).
-        row: its rows, no NaN.
-        lateral_m: width of the frame's pixel.
-        depth_m: its depth in tissue.
+    `column` (evenly spaced) and `row` (no NaN) are the surface's in the frame; `depth_m` is a pixel's depth in tissue.
     """
     along_rows, point_m = np.empty_like(row), float(column[1] - column[0]) * lateral_m
     reach = slope_reach(len(column), point_m)
@@ -79,20 +75,16 @@ def rows_per_metre(column: Float, row: Float, lateral_m: float, depth_m: float) 
 
 
 def slope_reach(points: int, step_m: float) -> int:
-    """Return how many points on each side tell a surface's slope."""
+    """Return the number of points on each side over which a surface's slope is taken."""
     return min(max(1, round(SLOPE_M / step_m)), (points - 1) // 2)
 
 
 @compiled
 def stretch(row: Float, reach: int, rise: float, depth_m: float, along_rows: Float) -> None:
-    """Write the rows along a column for 1 m of thickness along a surface's normal.
+    """Write the rows along a column for 1 m of thickness along the normal of a surface without NaN.
 
-    Args:
-        row: of the surface, no NaN.
-        reach: points on each side that tell its slope.
-        rise: slope, metres over metres, of one row between them.
-        depth_m: of a pixel in tissue.
-        along_rows: the result.
+    `reach`: points on each side for its slope; `rise`: slope, metres over metres, of one row between them; `depth_m`:
+    of a pixel in tissue.
     """
     points = len(row)
     for at in range(points):
@@ -112,24 +104,9 @@ def unroll(
 ) -> None:  # fmt: skip
     """Write the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
 
-    Args:
-        frame: counts, shape (row, column), as of `sample_row`, like those that are not named here.
-        first: column.
-        floor: count of its noise floor.
-        near: columns.
-        far: columns.
-        across: shares.
-        row: of the surface, (point,).
-        there: whether there is a surface.
-        along_rows: of `stretch`.
-        places: scratch, (point,).
-        line: the same.
-        upper: scratch.
-        lower: scratch.
-        down: scratch.
-        level: scratch, (2, group).
-        wall: the first result.
-        seen: the second one.
+    The surface has rows `row` (point,), is there where `there`, and is stretched by `along_rows`; `floor` is the count
+    of the noise. `frame` to `across` are as of `sample_row`; `places` to `level` are scratch; `wall` and `seen` are the
+    results.
     """
     _measure(np.float32(len(frame) - 1), row, there, along_rows, seen)
     for cell in range(CELLS):
@@ -183,16 +160,11 @@ def _level_out(wall: Float, seen: Float, level: Float) -> None:
 
 @compiled
 def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float, bend: Float, jump: Float) -> None:
-    """Write what straight lines through the cells say, and the jump at each edge between cells; neighbours are pooled.
+    """Write straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
 
-    Args:
-        wall: unrolled, (group, cell).
-        seen: where it is measured.
-        pooled: scratch, (group, cell).
-        near: means over neighbouring groups, (group, cell).
-        mean: of the lines that start at each cell.
-        bend: by how much they fall from their middle to the jump.
-        jump: (group, CELLS + 1).
+    `wall` (group, cell) is unrolled and measured where `seen`; `pooled` is scratch. `near` are means over neighbouring
+    groups, `mean` those of the lines that start at each cell, `bend` their fall from their middle to the jump; `jump`
+    is (group, CELLS + 1).
     """
     groups = len(wall)
     for group in range(groups):
@@ -225,16 +197,10 @@ def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float
 def score_jumps(
     jump: Float, prior: Float, sizes: Float, spread: Float, least: Float, gain: Float, score: Float
 ) -> None:
-    """Write the jump that stands out at each edge, and what a path gains there.
+    """Write the jump that stands out at each edge, `least` (edge,), and a path's gain there, `score` (group, edge).
 
-    Args:
-        jump: of `find_jumps`.
-        prior: what each edge gains from what is known before (group, edge); a jump gains at most 1.
-        sizes: scratch, as many values as jumps.
-        spread: scratch, (edge,).
-        least: jump that stands out, (edge,).
-        gain: scratch, (group, edge).
-        score: (group, edge).
+    `prior`: gain of each edge by prior knowledge (group, edge); a jump gains at most 1. `sizes`, `spread`, `gain` are
+    scratch.
     """
     groups, edges = jump.shape
     _stand_out(jump, sizes, spread, least)
@@ -254,10 +220,10 @@ def score_jumps(
 
 @compiled
 def _stand_out(jump: Float, sizes: Float, spread: Float, least: Float) -> None:
-    """Write the jump that stands out from what speckle and texture make.
+    """Write the jump that stands out from those of speckle and texture.
 
-    Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
-    place to place (the wall's end does not).
+    These are estimated from the median size of jumps (the wall's end is rare), and from how much jumps at one depth
+    differ from place to place (the wall's end does not).
     """
     groups, edges = jump.shape
     number = 0
@@ -284,22 +250,10 @@ def find_thickness(
     near: Float, seen: Float, mean: Float, bend: Float, jump: Float, least: Float, score: Float,
     path: NDArray[np.int64], downwards: Float, upwards: Float, edge: Float, weight: Float, thickness_m: Float,
 ) -> float:  # fmt: skip
-    """Write the thickness along the normal at each group, and return the share of them that show the boundary.
+    """Write the thickness along the normal at each group, and return the share of groups that show the boundary.
 
-    Args:
-        near: of `find_jumps`, like `mean`, `bend` and `jump`.
-        seen: where the wall is measured.
-        mean: of lines.
-        bend: of lines.
-        jump: at edges.
-        least: of `score_jumps`, like `score`.
-        score: of edges.
-        path: scratch, (group,).
-        downwards: scratch, (group, edge).
-        upwards: the same.
-        edge: scratch, (2, group).
-        weight: the same.
-        thickness_m: the result.
+    `near`, `mean`, `bend`, `jump` are of `find_jumps`, `least` and `score` of `score_jumps`; `path` to `weight` are
+    scratch.
     """
     find_path(score, REACH_CELLS, path, downwards, upwards)
     shown = testable = 0

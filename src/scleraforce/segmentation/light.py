@@ -1,12 +1,12 @@
-"""The light of a frame: what of it is imaged, its grid, and linear displays made like logarithmic ones.
+"""The light of a frame: its imaged columns, its grid, and linear displays made like logarithmic ones.
 
 The wall is looked for in frames of a logarithmic display.
 
 Two intensities of fully developed speckle, of the same mean and far enough apart, are exponential and independent
-(Goodman, Speckle Phenomena in Optics, ch. 3): the share that one has in their sum is uniform, whatever the mean and the
-sum. So the median of |a - b| / (a + b), over the brightest pairs of counts, is 1/2 where counts grow with the
-intensity, and (sqrt(3) - 1)/(sqrt(3) + 1) = 0.27 where they grow with its root, whatever the gain. On a logarithmic
-display it is 2.4 dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
+(Goodman, Speckle Phenomena in Optics, ch. 3): the share of one in their sum is uniform, whatever the mean and the sum.
+So the median of |a - b| / (a + b), over the brightest pairs of counts, is 1/2 where counts grow with the intensity, and
+(sqrt(3) - 1)/(sqrt(3) + 1) = 0.27 where they grow with its root, whatever the gain. On a logarithmic display it is 2.4
+dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
 """
 
 from functools import cache
@@ -40,11 +40,7 @@ _STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)
 
 
 def as_logarithmic(frame: Pixels) -> Pixels:
-    """Return a frame as a logarithmic display would show it, as 16 bits: itself, where it comes from one.
-
-    Args:
-        frame: counts, uint8 or uint16, shape (row, column).
-    """
+    """Return a frame as a logarithmic display would show it, as 16 bits; unchanged if it comes from one."""
     if pair_contrast(frame) <= NOT_LOGARITHMIC:
         return frame
     return _logarithms(int(np.iinfo(frame.dtype).max))[frame]
@@ -61,7 +57,7 @@ def pair_contrast(frame: Pixels) -> float:
 
 @cache
 def _logarithms(largest: int) -> NDArray[np.uint16]:
-    """Return what each count up to the largest becomes: its logarithm, black being 0 and the largest 65,535."""
+    """Return the logarithm of each count up to the largest, black being 0 and the largest 65,535."""
     shares = np.log1p(np.arange(largest + 1.0)) / np.log1p(largest)
     table: NDArray[np.uint16] = np.rint(65535.0 * shares).astype(np.uint16)
     table.flags.writeable = False
@@ -70,13 +66,9 @@ def _logarithms(largest: int) -> NDArray[np.uint16]:
 
 @compiled
 def find_contrast(rows: NDArray[np.uint16], pair_columns: int, dimmer_share: float, least_pairs: int) -> float:
-    """Return the contrast.
+    """Return the contrast of rows of counts (row, column); 0 for fewer lit pairs than `least_pairs`.
 
-    Args:
-        rows: counts of the rows that are looked at, shape (row, column).
-        pair_columns: from one count of a pair to the other.
-        dimmer_share: of the lit pairs is not looked at.
-        least_pairs: of lit ones: the contrast of fewer is 0.
+    The counts of a pair are `pair_columns` apart; the dimmer share of the lit pairs is left out.
     """
     columns = rows.shape[1]
     mean, number = np.empty(rows.size, np.uint16), 0
@@ -109,15 +101,10 @@ def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
 
 @compiled
 def find_lit(frame: Counts, brightest: Counts, dark: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    """Write which columns are black.
+    """Write which columns are black; `brightest` (column,) is scratch.
 
-    Args:
-        frame: counts, shape (row, column).
-        brightest: scratch, (column,).
-        dark: the result.
-
-    Returns:
-        The first column that is not, the one after the last such, how many are not, and the largest count seen.
+    Return the first column that is not black, the one after the last, the number of such columns, and the largest
+    count.
     """
     columns = frame.shape[1]
     for column in range(columns):
@@ -141,13 +128,8 @@ def find_lit(frame: Counts, brightest: Counts, dark: NDArray[np.bool_]) -> tuple
 def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool, halves: Counts, others: Counts) -> Counts:
     """Return a frame's columns, averaged into cells, at the start of one of two arrays.
 
-    Args:
-        frame: counts, shape (row, column).
-        left: first column.
-        width: columns.
-        eight_bits: whether the counts came as bytes, of which OpenCV rounds a half up, not to the even number.
-        halves: as many rows and columns as the frame has after one halving, at least.
-        others: the same.
+    `halves` and `others` have at least as many rows and columns as the frame after one halving. `eight_bits`: the
+    counts came as bytes, which OpenCV rounds half up, not to the even number.
     """
     rows, columns = _halve(frame, left, frame.shape[0], width, eight_bits, halves)
     while rows >= MAX_ROWS or columns >= MAX_COLUMNS:
@@ -188,7 +170,7 @@ def _mean_of_two(one: int, other: int, eight_bits: bool) -> int:
 
 @compiled
 def noise_floor(cells: Counts, rows: int, columns: int, sample: Counts, bins: NDArray[np.int64]) -> int:
-    """Return the count that a fifth of so many rows and columns of cells, of those that are not black, lie below."""
+    """Return the count below which a fifth of the cells that are not black lie."""
     brightest = 0
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
@@ -203,7 +185,7 @@ def noise_floor(cells: Counts, rows: int, columns: int, sample: Counts, bins: ND
 
 @compiled
 def stands_out(cells: Counts, rows: int, columns: int, total: Float, ordered: Float) -> bool:
-    """Return whether a column is brighter in the uppermost rows than columns there are: see `needle`."""
+    """Return whether a column is much brighter than the others in the uppermost rows: see `needle`."""
     for column in range(columns):
         total[column] = 0.0
     for row in range(rows):

@@ -40,7 +40,7 @@ multiply_add = _multiply_add()
 
 @compiled
 def nth_count(counts: NDArray[np.uint16], number: int, place: int, bins: NDArray[np.int64]) -> int:
-    """Return the count that stands at a place of the first `number` ones, if they were in order; `bins` is scratch."""
+    """Return the count at a place of the first `number` ones in ascending order; `bins` is scratch."""
     for value in range(BINS):
         bins[value] = 0
     for i in range(number):
@@ -63,7 +63,7 @@ def nth_count(counts: NDArray[np.uint16], number: int, place: int, bins: NDArray
 
 @compiled
 def nth(values: Float, number: int, place: int) -> np.float32:
-    """Return the value that stands at a place of the first `number` ones, if they were in order; they are moved.
+    """Return the value at a place of the first `number` ones in ascending order; they are moved.
 
     Hoare's FIND (1961): parts are exchanged about a middle one until the place alone is left.
     """
@@ -93,19 +93,10 @@ def sample_row(
     frame: Counts, first: int, near: Indices, far: Indices, across: Float, row: Float, upper: Indices, lower: Indices,
     down: Float, light: Float,
 ) -> None:  # fmt: skip
-    """Write the counts at some points, interpolated and rounded; the frame goes on beyond its edges as it is there.
+    """Write the counts at points, interpolated and rounded; the frame's edges continue beyond it.
 
-    Args:
-        frame: counts, shape (row, column).
-        first: column that the points' ones count from.
-        near: column before each point, (point,).
-        far: column after it.
-        across: by how much it lies beyond the one before.
-        row: of the points.
-        upper: scratch, (point,).
-        lower: the same.
-        down: the same.
-        light: the result.
+    `first`: column that the points' ones count from; `near`, `far`: columns before and after each point, (point,);
+    `across`: distance beyond the one before; `row`: of the points. `upper`, `lower`, `down` are scratch.
     """
     last, origin = frame.shape[0] - 1, np.uintp(first)
     for at in range(len(row)):
@@ -124,7 +115,7 @@ def sample_row(
 
 @compiled
 def mirrored(place: int, length: int) -> int:
-    """Return the place inside of a row of this length that stands for one beyond its ends: mirrored in its ends."""
+    """Return the place inside of a row of this length that stands for one beyond its ends."""
     if length == 1:
         return 0
     while place < 0 or place >= length:
@@ -134,7 +125,7 @@ def mirrored(place: int, length: int) -> int:
 
 @compiled
 def mean_of_neighbours(values: Float, reach: int, means: Float) -> None:
-    """Write the mean over so many values on each side, mirrored at the ends, as `cv2.blur` does."""
+    """Write the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
     length, share = len(values), 1.0 / (2 * reach + 1)
     total = 0.0
     for place in range(-reach, reach + 1):
@@ -148,14 +139,9 @@ def mean_of_neighbours(values: Float, reach: int, means: Float) -> None:
 def smallest_of_rows(
     values: NDArray[np.number], number: int, columns: int, window: int, smallest: NDArray[np.number]
 ) -> None:
-    """Write the smallest of `window` rows about each row; of an even number one more lies above it.
+    """Write the smallest of `window` rows about each row; an even window has one row more above.
 
-    Args:
-        values: (row * column,).
-        number: of values that count.
-        columns: of a row.
-        window: rows.
-        smallest: the result.
+    The first `number` values count, `columns` of them a row.
     """
     for at in range(number):
         smallest[at] = values[at]
@@ -188,7 +174,7 @@ def largest_of_rows(
 
 @compiled
 def bridge(row: Float, there: Flags, bridged: Float) -> None:
-    """Write a curve with straight lines over what is not there; something is."""
+    """Write a curve with straight lines over its missing points; not all are missing."""
     last = -1
     for at in range(len(row)):
         if there[at]:
@@ -207,13 +193,8 @@ def at_every_column(
 ) -> None:
     """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
 
-    Args:
-        column: of the points, (point,), from the first column to the last one.
-        row: of the curve.
-        there: which points are; some are.
-        nearest: point of each column.
-        everywhere: whether each of those is there: those that are not do not count then either.
-        to: the result, (column,).
+    `column` (point,) goes from the first column to the last; `nearest` is the point of each column; `everywhere`: all
+    of these are there, and then the other points count, too.
     """
     after, points = 0, len(column)
     last = -1
@@ -239,19 +220,12 @@ def straight_line(at: float, left: float, right: float, first: np.floating, last
 
 
 def best_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
-    """Return the rows of the path with the largest sum of scores whose steps are at most `reach` rows.
+    """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
 
-    Mostly the best rows of the columns make such a path already. Where they do not, the part from the first step that
-    is too large to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its
-    largest sum. If they do not, all of it is searched.
-
-    Args:
-        score_cr: scores, shape (column, row). Give each row its own small bonus: the path is unique only if no two
-            paths have the same sum.
-        reach: largest step between neighbouring columns, rows.
-
-    Returns:
-        The row in each column, shape (column,).
+    Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
+    to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its largest sum.
+    Otherwise all of it is searched. Give each row of the scores (column, row) its own small bonus: the path is unique
+    only if no two paths have the same sum.
 
     >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])
@@ -300,10 +274,10 @@ def find_path(score_cr: Float, reach: int, path: NDArray[np.int64], downwards: F
 
 @compiled
 def _search(score_cr: Float, reach: int, path: NDArray[np.int64], before: Float, after: Float) -> None:
-    """Write the rows with the largest sum of what leads there from both sides, by dynamic programming.
+    """Write the rows with the largest sum of scores of all paths through them, by dynamic programming.
 
-    For each column and row that is the best score of all paths through there (max-marginals of a Markov chain: Bishop,
-    Pattern Recognition and Machine Learning, sec. 8.4.5), so the path needs no backtracking.
+    The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning,
+    sec. 8.4.5), so the path needs no backtracking.
     """
     columns, rows = score_cr.shape
     before[0] = score_cr[0]
@@ -323,7 +297,7 @@ def _search(score_cr: Float, reach: int, path: NDArray[np.int64], before: Float,
 
 @compiled
 def _add_best(sums: Float, score: Float, reach: int, to: Float) -> None:
-    """Write a column's scores and for each the largest of the sums that lie so near."""
+    """Write a column's scores plus the largest of the sums within reach."""
     rows = len(score)
     for row in range(rows):
         to[row] = sums[row]

@@ -52,7 +52,7 @@ OTHER_SHARE = 0.35  # of the first edge's length: the other edge's
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftEdge:
-    """A line from the top edge down: column there, slope in columns a row, last row, and how long it shines, rows."""
+    """A line from the top edge down: column there, slope in columns a row, last row, and how many rows it shines."""
 
     top: float
     slope: float
@@ -111,25 +111,13 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
 
 
 def find_shaft(frame: Pixels, grid: Grid) -> Shaft | None:
-    """Return the needle's shaft in a frame; None where none is seen.
-
-    Args:
-        frame: its imaged part, shape (row, column).
-        grid: of that part.
-    """
+    """Return the needle's shaft in a frame's imaged part, or None."""
     edges = find_edges(frame, grid)
     return _shaded_shaft(grid, edges) if edges else None
 
 
 def needle_of(shaft: Shaft, grid: Grid, left: int, columns: int) -> SeenNeedle:
-    """Return a shaft as a needle of the frame.
-
-    Args:
-        shaft: in the grid.
-        grid: of the frame's imaged part.
-        left: first imaged column.
-        columns: of the frame.
-    """
+    """Return a shaft in the grid as a needle of the frame; `left`: first imaged column."""
     size = grid.size
     lateral_m, depth_m = size.scale.lateral_m / size.step_columns, size.scale.depth_m / size.step_rows
     tip = left + shaft.tip[0], (shaft.tip[1] + 1.0) * grid.size.step_rows - 0.5
@@ -146,7 +134,7 @@ def needle_of(shaft: Shaft, grid: Grid, left: int, columns: int) -> SeenNeedle:
 
 
 def _shaded_shaft(grid: Grid, edges: list[ShaftEdge]) -> Shaft | None:
-    """Return the shaft between edges, of all columns, where the tissue below is in its shadow; None where it is not."""
+    """Return the shaft between edges, of all columns, if the tissue below is in its shadow."""
     step, columns = grid.size.step_columns, grid.cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
     first, after = max(0, round(min(reached) / step - 0.5)), min(columns, round(max(reached) / step + 0.5))
@@ -192,7 +180,7 @@ def _touches(grid: Grid, lit: NDArray[np.bool_], shadow: tuple[int, int], tip_ro
 
 
 def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], first: int, after: int) -> bool:
-    """Return whether edges end far below the tissue's surface beside them: they are a flare's."""
+    """Return whether edges end far below the tissue's surface beside them: those of a flare do."""
     around = max(1, round(MARGIN_M / grid.size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
     surfaces = [int(side.argmax(axis=0).max()) for side in sides if side.any()]
@@ -201,9 +189,9 @@ def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], fi
 
 
 def _goes_on(grid: Grid, edges: list[ShaftEdge]) -> bool:
-    """Return whether columns in which edges end are brighter than those beside down to the frame's end: a flare's are.
+    """Return whether columns in which edges end are brighter than those beside down to the frame's end, as in a flare.
 
-    A steep reflection floods its A-scans with light, whose rest lies over all depths; below a needle it is dark.
+    A steep reflection floods its A-scans with light, which remains at all depths; below a needle it is dark.
     """
     begin = round(max(edge.row for edge in edges) + BELOW_M / grid.size.scale.depth_m)
     deep: Float = grid.cells[begin:].astype(np.float32)
@@ -264,14 +252,7 @@ def _tip(grid: Grid, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[flo
 
 
 def find_edges(frame: Pixels, grid: Grid) -> list[ShaftEdge]:
-    """Return the line of a frame that shines longest, and the one beside it where it is seen, the shaft's own first.
-
-    None where nothing shines long enough.
-
-    Args:
-        frame: its imaged part, shape (row, column).
-        grid: of that part.
-    """
+    """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
     begin = _standing_out(grid)
     if not len(begin):
         return []
@@ -284,7 +265,7 @@ def find_edges(frame: Pixels, grid: Grid) -> list[ShaftEdge]:
 
 
 def _standing_out(grid: Grid) -> NDArray[np.intp]:
-    """Return the columns that are brighter in the uppermost rows than columns there are."""
+    """Return the columns that are much brighter than the others in the uppermost rows."""
     mean = grid.cells[: top_rows(grid.size)].sum(axis=0, dtype=np.float32)
     ordered = np.sort(mean)
     middle, low = ordered[len(ordered) // 2], ordered[len(ordered) // 6]
@@ -293,7 +274,7 @@ def _standing_out(grid: Grid) -> NDArray[np.intp]:
 
 
 def _thin(light: Pixels, lateral_m: float) -> Float:
-    """Return what is thin along the columns, over the spread of the background, (row, column), at most 1."""
+    """Return the light of structures that are thin along the columns, over the spread of the background, at most 1."""
     width = max(LINE_COLUMNS, round(LINE_M / lateral_m)) | 1
     opened = cv2.morphologyEx(light, cv2.MORPH_OPEN, np.ones((1, width), np.uint8))
     thin = (light - opened).astype(np.float32)
@@ -308,7 +289,7 @@ def _thin(light: Pixels, lateral_m: float) -> Float:
 
 
 def _longest(thin: Float, begin: NDArray[np.intp], grid: Grid) -> ShaftEdge | None:
-    """Return the line from some columns at the top edge that shines longest; None: none is long enough."""
+    """Return the longest bright line from given columns at the top edge, or None."""
     start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
     slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)
     found = _best(thin, start.astype(np.float64), slopes, _pooled_rows(grid))
@@ -316,7 +297,7 @@ def _longest(thin: Float, begin: NDArray[np.intp], grid: Grid) -> ShaftEdge | No
 
 
 def top_rows(size: GridSize) -> int:
-    """Return how many rows of a grid count as its uppermost ones."""
+    """Return the number of uppermost rows of a grid."""
     return max(TOP_ROWS, round(TOP_M / size.scale.depth_m))
 
 
@@ -326,14 +307,14 @@ def _pooled_rows(grid: Grid) -> int:
 
 @lru_cache(maxsize=8)
 def _slopes(ratio: float) -> NDArray[np.float64]:
-    """Return the slopes that are tried, columns a row; `ratio` is a pixel's depth over its width."""
+    """Return the slopes to try, columns a row; `ratio` is a pixel's depth over its width."""
     return np.linspace(-STEEPEST, STEEPEST, SLOPES) * ratio
 
 
 def _lengths(thin: Float, start: NDArray[np.floating], slopes: NDArray[np.float64]) -> tuple[Float, NDArray[np.intp]]:
     """Return the length of lines and their last rows, (slope, start) each.
 
-    A line's length is the largest sum, down to any row, of what shines over LEAST_BRIGHT.
+    A line's length is the largest sum, down to any row, of the light over LEAST_BRIGHT.
     """
     rows = np.arange(len(thin))[:, None]
     place = np.rint(start + slopes[:, None, None] * (rows + 0.5)).astype(np.intp)
@@ -352,13 +333,9 @@ def _all_columns(frame: Pixels, grid: Grid) -> Pixels:
 
 
 def _edges(thin: Float, fine: Float, coarse: ShaftEdge, grid: Grid) -> list[ShaftEdge]:
-    """Return the shaft's edge near a coarse line, and the other edge where it is seen, the shaft's own one first.
+    """Return the shaft's edge near a coarse line, and the other edge if it is seen, the shaft's own one first.
 
-    Args:
-        thin: what is thin, in the grid.
-        fine: the same in the frame's own columns.
-        coarse: the longest line in the grid.
-        grid: the frame's.
+    `thin` are the thin structures in the grid, `fine` those in the frame's own columns.
     """
     first = _refined(fine, coarse, grid)
     widest = max(2, round(WIDEST_M / grid.size.scale.lateral_m))
@@ -384,7 +361,7 @@ def _refined(fine: Float, coarse: ShaftEdge, grid: Grid) -> ShaftEdge:
 
 
 def _without(thin: Float, edge: ShaftEdge, columns: float) -> Float:
-    """Return a picture without what shines within so many columns of an edge."""
+    """Return a picture without the light within some columns of an edge."""
     rows = np.arange(len(thin))[:, None]
     near = np.abs(np.arange(thin.shape[1]) - (edge.top + edge.slope * (rows + 0.5))) <= columns
     return np.where(near & (rows <= edge.row + 2), np.float32(-0.5), thin)
@@ -403,7 +380,7 @@ def _lower_first(edges: list[ShaftEdge], widest: float) -> list[ShaftEdge]:
 
 
 def _best(thin: Float, start: NDArray[np.float64], slopes: NDArray[np.float64], pooled_rows: int = 1) -> ShaftEdge:
-    """Return the line that shines longest among some, in a picture of which so many rows are taken as one."""
+    """Return the longest bright line in a picture, with `pooled_rows` rows averaged."""
     if pooled_rows > 1:
         size = thin.shape[1], max(1, len(thin) // pooled_rows)
         thin = cast(Float, cv2.resize(thin, size, interpolation=cv2.INTER_AREA))
@@ -415,7 +392,7 @@ def _best(thin: Float, start: NDArray[np.float64], slopes: NDArray[np.float64], 
 
 
 def _straightened(fine: Float, edge: ShaftEdge) -> ShaftEdge:
-    """Return the straight line through what shines near an edge (weighted least squares)."""
+    """Return the straight line through the light near an edge (weighted least squares)."""
     at = np.arange(fine.shape[1], dtype=np.float32)
     rows = np.arange(edge.row + 1)
     off = at - (edge.top + edge.slope * (rows[:, None] + 0.5))

@@ -1,9 +1,9 @@
 """The boundaries of a segmented frame in metres, and points on them with their noise (paper sec. 3.2, Fig. 4).
 
-Half of the points lie on the outer boundary, half on the inner, at evenly spaced lateral places of what the frame shows
-of it within a span about the needle; so a frame whose dent leaves the window still gives all its points. A point is the
-value of a parabola fitted to the boundary over a short stretch: speckle makes the boundary rough, and roughness is
-correlated over a few columns, so the stretch counts as fewer columns than it has.
+Half of the points lie on the outer boundary, half on the inner, at evenly spaced lateral places within a span about the
+needle; so a frame whose dent leaves the window still gives all its points. A point is the value of a parabola fitted to
+the boundary over a short stretch: speckle makes the boundary rough, and roughness is correlated over a few columns, so
+the stretch counts as fewer columns than it has.
 """
 
 from dataclasses import dataclass
@@ -47,8 +47,8 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     """Return the boundaries of a segmented frame, free of refraction, NaN where they are not seen.
 
     OCT measures optical depth: below the surface it is stretched by the refractive index, above it is not. Where the
-    frame ends before the wall does, where the wall is steep, or would be far from as thick as elsewhere, the inner
-    boundary counts as unseen.
+    frame ends before the wall does, where the wall is steep, or far from as thick as elsewhere, the inner boundary is
+    not used.
     """
     lateral_m, outer_m = surface(segmentation, scale)
     bottom_m = _bottom_m(segmentation, scale)
@@ -75,9 +75,9 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Array, Array
 
 
 def dent(boundaries: Boundaries) -> float:
-    """Return how deep the surface lies below the line through its flanks, m; NaN where it is not seen there.
+    """Return the depth of the surface below the line through its flanks, m; NaN if it is not seen there.
 
-    It grows with the force and says so without a model; its zero depends on the eye.
+    It grows with the force without a model; its zero depends on the eye.
     """
     lateral_m, depth_m = boundaries.lateral_m, boundaries.depth_m[0]
     middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
@@ -113,24 +113,20 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness:
-    """How a boundary scatters about its smooth course: standard deviation along the normal, lag-1 correlation."""
+    """Scatter of a boundary about its smooth course: standard deviation along the normal, lag-1 correlation."""
 
     sd_m: float
     correlation: float
 
     def columns_as_one(self) -> float:
-        """How many neighbouring columns count as one independent observation (AR(1))."""
+        """Number of neighbouring columns that count as one independent observation (AR(1))."""
         return (1 + self.correlation) / (1 - self.correlation)
 
 
 def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: float) -> Observation:
-    """Take `count` points from a frame: half (rounded up) on the outer boundary, the rest on the inner.
+    """Take at most `count` points from a frame: half (rounded up) on the outer boundary, the rest on the inner.
 
-    Args:
-        boundaries: of the frame.
-        count: how many points; fewer come back where a boundary is not seen.
-        centre_m: lateral place of the needle in the frame.
-        span_m: points lie within this distance of it.
+    Points lie within `span_m` of the needle, at `centre_m` in the frame.
     """
     parts: list[tuple[float, float, int, float]] = []
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
@@ -144,7 +140,7 @@ def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: 
 
 
 def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
-    """Measure how rough a boundary is, from what parabolas over short stretches leave of it."""
+    """Measure the roughness of a boundary from the residuals of parabolas over short stretches."""
     seen = np.isfinite(boundaries.depth_m[boundary])
     step = float(np.median(np.diff(boundaries.lateral_m)))
     half = max(2, round(STRETCH_M / step))
@@ -170,7 +166,7 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
 
 
 def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[int]:
-    """Return evenly spaced columns of the part of a boundary that is seen within the span."""
+    """Return evenly spaced columns of a boundary within the span."""
     inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
     seen = np.flatnonzero(inside & np.isfinite(boundaries.depth_m[boundary]))
     if count == 0 or len(seen) < 10 * count:
@@ -180,7 +176,7 @@ def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float,
 
 
 def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness) -> tuple[float, float]:
-    """Return depth and noise of the boundary at a column, from what of it is seen in the stretch around."""
+    """Return depth and noise of the boundary at a column, from the stretch around it."""
     half = max(2, round(STRETCH_M / (boundaries.lateral_m[1] - boundaries.lateral_m[0])))
     first = max(column - half, 0)
     depth = boundaries.depth_m[boundary, first : column + half + 1]

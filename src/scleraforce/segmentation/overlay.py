@@ -14,17 +14,10 @@ SHAFT = (0, 255, 255)  # yellow
 
 
 def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """Return a frame in colour with its boundaries: surface red, inner green, or blue where it is not seen.
+    """Return a frame in colour with its boundaries: surface red, inner green or blue (not seen), needle yellow.
 
-    The axis of a needle that was found is yellow.
-
-    Args:
-        pixels: the frame, shape (row, column).
-        found: the wall found in it.
-        size: rows and columns of the picture; those of the frame by default.
-
-    Returns:
-        Shape (row, column, 3): blue, green, red, as OpenCV writes them.
+    The picture is (row, column, 3), blue, green, red, as OpenCV writes it; `size` are its rows and columns, by default
+    the frame's.
     """
     rows, columns = size or pixels.shape
     picture = cv2.cvtColor(_scaled(_grey(pixels), rows, columns), cv2.COLOR_GRAY2BGR)

@@ -18,13 +18,7 @@ LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
 def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
-    """Reduce a frame and scale its counts, shape (rows, columns); a frame without contrast is 0.
-
-    Args:
-        frame: counts, shape (row, column).
-        rows: of the answer.
-        columns: of the answer.
-    """
+    """Reduce a frame and scale its counts, shape (rows, columns); a frame without contrast is 0."""
     small = _resized(frame, rows, columns)
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
     if not len(lit):
@@ -39,7 +33,7 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
 
 
 def _resized(frame: Pixels, rows: int, columns: int) -> Float:
-    """Return the means of a frame over so many rows and columns; halves first, which is many times quicker."""
+    """Return the means of a frame in `rows` and `columns`; halves first, which is many times quicker."""
     while frame.shape[0] >= 2 * rows and frame.shape[1] >= columns and not frame.shape[0] % 2:
         frame = cast(Pixels, cv2.resize(frame, (frame.shape[1], frame.shape[0] // 2), interpolation=cv2.INTER_LINEAR))
     while frame.shape[1] >= 2 * columns and frame.shape[0] >= rows and not frame.shape[1] % 2:
@@ -51,7 +45,7 @@ def _resized(frame: Pixels, rows: int, columns: int) -> Float:
 
 
 def reduced_columns(columns: int, answers: int) -> NDArray[np.float64]:
-    """Return the columns of a frame, as fractions, that `answers` evenly spaced columns stand for, shape (answers,).
+    """Return the columns of a frame, as fractions, of `answers` evenly spaced columns, shape (answers,).
 
     >>> reduced_columns(8, 4)
     array([0.5, 2.5, 4.5, 6.5])
@@ -71,7 +65,7 @@ class FrameWindow:
 
     @classmethod
     def of(cls, study: RawReaderStudy) -> "FrameWindow":
-        """Return what a raw reader sees."""
+        """Return the window of a raw reader."""
         return cls(rows=study.rows, columns=study.columns, row_m=study.row_m, column_m=study.column_m)
 
     @property
@@ -104,12 +98,7 @@ class FrameWindow:
 
 
 def _means_between(edges: NDArray[np.floating], values: NDArray[Any]) -> Float:
-    """Return the means of rows between edges (cell, column), 0 where there are no rows.
-
-    Args:
-        edges: of the cells, counted in rows (cell + 1,), increasing.
-        values: (row, column).
-    """
+    """Return the means (cell, column) of rows (row, column) between increasing edges (cell + 1,), 0 beyond the rows."""
     inside = np.clip(edges, 0.0, len(values))
     whole = inside.astype(np.intp)
     padded = np.concatenate([values, np.zeros((1, values.shape[1]), dtype=values.dtype)]).astype(np.float32)

@@ -16,7 +16,7 @@ Places = tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]
 
 
 class BoundaryRows(Protocol):
-    """What is needed of a segmentation: boundaries, (column,), rows of pixel centres, NaN where there is no wall."""
+    """Boundaries of a segmentation, (column,), rows of pixel centres, NaN where there is no wall."""
 
     @property
     def outer_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
@@ -25,19 +25,12 @@ class BoundaryRows(Protocol):
 
 
 def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.uint8]:
-    """Draw the wall of a frame into the slice's window: 255 in each pixel whose centre lies in the wall.
+    """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
     two boundaries are interpolated between the frame's columns, so the picture is the same as that of `fill_section`
-    for the same curves. Optical depth below the surface is divided by the refractive index.
-
-    Args:
-        segmentation: boundaries in the frame.
-        scale: size of the frame's pixel, with the refractive index.
-        slice_study: size of the slice and of its pixel.
-
-    Returns:
-        The slice, shape (rows, columns); columns outside the frame or without a wall are 0.
+    for the same curves. Optical depth below the surface is divided by the refractive index. Columns outside the frame
+    or without a wall are 0.
     """
     wall: NDArray[np.uint8] = boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
     return wall
@@ -49,17 +42,7 @@ def boundary_slices(
     slice_study: SliceStudy,
     shifts: tuple[float, ...],
 ) -> NDArray[np.uint8]:
-    """Draw the wall of a frame several times, into windows that start lower by shares of a slice's pixel.
-
-    Args:
-        segmentation: as of `boundary_slice`, like the next two.
-        scale: size of the frame's pixel, with the refractive index.
-        slice_study: size of the slice and of its pixel.
-        shifts: of the windows, in rows of the slice.
-
-    Returns:
-        The slices, shape (shift, rows, columns).
-    """
+    """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns)."""
     depth_m = _row_depths(slice_study.rows, slice_study.pixel_m, shifts)
     outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
     places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
@@ -67,12 +50,9 @@ def boundary_slices(
 
 
 def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> Floats:
-    """Return the depth of both boundaries below the frame's upper edge at the centres of the slice's columns.
+    """Return the depth of both boundaries below the frame's upper edge at the slice's columns, (2, columns), m.
 
-    Args and columns are those of `boundary_slice`.
-
-    Returns:
-        Outer and inner boundary, shape (2, columns), m; NaN outside the frame and where there is no wall.
+    NaN outside the frame and where there is no wall.
     """
     outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
     places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
@@ -91,7 +71,7 @@ def _row_depths(rows: int, pixel_m: float, shifts: tuple[float, ...]) -> NDArray
 def _places(
     columns: int, lateral_m: float, slice_columns: int, pixel_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return where the middles of a slice's columns lie in a frame, the nearest columns, and which are in the frame."""
+    """Return the places of a slice's columns in a frame, the nearest columns, and which are in the frame."""
     centre = np.arange(slice_columns, dtype=np.float64) + 0.5 - slice_columns / 2
     at = centre * pixel_m / lateral_m + columns / 2 - 0.5
     nearest: NDArray[np.intp] = np.rint(at).astype(np.intp).clip(0, columns - 1)
@@ -102,16 +82,7 @@ def _places(
 def _draw_slices(
     outer_row: Floats, inner_row: Floats, places: Places, depth_m: float, refractive_index: float, row_depths_m: Floats
 ) -> NDArray[np.uint8]:
-    """Return the slices, shape (shift, row, column).
-
-    Args:
-        outer_row: of the boundary, as of `_depths`, like the next four.
-        inner_row: of the other one.
-        places: of the slice's columns.
-        depth_m: of a row of the frame.
-        refractive_index: of the tissue.
-        row_depths_m: depth of the slices' rows, (shift, row, 1).
-    """
+    """Return the slices, shape (shift, row, column); `row_depths_m`: depth of their rows, (shift, row, 1)."""
     depths = _depths(outer_row, inner_row, places, depth_m, refractive_index)
     outer_m, inner_m = depths[0], depths[1]
     shifts, rows, _ = row_depths_m.shape
@@ -128,12 +99,7 @@ def _draw_slices(
 def _depths(outer_row: Floats, inner_row: Floats, places: Places, depth_m: float, refractive_index: float) -> Floats:
     """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall.
 
-    Args:
-        outer_row: of the boundary (frame's column,), rows of pixel centres, NaN where there is no wall.
-        inner_row: of the other one.
-        places: of the slice's columns in the frame, the nearest columns, and which are in the frame; (column,) each.
-        depth_m: of a row of the frame, optical.
-        refractive_index: of the tissue.
+    `places` of the slice's columns are those of `_places`; `depth_m` is of a row of the frame, optical.
     """
     at, nearest, inside = places
     there = np.empty(len(outer_row), np.intp)  # the columns with a wall

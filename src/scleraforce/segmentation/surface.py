@@ -62,17 +62,17 @@ _ZERO, _ONE_HALF, _NINTH = np.float32(0.0), np.float32(0.5), 1.0 / 9.0
 
 
 def line_rows(size: GridSize) -> int:
-    """Return how many rows of a grid a line touches at most: the opening that removes it is of so many."""
+    """Return the number of rows of the opening that removes lines from a grid."""
     return rows_of(LINE_PIXELS, LINE_M, size, 1) + 2  # it touches one row more
 
 
 def step_rows(size: GridSize) -> int:
-    """Return by how many rows of the path's map a step is judged."""
+    """Return the number of rows of the path's map over which a step is judged."""
     return rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, size, 3)
 
 
 def path_reach(size: GridSize) -> int:
-    """Return by how many rows of its map the path may change from one pair of columns to the next."""
+    """Return the largest change of the path, in rows of its map, from one pair of columns to the next."""
     column, _ = pairs_of(size.columns, size.step_columns)
     spacing_m = float(column[1] - column[0]) / size.step_columns * size.scale.lateral_m
     reach = ceil(MAX_SLOPE * spacing_m / (ROWS * size.scale.depth_m))
@@ -86,13 +86,13 @@ def strip_rows(scale: PixelScale) -> tuple[int, int]:
 
 
 def widest_gap(points: int, point_m: float) -> int:
-    """Return the largest gap, in points, that a wall of points so far apart bridges."""
+    """Return the largest gap, in points, that the wall bridges."""
     return round(min(GAP_M / point_m, GAP_SHARE * points))
 
 
 @lru_cache(maxsize=64)
 def pairs_of(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
-    """Return pairs of neighbouring columns of a grid, at most PATH_COLUMNS of them, evenly spaced.
+    """Return at most PATH_COLUMNS evenly spaced pairs of neighbouring columns of a grid.
 
     First their middles in columns of the frame, (pair,), then their columns in the grid by turns, (2 pair,).
     """
@@ -158,19 +158,10 @@ def surface_score(
     tissue: Counts, depth: int, downwards: Float, sample: Counts, bins: NDArray[np.int64], level: Float, means: Float,
     total: NDArray[np.float64], lowest: Float, score_cr: Float,
 ) -> None:  # fmt: skip
-    """Write what a surface gains at the upper edge of each cell, (pair, row).
+    """Write the gain of a surface at the upper edge of each cell, `score_cr` (pair, row).
 
-    Args:
-        tissue: of `opened_pairs`.
-        depth: rows that a step is judged by.
-        downwards: bonus of each row.
-        sample: scratch, like all that follow, but for the score.
-        bins: BINS of them.
-        level: (row, pair).
-        means: (row + depth, pair).
-        total: (pair,).
-        lowest: (pair,).
-        score_cr: the score.
+    `tissue` is of `opened_pairs`, `depth` the number of rows that a step is judged by, `downwards` the bonus of each
+    row. `sample` to `lowest` are scratch.
     """
     rows, pairs = tissue.shape
     _scale_level(tissue, sample, bins, level)
@@ -223,7 +214,7 @@ def _depth_means(level: Float, depth: int, total: NDArray[np.float64], means: Fl
 def coarse_rows(
     score_cr: Float, reach: int, four: Float, downwards: Float, upwards: Float, path: NDArray[np.int64]
 ) -> None:
-    """Write the best path; where the best rows make none, it is found on the best of each four: quicker to search.
+    """Write the best path; if the best rows do not make one, it is found on the best of each four, which is quicker.
 
     `four` (column, row / 4), `downwards` and `upwards` of its shape are scratch.
     """
@@ -248,7 +239,7 @@ def coarse_rows(
 
 @compiled
 def start_rows(coarse: Float, place: NDArray[np.int64], weight: Float, rows: int, start: Float) -> None:
-    """Write a coarse curve at the fine columns: of each, the two points that it lies between, and their weights."""
+    """Write a coarse curve at the fine columns, from its two neighbours' places and weights."""
     last = np.float32(rows - 1.0)
     for at in range(len(start)):
         one = np.float64(weight[at, 0]) * np.float64(coarse[place[at, 0]])
@@ -261,20 +252,10 @@ def sample_strip(
     frame: Counts, first: int, near: Indices, far: Indices, across: Float, start: Float, row: Float, upper: Indices,
     lower: Indices, down: Float, raw: Float,
 ) -> float:  # fmt: skip
-    """Write the light in a strip about a curve, (row * column,), and return the noise of a pixel above it.
+    """Write the light in a strip about a curve, `raw` (row * column,), and return the noise of a pixel above it.
 
-    Args:
-        frame: as of `sample_row`, like those that are not named here.
-        first: column.
-        near: columns.
-        far: columns.
-        across: shares.
-        start: rows of the strip's middle, (column,).
-        row: scratch, (column,).
-        upper: scratch.
-        lower: scratch.
-        down: scratch.
-        raw: the light.
+    `start`: rows of the strip's middle, (column,). `frame` to `across` are as of `sample_row`; `row` to `down` are
+    scratch.
     """
     columns = len(start)
     half = len(raw) // columns // 2
@@ -300,17 +281,8 @@ def fit_edges(
 ) -> None:  # fmt: skip
     """Write the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
 
-    Args:
-        raw: light in the strip, (row * column,).
-        thin: rows; what is thinner is removed.
-        start: rows of the strip's middle.
-        strip: scratch, (row * column,).
-        other: the same.
-        total: scratch, (column,).
-        middle: the same.
-        best: the same.
-        found: the rows.
-        contrast: level below less that above.
+    `raw`: light in the strip, (row * column,); structures thinner than `thin` rows are removed. `strip` to `best` are
+    scratch.
     """
     _smooth_and_open(raw, len(start), thin, strip, other)
     columns = len(start)
@@ -361,7 +333,7 @@ def _smooth_and_open(raw: Float, columns: int, thin: int, strip: Float, other: F
 
 @compiled
 def smooth_surface(found: Float, longer: Float, median: Float) -> None:
-    """Take a median and a mean over five points of a surface, a slope going on beyond its ends."""
+    """Take a median and a mean over five points of a surface, extrapolated along its slope."""
     number = len(found)
     if number < SMOOTHED:
         return
@@ -381,7 +353,7 @@ def smooth_surface(found: Float, longer: Float, median: Float) -> None:
 
 @compiled
 def _median_of_five(values: Float) -> np.float32:
-    """Return the third of five: of the lower of the larger ones and the larger of the lower ones, and the fifth."""
+    """Return the median of five: of the lower of the larger ones and the larger of the lower ones, and the fifth."""
     a, b, c, d, e = values[0], values[1], values[2], values[3], values[4]
     low = max(min(a, b), min(c, d))  # the smallest of the four is not it
     high = min(max(a, b), max(c, d))  # nor is the largest
@@ -393,23 +365,11 @@ def show_points(
     row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, share: float, typical: float,
     widest: int, inside: Flags, present: Flags, values: Float,
 ) -> int:  # fmt: skip
-    """Write which points of a surface show it, or lie in a gap so narrow that it goes on behind it.
+    """Write which points show a surface, or lie in a gap that it bridges; return their number.
 
-    Args:
-        row: of the surface.
-        contrast: of it.
-        missing: columns of the frame's imaged part that are missing.
-        column: of the points in that part.
-        deepest: a surface below this row has left the window.
-        share: of the typical contrast: a point with less shows no surface.
-        typical: share of the points that have less contrast than is typical.
-        widest: gap that the surface goes on behind, points.
-        inside: scratch, (point,).
-        present: the result.
-        values: scratch, (point,).
-
-    Returns:
-        How many.
+    `missing` are columns of the frame's imaged part, `column` those of the points in it. A surface below row `deepest`
+    has left the window; a point with less than `share` of the typical contrast shows no surface, and `typical` is the
+    share of the points below that contrast. `widest`: gap, points. `inside` and `values` are scratch.
     """
     points = len(row)
     for at in range(points):
@@ -427,7 +387,7 @@ def show_points(
 
 @compiled
 def _close_gaps(present: Flags, inside: Flags, widest: int) -> int:
-    """Close the gaps that are at most `widest` points wide and lie (in part) inside; return how many are present."""
+    """Close the gaps of at most `widest` points that lie (in part) inside; return the number of points present."""
     last, number = -1, 0
     for at in range(len(present)):
         if present[at]:

@@ -70,7 +70,7 @@ class WallFinder:
     float32 (n, column / 2) is the probability that a column has wall.
 
     Raises:
-        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
+        ModelError: the network has other inputs or outputs than its study; names `place`.
     """
 
     def __init__(self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str) -> None:
@@ -114,7 +114,7 @@ class WallFinder:
 
 
 def _beyond(boundary: Curve, outside: NDArray[np.bool_], row: float) -> Curve:
-    """Return a boundary that has a row beyond the frame where it lies outside."""
+    """Return a boundary with `row` where it lies outside."""
     moved: Curve = np.where(outside, row, boundary)
     return moved
 
@@ -122,8 +122,8 @@ def _beyond(boundary: Curve, outside: NDArray[np.bool_], row: float) -> Curve:
 def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
 
-    Columns without wall do not hold them. Thicknesses that end below the frame are alike, and where the upper boundary
-    lies above it the thickness that is seen may change as it likes.
+    Columns without wall do not constrain them. Thicknesses that end below the frame are alike, and where the upper
+    boundary lies above it the thickness may change freely.
     """
     score = np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(0, 2, 1) * wall[:, None]
     outer = best_path(np.ascontiguousarray(score[0]), REACH_ROWS)
@@ -152,17 +152,11 @@ def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Cu
 
 
 def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:
-    """Return the rows of the path with the largest sum of scores less what its steps cost.
+    """Return the rows (column,) of the path with the largest sum of scores (column, row) less the cost of its steps.
 
-    Both directions are run at once, as in `best_path`. A step's best beginning is the upper envelope of lines that
-    fall by its cost a row (Felzenszwalb and Huttenlocher 2012, Distance Transforms of Sampled Functions).
-
-    Args:
-        score_cr: scores, shape (column, row).
-        cost: of a row's step between a column and the next, not negative, shape (column - 1,).
-
-    Returns:
-        The row in each column, shape (column,).
+    `cost` (column - 1,), not negative, is of a row's step between neighbouring columns. Both directions are run at
+    once, as in `best_path`. A step's best beginning is the upper envelope of lines that fall by its cost a row
+    (Felzenszwalb and Huttenlocher 2012, Distance Transforms of Sampled Functions).
 
     >>> smooth_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), np.full(2, 3.0))
     array([1, 1, 1])

@@ -1,4 +1,4 @@
-"""What the loops need for frames of one size: sizes, tables, and the memory that they work in."""
+"""Sizes, tables and memory of the loops, for frames of one size."""
 
 from typing import NamedTuple
 
@@ -63,7 +63,7 @@ class Tables(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Arrays that the kernels write into; what is left there from the frame before counts for nothing."""
+    """Arrays that the loops write into; their content from the frame before is never used."""
 
     halves: Counts
     other_halves: Counts
@@ -171,7 +171,7 @@ def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
 
 
 def _two_of_each(matrix: Float) -> tuple[Places, Float]:
-    """Return the places of the (at most two) values in each row of a matrix that are not 0, and these, (row, 2)."""
+    """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
     place = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1).astype(np.int64)
     return place, np.take_along_axis(matrix, place, axis=1)
 
