@@ -8,7 +8,7 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
 from reference_walls import cut_section
-from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.known import Known
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
@@ -129,15 +129,6 @@ def test_the_prior_knows_where_the_pole_lies_as_far_as_it_is_told() -> None:
     np.testing.assert_allclose(turned.mean[POLE], pole_direction(np.radians(35.0), 0.8))
     np.testing.assert_array_equal(nothing.mean[POLE], 0.0)
     assert known.sd[POLE].max() < turned.sd[POLE].min() < nothing.sd[POLE].min()
-
-
-def test_what_is_stated_of_an_eye_is_what_its_reader_is_told() -> None:
-    stated = EyeConstants(
-        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=0.8
-    )
-    assert known_of_constants(stated) == Known(
-        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, direction_rad=0.8, globe=stated.globe
-    )
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:

@@ -10,7 +10,7 @@ from workers import NEEDS_DASK, Cluster
 from scleraforce.cluster import cluster_workers
 from scleraforce.errors import SolverError
 from scleraforce.library.build import build_library
-from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.study import LibraryStudy, Study
 
 pytestmark = NEEDS_DASK
 
@@ -39,17 +39,6 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
     assert victim.wait() == -signal.SIGKILL
     assert result.solved == sum(done) == 260
     build_library(STUDY, tmp_path / "here", workers=2, solve=solve_analytic)
-    assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path):
-    cluster.worker()
-    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=5, max_tip_m=2e-3,
-                        stiffenings=1)  # fmt: skip
-    build_library(Study(library=grid), tmp_path / "cluster", workers=cluster_workers(cluster.address))
-    build_library(Study(library=grid), tmp_path / "here", workers=2)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 
 

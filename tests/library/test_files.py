@@ -9,7 +9,7 @@ import pytest
 from analytic_library import analytic_library, draw_walls, made_up_library, solved_library
 
 from scleraforce.errors import InputError
-from scleraforce.library import Library, load_library, save_library
+from scleraforce.library import load_library, save_library
 from scleraforce.library.files import _differences, _summed
 from scleraforce.library.responses import walls_of
 from scleraforce.library.stiffened import STEP_TYPES
@@ -105,19 +105,6 @@ def test_no_step_of_any_size_is_lost_by_differences_that_wrap_around(kind, along
     found = _summed(stored)
     assert found.dtype == steps.dtype
     np.testing.assert_array_equal(found, steps)
-
-
-def test_what_is_stored_of_even_steps_along_the_rows_is_zeros():
-    """Second differences within each group of rows: a straight line leaves its first value and its slope."""
-    steps = (5 * np.arange(24).reshape(3, 8) % 40 + np.array([[100], [-7], [0]])).reshape(24, 1).astype(np.int16)
-    stored = _differences(steps, 8)
-    assert not stored[:, :, 2:].any()
-    assert stored[0, :, 0].tolist() == [100, -7, 0]
-
-
-def test_the_file_is_a_tenth_of_the_arrays(whole, stored):
-    arrays = sum(np.asarray(getattr(whole, item.name)).nbytes for item in fields(Library) if item.init)
-    assert stored.stat().st_size < 0.1 * arrays
 
 
 def test_a_library_that_cannot_be_stored_so_exactly_is_refused(library):
@@ -237,12 +224,3 @@ def test_a_reduced_basis_that_does_not_fit_is_refused_in_one_line(library, tmp_p
             InputError, match=rf"^.*library\.npz: not a response library.*{said}.*; train the model again$"
         ):
             load_library(path)
-
-
-def test_a_library_of_before_the_reduced_basis_is_refused_and_to_be_trained_again(library, tmp_path):
-    path = tmp_path / "library.npz"
-    np.savez(path, **{item.name: getattr(library, item.name) for item in fields(Library) if item.init})
-    with pytest.raises(
-        InputError, match=r"library\.npz: not a response library of this version .*; train the model again$"
-    ):
-        load_library(path)

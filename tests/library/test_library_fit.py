@@ -11,7 +11,7 @@ from analytic_library import RADIUS_M
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe, Modulus
 from scleraforce.library import Library
 from scleraforce.library.fit import POLE_STRIDE, _step, fit_boundaries
-from scleraforce.library.prediction import Walls, cut_by_plane, force_n, predict_wall
+from scleraforce.library.prediction import Walls, force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M, form_size, prior_of
 from scleraforce.library.unknowns import (
     DEPTH,
@@ -78,17 +78,6 @@ def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
     return fit
 
 
-def test_a_plane_beside_the_axis_cuts_a_sphere_in_a_smaller_circle() -> None:
-    angle = np.linspace(0.0, 1.2, 60)
-    sphere = np.stack([RADIUS_M * np.sin(angle), RADIUS_M * (1 - np.cos(angle))], axis=-1)
-    for gap_m in (0.0, 0.31e-3, 2e-3):
-        cut = cut_by_plane(np.broadcast_to(sphere, (1, 2, 60, 2)), np.array([gap_m]))[0, 0]
-        lateral, down = cut.T
-        np.testing.assert_allclose(lateral**2 + gap_m**2 + (RADIUS_M - down) ** 2, RADIUS_M**2, rtol=2e-5)
-        np.testing.assert_array_equal(lateral, -lateral[::-1])
-        assert (np.diff(lateral) >= 0).all()
-
-
 def bulging(library: Library) -> Library:
     """The library of walls that rise more in their middle: by 0.05 mm at the pressure of `eye`."""
     undented = library.undented_tpbnc.copy()
@@ -148,11 +137,6 @@ def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(side: float, tip_m: fl
     assert fit.force_n == pytest.approx(float(force_n(WALLS, truth[None])[0]), abs=1.5e-3)
 
 
-def test_an_even_wall_is_found_even() -> None:
-    truth = eye(1.2e-3)
-    assert form_size(fitted(truth, boundaries(truth)).unknown) < 0.5
-
-
 def test_a_boundary_without_errors_gives_its_force_and_contact() -> None:
     for tip_m in (0.1e-3, 0.8e-3, 2.5e-3):
         truth = eye(tip_m)
@@ -206,18 +190,6 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
         off.append(abs(fit.force_n - force) / force**0.5)
     assert np.mean(inside) >= 0.88
     assert np.median(off) < 3e-3
-
-
-@pytest.mark.slow
-def test_a_dent_is_the_surer_the_less_noise_a_frame_has() -> None:
-    """What is known of the eye leaves some 6 um; the rest goes with the noise, which the fit finds by itself."""
-    truth, sds_m = eye(1e-3), []
-    for noise_m in (2.5e-6, 5e-6, 10e-6, 20e-6):
-        fits = [fitted(truth, boundaries(truth, noise_m, np.random.default_rng(seed))) for seed in range(6)]
-        sds_m.append(np.median([fit.sd[TIP] for fit in fits]))
-    assert sds_m[0] < 0.85 * sds_m[1]
-    assert sds_m[1] < 0.75 * sds_m[2]
-    assert sds_m[3] / sds_m[2] == pytest.approx(2.0, rel=0.15)
 
 
 def test_what_is_not_known_of_the_eye_widens_the_interval() -> None:

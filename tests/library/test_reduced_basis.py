@@ -52,12 +52,6 @@ def test_a_mix_of_equal_parts_of_the_rows_is_their_sum_by_weights(weights):
     assert reduced.mixed_rows(np.array(weights)) == pytest.approx(naive, rel=1e-12, abs=1e-15)
 
 
-def test_rows_of_nothing_have_no_part():
-    reduced = reduce_rows(np.zeros((5, 7)), 1e-6)
-    assert reduced.basis_kv.shape == (0, 7)
-    assert np.array_equal(reduced.rows(), np.zeros((5, 7)))
-
-
 def test_values_far_larger_than_the_error_are_refused():
     with pytest.raises(InputError, match=r"values up to 10 cannot be stored by such small steps"):
         reduce_rows(1e3 * BUMPS, 1e-9)

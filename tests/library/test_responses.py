@@ -78,25 +78,6 @@ def test_answers_do_not_depend_on_the_other_samples(library):
     assert together.curves_sbnc[:1] == pytest.approx(alone.curves_sbnc, abs=2e-9)
 
 
-def test_walls_of_one_cell_are_the_same_in_the_company_of_others(library):
-    one = 0.6e-3 + 1e-6 * np.arange(3), np.full(3, 1e-3), np.full(3, 1.01e-3)
-    other = np.full(3, 0.4e-3), np.full(3, 1e-3), np.full(3, 3e-3)
-    mixed = tuple(np.concatenate(both) for both in zip(one, other, strict=True))
-    together = library.shapes(*mixed)
-    assert np.array_equal(together[:3], library.shapes(*one))
-    assert np.array_equal(together[3:], library.shapes(*other))
-    assert len(np.unique(together[:, 0, 5, 1])) == 4
-
-
-def test_states_are_smooth_across_the_cells(library):
-    """A central difference over a node is a derivative: one-sided ones agree to the second order."""
-    t, p, d = library.thickness_m[3], library.tension[4] * library.thickness_m[3] / library.radius_m, library.tip_m[20]
-    for step in ([1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0], [0.0, 0.0, 1e-5]):
-        sides = np.array([t, p, d]) + np.outer([-1.0, 0.0, 1.0], step)
-        force = library.at_tip(*sides.T).force_ratio
-        assert force[2] - force[1] == pytest.approx(force[1] - force[0], rel=2e-2)
-
-
 @pytest.mark.parametrize(
     ("t", "p", "f", "says"),
     [
@@ -118,14 +99,6 @@ def test_what_lies_outside_is_named_and_not_covered(library, t, p, f, says):
     with pytest.raises(InputError, match=says.replace("^", r"\^")):
         library.curves(*samples)
     assert library.covers(*samples).tolist() == [True, False, True]
-
-
-def test_the_ends_of_the_ranges_are_inside(library):
-    thickness_m = library.thickness_m[[0, -1]]
-    ends = np.stack([thickness_m, np.diag(library.iop_ratio_ends(thickness_m)), np.zeros(2)])
-    assert library.covers(*ends).all()
-    assert library.covers(*(ends * (1.0 + 1e-12))).all()
-    assert library.curves(*ends).tip_m == pytest.approx([0.0, 0.0])
 
 
 def test_the_part_near_the_needle_is_the_same_material(library):

@@ -260,16 +260,6 @@ def test_a_higher_start_is_given_where_it_may_be_the_right_one_and_only_there(li
     assert higher_start(walls, mean, slack, LATERAL_M, slack_m) is None
 
 
-def test_a_force_beyond_all_states_is_begun_at_a_state_that_the_law_bears(library: Library) -> None:
-    """A slack globe's pressure would need more volume than the deepest dent displaces."""
-    unknown, globe = taut_wall(library, 0.02, 0.6e-3, to_si(3.2, "mmhg"))
-    walls = Walls(library, globe)
-    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
-    begun = bearing_start(walls, prior_of(known_of(unknown, globe), RANGES).mean, 1.0, LATERAL_M, outer_m)
-    wanted_m3 = globe.globe(globe.mean).displaced_m3(400.0, float(np.exp(begun[PRESSURE])))
-    assert displaced_m3_of(library, begun) == pytest.approx(wanted_m3, rel=1e-3)
-
-
 def test_no_fit_begins_at_a_force_that_no_needle_has(library: Library) -> None:
     unknown, globe = taut_wall(library, 1.6, 0.7e-3, to_si(30.0, "mmhg"), 0.4e6)
     walls, mean = Walls(library, globe), prior_of(known_of(unknown, globe), RANGES).mean

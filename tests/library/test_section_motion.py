@@ -83,15 +83,3 @@ def test_an_even_motion_along_the_section_and_down_shifts_it(turn_rad: float) ->
     framing = Framing(shifted[:, 0], 0.4e-3 + shifted[:, 1], one, turn)
     expected = wall_boundaries(walls, gap_m, level, framing, STUDY)
     np.testing.assert_allclose(found.depth_sbc, expected.depth_sbc, atol=2e-6)
-
-
-def test_a_wall_that_hangs_over_is_moved_as_others_are() -> None:
-    library = analytic_library(thicknesses=4, ratios=4, tips=8)
-    walls = library.at_tip(np.array([0.6e-3]), np.array([1e-3]), np.array([4e-3])).curves_sbnc.copy()
-    walls[:, :, 40:55, 0] -= 1.5e-3 * np.sin(np.linspace(0.0, np.pi, 15))
-    moved = SectionMotion(np.linspace(-9e-3, 9e-3, 9), np.tile([0.1e-3, 0.0, 0.0], (1, 2, 9, 1)))
-    gap_m, level, one = np.array([0.5e-3]), np.zeros(1), np.ones(1)
-    found = wall_boundaries(walls, gap_m, level, Framing(level, 0.4e-3 * one, one, level), STUDY, moved)
-    expected = wall_boundaries(walls, gap_m, level, Framing(0.1e-3 * one, 0.4e-3 * one, one, level), STUDY)
-    assert found.folded.all()
-    np.testing.assert_allclose(found.depth_sbc, expected.depth_sbc, atol=2e-6)

@@ -51,16 +51,6 @@ def test_patch_test_a_linear_displacement_is_in_equilibrium_and_has_the_exact_en
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rigid_motions_cost_no_energy_and_no_force(kind: str) -> None:
-    mesh = distorted(small_mesh(kind))
-    K = stiffness(mesh)
-    scale = abs(K).max()
-    for axis in np.eye(3):
-        for motion in (np.tile(axis, (len(mesh.points_nc), 1)), np.cross(axis, mesh.points_nc) / R):
-            assert np.abs(K @ motion.ravel()).max() < 1e-12 * scale
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_only_the_six_rigid_motions_cost_no_energy(kind: str) -> None:
     """Full integration: no hourglass modes. Reduced integration of the 27-node element would give some."""
     mesh = small_mesh(kind, layers=1)
@@ -82,11 +72,6 @@ def test_the_matrix_is_that_of_scikit_fem(kind: str, element: type, mesh_type: t
     assert len(np.unique(unknowns)) == len(unknowns) == 3 * len(mesh.points_nc)
     difference = stiffness(mesh)[unknowns][:, unknowns] - theirs
     assert abs(difference).max() < 1e-12 * abs(theirs).max()
-
-
-def test_the_matrix_is_symmetric() -> None:
-    K = stiffness(small_mesh("27 nodes"))
-    assert abs(K - K.T).max() < 1e-14 * abs(K).max()
 
 
 def test_lame_constants_give_back_the_uniaxial_test() -> None:

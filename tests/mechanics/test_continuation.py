@@ -143,15 +143,6 @@ def test_after_a_failure_the_step_that_worked_is_not_made_longer_at_once(monkeyp
     assert after.count(False) >= 3
 
 
-def test_truss_under_a_dead_pressure_starts_where_it_pushed_the_apex() -> None:
-    pressure = 0.5 * truss_force(0.05)
-    start = pressurise(Truss(1.0), pressure)
-    assert truss_force(start[0]) == pytest.approx(pressure, rel=1e-9)
-    path = trace(Truss(1.0), start, pressure, tips_m=np.linspace(0.01, 0.4, 10), largest_step_m=0.1)
-    apex = start[1] + path.tip_m - path.force / 1.0
-    np.testing.assert_allclose(path.force + pressure, truss_force(apex), atol=1e-10)
-
-
 def test_pressure_above_the_limit_raises_and_says_what_was_reached() -> None:
     with pytest.raises(SolverError, match=r"found up to p/E = 0\.00(4\d+|5) of 0\.006"):
         pressurise(Limited(), 1.2 / 200.0)
@@ -216,11 +207,6 @@ def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) 
     np.testing.assert_allclose(path.pressure, rising, rtol=1e-8)
     np.testing.assert_allclose(path.undented_su, undented, rtol=1e-7)
     np.testing.assert_allclose(path.displacement_su, undented + force[:, None] * needle, atol=1e-8)
-
-
-def test_an_open_globe_has_one_undented_wall() -> None:
-    path = trace(Truss(1.0), np.zeros(2), 0.0, max_tip_m=0.1)
-    np.testing.assert_array_equal(path.undented_su, np.zeros_like(path.displacement_su))
 
 
 def test_sealing_a_wall_that_does_not_know_its_volume_is_refused() -> None:

@@ -9,14 +9,11 @@ import pytest
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.mechanics.form import corneal_surface, form_mesh
 from scleraforce.mechanics.graded import graded_globe, graded_mesh
 from scleraforce.study import (
     CorneaStudy,
     FormStudy,
-    GlobeStudy,
-    MechanicsStudy,
     RegionStudy,
     Study,
     WaveStudy,
@@ -154,25 +151,3 @@ def test_a_cornea_is_written_read_and_absent_unless_it_is_asked_for() -> None:
             parse_study(f"[form.cornea]\n{text}\n")
     with pytest.raises(StudyError, match=r"expected a table \[cornea\]"):
         parse_study("[form]\ncornea = 7.8\n")
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_sealed_eye_with_a_cornea_is_bent_at_finite_strain_and_the_mesh_resolves_it() -> None:
-    """The figures' mesh against one of half as many elements more; and the cornea matters."""
-    form = FormStudy(region=(RegionStudy(modulus_ratio=0.6, half_angle_rad=LIMBUS_RAD),), cornea=CORNEA)
-    study = Study(form=form, mechanics=MechanicsStudy(kind="finite-strain"), globe=GlobeStudy("sealed"))
-    contact = Contact(polar_rad=LIMBUS_RAD + 2e-3 / R, azimuth_rad=0.4)
-    tips = [
-        bend_eye(
-            replace(study, form=own, mesh=replace(study.mesh, kind="graded", core=core, rings=rings)),
-            contact,
-            thickness_m=0.8e-3,
-            youngs_modulus_pa=0.4e6,
-            iop_pa=300.0,
-            max_force_n=20e-3,
-        ).path.tip_m(20e-3)
-        for own, core, rings in ((form, 8, 20), (form, 10, 26), (FormStudy(region=form.region), 8, 20))
-    ]
-    assert tips[0] == pytest.approx(tips[1], rel=1e-2)
-    assert abs(tips[2] / tips[0] - 1.0) > 0.01

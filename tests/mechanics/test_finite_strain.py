@@ -15,7 +15,7 @@ from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquili
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_globe
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import gravity_load, needle_at, needle_loads, pressure_load, tip_at
+from scleraforce.mechanics.loads import gravity_load, needle_at, needle_loads, pressure_load
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.supports import elastic_bed, rectus_straps
@@ -68,17 +68,6 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
     nearest = outer[np.argmin(np.linalg.norm(mesh.points_nc[outer] - R * contact.normal, axis=1))]
     moved_nc = [path.displacement_nc(force)[nearest] - path.displacement_snc[0, nearest] for force in forces_n]
     np.testing.assert_allclose(-1e3 * np.array(moved_nc) @ contact.normal, expected_mm, rtol=2.5e-3, atol=6e-4)
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_reference_problem_r2_on_the_default_mesh() -> None:
-    """Here the tip is that at the load's centre, 0.2 mm beside the node of the reference."""
-    mesh = build_mesh(R, 0.8e-3)
-    forces_n = 1e-3 * np.array(FORCES_MN[:7])
-    path = reference_path(mesh, 0.38e6, CONTACT, forces_n[-1])
-    tips_mm = [1e3 * path.tip_m(force) for force in forces_n]
-    np.testing.assert_allclose(tips_mm, TIPS_MM[0.8e-3, 0.38e6, 35.0][: len(forces_n)], rtol=0.03)
 
 
 @pytest.mark.parametrize("dead", [False, True])
@@ -214,34 +203,6 @@ def test_only_ratios_to_the_modulus_matter() -> None:
     np.testing.assert_allclose(
         stiff.displacement_nc(30e-3), coarse_path().displacement_nc(10e-3), atol=1e-4 * coarse_path().tip_m(10e-3)
     )
-
-
-def test_a_modulus_factor_of_two_everywhere_is_twice_the_modulus() -> None:
-    mesh = coarse_mesh()
-    loads = {"iop_pa": IOP, "density_kg_m3": 0.0}
-    factor_ep = np.full(volume_points(mesh).volumes_ep.shape, 2.0)
-    double_nc = rest_nc(FiniteWall(mesh, NU, modulus_factor_ep=factor_ep), youngs_modulus_pa=E, **loads)
-    np.testing.assert_allclose(double_nc, rest_nc(coarse_wall(), youngs_modulus_pa=2 * E, **loads), atol=1e-12)
-
-
-def test_a_soft_region_bends_more() -> None:
-    mesh = coarse_mesh()
-    points = volume_points(mesh)
-    positions_epc = points.values_pn @ mesh.points_nc[mesh.cells_en]
-    factor_ep = np.where(positions_epc @ CONTACT.normal > 0.9 * R, 0.5, 1.0)
-    soft = FiniteWall(mesh, NU, modulus_factor_ep=factor_ep)
-    path = soft.load_path(needle_at(mesh, CONTACT, WIDE), **LOADS, max_force_n=5e-3)
-    assert 1.2 * coarse_path().tip_m(5e-3) < path.tip_m(5e-3) < 2.5 * coarse_path().tip_m(5e-3)
-
-
-def test_a_tilted_needle_moves_the_wall_sideways() -> None:
-    mesh = coarse_mesh()
-    axis = -np.cos(0.17) * CONTACT.normal + np.sin(0.17) * CONTACT.parallel
-    path = coarse_wall().load_path(needle_at(mesh, CONTACT, WIDE, axis), **LOADS, max_force_n=5e-3)
-    sideways_m = np.sum(
-        tip_at(mesh, CONTACT, CONTACT.parallel) * (path.displacement_nc(5e-3) - path.displacement_snc[0])
-    )
-    assert 0.0 < sideways_m < 0.17 * path.tip_m(5e-3)
 
 
 @pytest.mark.slow

@@ -6,10 +6,10 @@ import pytest
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.graded import graded_globe, graded_mesh, study_mesh
+from scleraforce.mechanics.graded import graded_globe, graded_mesh, study_mesh, supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
-from scleraforce.study import MeshStudy, Study
+from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.study import MeshStudy, Study, SupportsStudy
 
 R, T = 12e-3, 0.5e-3
 NEEDLE_RADIUS = 0.35e-3
@@ -108,13 +108,6 @@ def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(thickness_m: flo
     assert tip_of(graded_mesh(R, thickness_m, contact), contact) == pytest.approx(fine, rel=5e-3)
 
 
-@pytest.mark.slow
-def test_the_linear_tip_is_that_of_the_ungraded_mesh() -> None:
-    contact = Contact(polar_rad=radians(35), azimuth_rad=0.3)
-    other = tip_of(build_mesh(R, T), contact)  # itself 1 % below the converged value (docs/physics.md)
-    assert tip_of(graded_mesh(R, T, contact), contact) == pytest.approx(other, rel=1.5e-2)
-
-
 def test_a_study_chooses_the_graded_mesh() -> None:
     study = Study(mesh=MeshStudy(kind="graded", core=4, rings=8))
     mesh = study_mesh(study, T, CONTACTS[1])
@@ -138,3 +131,26 @@ def test_a_study_chooses_the_graded_mesh() -> None:
 def test_a_mesh_that_does_not_exist_is_an_input_error(fault: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         graded_mesh(**{"radius_m": R, "thickness_m": T, "contact": CONTACTS[0], **fault})
+
+
+CONTACT = Contact(polar_rad=0.6)
+GRADED = MeshStudy(kind="graded", core=2, rings=4)
+
+
+@pytest.mark.parametrize("kind", ["bed", "bed-and-straps"])
+def test_a_bed_carries_a_whole_globe(kind: str) -> None:
+    mesh = supported_mesh(Study(mesh=GRADED, supports=SupportsStudy(kind=kind)), 0.5e-3, CONTACT)
+    assert mesh.points_nc[:, 2].min() == pytest.approx(-12e-3, rel=1e-2)
+    assert len(mesh.base_nodes) == 0
+
+
+@pytest.mark.parametrize("kind", ["clamped", "straps"])
+def test_any_other_support_leaves_the_studys_mesh(kind: str) -> None:
+    study = Study(mesh=GRADED, supports=SupportsStudy(kind=kind))
+    expected = study_mesh(study, 0.5e-3, CONTACT)
+    np.testing.assert_array_equal(supported_mesh(study, 0.5e-3, CONTACT).points_nc, expected.points_nc)
+
+
+def test_a_bed_needs_a_graded_mesh() -> None:
+    with pytest.raises(InputError, match="whole globe"):
+        supported_mesh(Study(supports=SupportsStudy(kind="bed")), 0.5e-3, CONTACT)

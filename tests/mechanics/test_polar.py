@@ -14,7 +14,6 @@ from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.mechanics.mesh import locate, surface_weights
 from scleraforce.mechanics.polar import base_shift
 
 Floats = NDArray[np.float64]
@@ -64,24 +63,6 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
             expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
             np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)
-
-
-@pytest.mark.slow
-def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
-    """A wall of revolution does not move that way there, so that the 3-D displacement is all of it."""
-    contact = Contact(polar_rad=np.radians(45.0))
-    wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
-    shift = base_shift(*EYE, polar_rad=contact.polar_rad)
-    angles = np.radians([5.0, 15.0, 25.0])
-    directions = np.outer(np.cos(angles), contact.normal) + np.outer(np.sin(angles), contact.parallel)
-    quads, places = locate(wall.mesh, directions)
-    nodal = wall.pressure_nc[wall.mesh.outer_qn[quads]] @ contact.meridian
-    expected = np.sum(surface_weights(wall.mesh, places) * nodal, axis=1)
-
-    rings = axisymmetric_path(*EYE, 0.0, tips_m=np.array([1e-6])).curves_sbnc[0]
-    lateral = shift_in_plane(shift, 1.0, 0.0, np.zeros(rings.shape[:2]), 1.0, 0.0)[0, :, 0]
-    found = np.interp(angles, np.arctan2(rings[0, :, 0], RADIUS - rings[0, :, 1]), lateral)
-    np.testing.assert_allclose(found, expected, rtol=0.05)  # the third harmonic is left out
 
 
 @pytest.mark.long

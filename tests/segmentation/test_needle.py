@@ -198,18 +198,6 @@ def test_what_a_needle_hides_is_no_wall_that_is_seen() -> None:
     assert "of the imaged width, not 40%" in found.reason
 
 
-def test_a_needle_over_nothing_is_no_wall() -> None:
-    frame, _ = frame_of(STEEL, snr_db=-20.0, reflection_db=-40.0)
-    assert not find_wall(frame, SCALE).usable
-
-
-def test_a_needle_that_hides_almost_all_leaves_a_reason() -> None:
-    frame, _ = frame_of(replace(STEEL, diameter_m=10e-3, level_db=35.0))
-    found = find_wall(frame, SCALE)
-    assert not found.usable
-    assert found.reason
-
-
 def test_an_overlay_shows_the_shaft_in_yellow() -> None:
     frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
     found = find_wall(frame, SCALE)

@@ -47,25 +47,6 @@ def test_a_network_that_sees_the_same_wall_hardly_moves_it(force_mn: int, shippe
     assert mask_dice(checked.mask, alone.mask) > 0.99
 
 
-@pytest.mark.parametrize(
-    ("outer", "inner", "said"),
-    [
-        (100.0, 110.0, "two ways to find the wall differ: its surface lies up to"),
-        (None, None, "the network sees no wall where the other way finds one"),
-    ],
-)
-def test_where_it_sees_another_wall_that_is_shown_and_is_not_usable(outer, inner, said) -> None:
-    frame = image(wall_section(tip_of(0.015)))
-    rows = (np.full(HALF, np.nan if row is None else row) for row in (outer, inner))
-    checked = find_wall(frame, SCALE, finder=told_finder(*rows, sd=0.3))
-    assert not checked.usable
-    assert checked.reason.startswith(said)
-    if outer is None:
-        assert same(checked, find_wall(frame, SCALE))
-    else:
-        assert np.nanmedian(checked.outer_row) == pytest.approx(4.0 * (outer + 0.5) - 0.5, abs=4.0)
-
-
 def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
     noise = np.random.default_rng(0).integers(0, 4095, (512, 512)).astype(np.uint16)
     finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))

@@ -68,11 +68,6 @@ def test_rows_below_the_frame_are_empty_only_where_the_wall_has_ended():
     assert not drawn[:38].any()
 
 
-def test_a_frame_without_a_wall_gives_an_empty_slice():
-    nowhere = np.full(512, np.nan)
-    assert not boundary_slice(segmentation(nowhere, nowhere), SCALE, SLICE).any()
-
-
 def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():
     found = Segmentation(np.full(140, 3.0), np.full(140, 6.0), 40, True, "", True, thickness_m=0.3e-3)
     scale = PixelScale(lateral_m=SLICE.pixel_m, depth_m=SLICE.pixel_m)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.segmentation.loops import best_path
+from scleraforce.segmentation.wall_finder import smooth_path
 
 
 @pytest.mark.parametrize("reach", [1, 2, 5])
@@ -44,3 +45,24 @@ def test_columns_whose_best_rows_lie_astray_do_not_lead_the_path_astray(astray: 
     for column in rng.choice(columns, astray, replace=False):
         score[column, rng.integers(rows)] += rng.choice([1.5, 3.0])
     np.testing.assert_array_equal(best_path(score, 3), naive_best_path(score, 3))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_other_path_has_a_larger_sum(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    score, cost = rng.normal(size=(5, 4)).astype(np.float32), rng.uniform(0.0, 1.0, 4).astype(np.float32)
+
+    def total(path: tuple[int, ...]) -> float:
+        return float(score[np.arange(5), path].sum() - (cost * np.abs(np.diff(path))).sum())
+
+    best = max(product(range(4), repeat=5), key=total)
+    assert tuple(smooth_path(score, cost)) == best
+
+
+def test_a_step_is_free_where_its_cost_is_nothing() -> None:
+    score = np.zeros((6, 20), dtype=np.float32)
+    score[:3, 2], score[3:, 15] = 1.0, 1.0
+    cost = np.full(5, 10.0, dtype=np.float32)
+    assert len(set(smooth_path(score, cost).tolist())) == 1
+    cost[2] = 0.0
+    assert smooth_path(score, cost).tolist() == [2, 2, 2, 15, 15, 15]
