@@ -12,7 +12,7 @@ from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.slice import boundary_depths
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
@@ -76,8 +76,23 @@ def segmented_boundaries(
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
         found = find_wall(render_frame(frame, section, study).frame, scale)
         true.append(_at_columns(frame.pose.place(section), column_laterals(study.slice)))
-        seen.append(boundary_depths(found, scale, study.slice))
+        seen.append(_depths_at_columns(found, scale, column_laterals(study.slice)))
     return np.array(true), np.array(seen)
+
+
+def _depths_at_columns(found: Segmentation, scale: PixelScale, laterals_m: Floats) -> Floats:
+    """Return the depth of both found boundaries (boundary, column), m; NaN outside the frame and where no wall is."""
+    rows_bc, count = np.stack([found.outer_row, found.inner_row]), len(found.outer_row)
+    there_c = np.isfinite(rows_bc[0]) & np.isfinite(rows_bc[1])
+    at = laterals_m / scale.lateral_m + count / 2 - 0.5
+    known = there_c[np.rint(at).astype(int).clip(0, count - 1)] & (at >= -0.5) & (at <= count - 0.5)
+    depth_bc = np.full((2, len(at)), np.nan)
+    if not known.any():
+        return depth_bc
+    for depth, rows in zip(depth_bc, rows_bc, strict=True):
+        depth[known] = (np.interp(at[known], np.flatnonzero(there_c), rows[there_c]) + 0.5) * scale.depth_m
+    depth_bc[1] = depth_bc[0] + (depth_bc[1] - depth_bc[0]) / scale.refractive_index
+    return depth_bc
 
 
 def _at_columns(section: Section, laterals_m: Floats) -> Floats:

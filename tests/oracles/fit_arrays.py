@@ -65,7 +65,7 @@ def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[A
     state, size, pole = prediction._library_place(walls, unknown[None]), np.exp(unknown[SIZE]), unknown[None, POLE]
     library = walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(curves, unknown[None, GAP], walls.stations.moved(state, pole) * size)
+    section = cut_by_plane(curves, unknown[None, GAP], prediction.ring_motion(library, walls.rings, state, pole) * size)
     return curve_depths(place_curves(section, pose[LATERAL], pose[DEPTH], pose[ROTATION])[0], places)
 
 

@@ -67,7 +67,12 @@ class States(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """Places and rings of `prediction.Stations`."""
+    """Where sections meet the library's rings, and the places at which the base's effect on them is computed.
+
+    `places` (boundary, place, 3): unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary,
+    left nodes and right ones), from the axis outwards on either side, lies between the place `left` and the next one,
+    by `share` of the way.
+    """
 
     places: Floats
     left: Integers

@@ -54,37 +54,8 @@ Array = NDArray[np.float64]
 STATION_RAD = 0.04  # between the places
 
 
-@dataclass(frozen=True, eq=False)
-class Stations:
-    """Places of a section and the positions of the library's rings among them.
-
-    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary, left nodes and
-    right ones), from the axis outwards on either side, lies between the place `left_bw` and the next one, by `share_bw`
-    of the way.
-    """
-
-    library: Library
-    places_bpc: Array
-    left_bw: NDArray[np.intp]
-    share_bw: Array
-
-    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
-        """Return the motion of the points that the plane meets (sample, boundary, [left, right], node, 3), m.
-
-        `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
-        """
-        thickness, ratio, _ = place
-        bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
-        pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
-        bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
-        is_inner = np.array([[0], [1]])
-        low, high = bulge[:, is_inner, self.left_bw], bulge[:, is_inner, self.left_bw + 1]
-        at_rings: Array = low + self.share_bw[..., None] * (high - low)
-        return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
-
-
-def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stations:
-    """Return the stations of sections about `gap_m` from the needle axis, of walls about `thickness_m` thick."""
+def section_rings(library: Library, gap_m: float, thickness_m: float) -> Rings:
+    """Return the rings of sections about `gap_m` from the needle axis, of walls about `thickness_m` thick."""
     reach = np.sin(library.node_angles())
     count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
     stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
@@ -93,7 +64,22 @@ def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stat
     wanted = np.concatenate([-rings, rings], axis=1)
     left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
     share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
-    return Stations(library, section_places(stations, across), left, share)
+    return Rings(section_places(stations, across), left, share)
+
+
+def ring_motion(library: Library, rings: Rings, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+    """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
+
+    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+    """
+    thickness, ratio, _ = place
+    bulge = library.base_bulge(thickness, ratio, rings.places, pole_s2)
+    pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
+    bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
+    is_inner = np.array([[0], [1]])
+    low, high = bulge[:, is_inner, rings.left], bulge[:, is_inner, rings.left + 1]
+    at_rings: Array = low + rings.share[..., None] * (high - low)
+    return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
@@ -113,9 +99,9 @@ class Walls:
     thickness_m: float = 0.6e-3
 
     @cached_property
-    def stations(self) -> Stations:
-        """Stations at which the effect of the base is computed."""
-        return section_stations(self.library, self.gap_m, self.thickness_m)
+    def rings(self) -> Rings:
+        """Rings of the walls' sections."""
+        return section_rings(self.library, self.gap_m, self.thickness_m)
 
     @property
     def pressure(self) -> int:
@@ -146,7 +132,8 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
     curves_sbnc = walls.library.shapes(*place).astype(np.float64) * size[:, None, None, None]
     moved = None
     if unknown_su[:, POLE].any():
-        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
+        motion = ring_motion(walls.library, walls.rings, place, unknown_su[:, POLE])
+        moved = motion * size[:, None, None, None, None]
     return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
@@ -163,10 +150,8 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     """Predict the depths and slopes at places for unknowns in the order of `NAMES`, with their derivatives."""
     count = len(places.lateral_m)
     placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
-    stations = walls.stations
-    rings = Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
     looked_at = places.lateral_m, places.outer, places.smoothing_m
-    predict(walls.library.tables, rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
+    predict(walls.library.tables, walls.rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
     return placed
 
 

@@ -33,12 +33,11 @@ class VolumePoints:
 class SurfacePoints:
     """Gauss points on surface quads.
 
-    `values_pn` (point, node of a quad); `positions_qpc` (quad, point, 3) in m; `areas_qpc` (quad, point, 3): area that
-    belongs to the point times the normal (seen from where the quads are counter-clockwise) in m^2.
+    `values_pn` (point, node of a quad); `areas_qpc` (quad, point, 3): area that belongs to the point times the normal
+    (seen from where the quads are counter-clockwise) in m^2.
     """
 
     values_pn: Floats
-    positions_qpc: Floats
     areas_qpc: Floats
 
 
@@ -74,10 +73,9 @@ def surface_points(mesh: HexMesh, quads_qn: Integers, count: int) -> SurfacePoin
     places, weights = gauss_points(2, count)
     nodes = quads_qn.shape[1]
     values_pn, slopes_pnk = shape_values(places, nodes), shape_gradients(places, nodes)
-    corners_qnc = mesh.points_nc[quads_qn]
-    tangents_qpck = np.einsum("qnc,pnk->qpck", corners_qnc, slopes_pnk, optimize=True)
+    tangents_qpck = np.einsum("qnc,pnk->qpck", mesh.points_nc[quads_qn], slopes_pnk, optimize=True)
     normals = np.cross(tangents_qpck[..., 0], tangents_qpck[..., 1])
-    return SurfacePoints(values_pn, values_pn @ corners_qnc, normals * weights[:, None])
+    return SurfacePoints(values_pn, normals * weights[:, None])
 
 
 ELEMENTS_AT_ONCE = 64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, VolumePoints, gauss_points, surface_points
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
 
 Floats = NDArray[np.float64]
@@ -29,13 +29,13 @@ DISC_ANGLES = 24
 def pressure_load(mesh: HexMesh) -> Floats:
     """Return nodal forces of a unit pressure inside, normal to the inner surface, outward: (node, 3) in N/Pa."""
     points = surface_points(mesh, mesh.inner_qn, PRESSURE_POINTS)
-    return _scatter(mesh, mesh.inner_qn, np.einsum("pn,qpc->qnc", points.values_pn, points.areas_qpc))
+    return sum_at(mesh.inner_qn, np.einsum("pn,qpc->qnc", points.values_pn, points.areas_qpc), len(mesh.points_nc))
 
 
 def gravity_load(mesh: HexMesh, points: VolumePoints) -> Floats:
     """Return nodal forces of a unit weight density (density times g) along -z: (node, 3) in N per N/m^3."""
     down = np.array([0.0, 0.0, -1.0])
-    return _scatter(mesh, mesh.cells_en, (points.volumes_ep @ points.values_pn)[..., None] * down)
+    return sum_at(mesh.cells_en, (points.volumes_ep @ points.values_pn)[..., None] * down, len(mesh.points_nc))
 
 
 def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
@@ -85,13 +85,6 @@ def _check_disc(contacts: Sequence[Contact], directions_cpk: Floats) -> None:
     if len(below):
         polar = np.degrees(contacts[below[0]].polar_rad)
         raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
-
-
-def _scatter(mesh: HexMesh, nodes_en: Integers, values_enc: Floats) -> Floats:
-    """Add values per element and local node to the mesh's nodes, shape (node, 3)."""
-    flat, count = nodes_en.ravel(), len(mesh.points_nc)
-    values = values_enc.reshape(-1, 3)
-    return np.stack([np.bincount(flat, values[:, c], minlength=count) for c in range(3)], axis=1)
 
 
 PROJECTIONS = 30
@@ -212,8 +205,7 @@ class InnerSurface:
         """Return the nodal forces of 1 Pa, normal to the deformed surface, outward: (node, 3) in N."""
         areas = self._areas((self._points_nc + displacement_nc)[self._quads_qn])
         local_qnc = np.einsum("p,pn,qpc->qnc", self._weights_p, self._values_pn, areas, optimize=True)
-        flat, count = self._quads_qn.ravel(), len(self._points_nc)
-        return np.stack([np.bincount(flat, local_qnc[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+        return sum_at(self._quads_qn, local_qnc, len(self._points_nc))
 
     def add_tangent(self, element_eiajb: NDArray[np.floating[Any]], displacement_nc: Floats, factor: float) -> None:
         """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.

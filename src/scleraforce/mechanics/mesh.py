@@ -115,7 +115,7 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
 
 def _edge_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
     """Mean of an edge's ends and its two face points."""
-    beside = _sum_at(surface.quad_edges_qe, np.repeat(face_points, 4, axis=0), len(middles))
+    beside = sum_at(surface.quad_edges_qe, np.repeat(face_points, 4, axis=0), len(middles))
     return 0.5 * middles + 0.25 * beside
 
 
@@ -124,23 +124,23 @@ def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -
     points, count = surface.points_vc, len(surface.points_vc)
     faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
     valence = np.bincount(surface.edges_ev.ravel(), minlength=count)[:, None]
-    face_mean = _sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
-    edge_mean = _sum_at(surface.edges_ev, np.repeat(middles, 2, axis=0), count) / valence
+    face_mean = sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
+    edge_mean = sum_at(surface.edges_ev, np.repeat(middles, 2, axis=0), count) / valence
     return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
 
 
 def _move_boundary(moved: Floats, surface: QuadSurface, boundary_edges: Integers) -> None:
     """Put boundary vertices at 3/4 of themselves and 1/8 of each neighbour on the boundary (in place)."""
     points = surface.points_vc
-    neighbours = _sum_at(boundary_edges, points[boundary_edges[:, ::-1]].reshape(-1, 3), len(points))
+    neighbours = sum_at(boundary_edges, points[boundary_edges[:, ::-1]].reshape(-1, 3), len(points))
     on_boundary = np.unique(boundary_edges)
     moved[on_boundary] = 0.75 * points[on_boundary] + 0.125 * neighbours[on_boundary]
 
 
-def _sum_at(index: Integers, values: Floats, count: int) -> Floats:
-    """Sum rows of `values` that share an index, shape (count, 3)."""
-    flat = index.ravel()
-    return np.stack([np.bincount(flat, values[:, c], minlength=count) for c in range(3)], axis=1)
+def sum_at(index: Integers, values: Floats, count: int) -> Floats:
+    """Sum the vectors `values` (*shape of `index`, 3) that share an index, shape (count, 3)."""
+    flat, vectors = index.ravel(), values.reshape(-1, 3)
+    return np.stack([np.bincount(flat, vectors[:, c], minlength=count) for c in range(3)], axis=1)
 
 
 def project_on_sphere(surface: QuadSurface) -> QuadSurface:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.elements import ELEMENTS_AT_ONCE, VolumePoints, volume_points
 from scleraforce.mechanics.material import growth, lame_constants, strain_measure
-from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.mesh import HexMesh, sum_at
 
 Floats = NDArray[np.float64]
 Precise = NDArray[np.floating[Any]]
@@ -76,8 +76,7 @@ class NeoHookeanSolid:
         if self._stiffening > 0.0:
             P_epJi *= self._growth(H_epJi, log_J_ep)[..., None, None]
         local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(len(P_epJi), -1, 3)
-        flat, count = self._cells_en.ravel(), len(displacement_nc)
-        return np.stack([np.bincount(flat, local_eni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+        return sum_at(self._cells_en, local_eni, len(displacement_nc))
 
     def tangents(self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64) -> Precise:
         """Return the derivative of the forces by the displacement of every element, (element, 3, node, 3, node).

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, gauss_points, surface_points
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
 from scleraforce.study import SupportsStudy
 
 Flags = NDArray[np.bool_]
@@ -84,8 +84,7 @@ class Springs:
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""
         local_qni = np.einsum("qnmij,qmj->qni", self.blocks_qnnii, displacement_nc[self.nodes_qn], optimize=True)
-        flat, count = self.nodes_qn.ravel(), len(displacement_nc)
-        return np.stack([np.bincount(flat, local_qni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+        return sum_at(self.nodes_qn, local_qni, len(displacement_nc))
 
 
 def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float) -> Springs:

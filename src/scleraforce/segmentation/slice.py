@@ -49,16 +49,6 @@ def boundary_slices(
     return _draw_slices(outer_row, inner_row, places, scale.depth_m, scale.refractive_index, depth_m)
 
 
-def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> Floats:
-    """Return the depth of both boundaries below the frame's upper edge at the slice's columns, (2, columns), m.
-
-    NaN outside the frame and where there is no wall.
-    """
-    outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
-    places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
-    return _depths(outer_row, inner_row, places, scale.depth_m, scale.refractive_index)
-
-
 @lru_cache(maxsize=8)
 def _row_depths(rows: int, pixel_m: float, shifts: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the depth of the middles of shifted slices' rows, (shift, row, 1), m."""
