@@ -221,7 +221,7 @@ class Known:
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
-    b of the tissue (`mechanics.stiffening`), by default 0. `discrepancy` belongs to an eye's own modulus.
+    b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus.
     """
 
     modulus: Modulus | None = None
