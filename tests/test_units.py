@@ -38,16 +38,16 @@ def test_the_way_back_from_si_returns_the_number(unit: HumanUnit, number: float)
     assert from_si(to_si(number, unit), unit) == pytest.approx(number, rel=1e-15, abs=1e-300)
 
 
-@pytest.mark.parametrize("unit", UNITS)
-def test_an_array_converts_as_its_numbers_do(unit: HumanUnit) -> None:
-    values = np.random.default_rng(0).normal(size=(3, 100))
-    for convert in (to_si, from_si):
-        one_by_one = [[convert(float(value), unit) for value in row] for row in values]
-        np.testing.assert_array_equal(convert(values, unit), one_by_one)
-        assert convert(values.astype(np.float32), unit).dtype == np.float32
+def test_an_array_converts_as_its_numbers_do() -> None:
+    for unit in UNITS:
+        values = np.random.default_rng(0).normal(size=(3, 100))
+        for convert in (to_si, from_si):
+            one_by_one = [[convert(float(value), unit) for value in row] for row in values]
+            np.testing.assert_array_equal(convert(values, unit), one_by_one)
+            assert convert(values.astype(np.float32), unit).dtype == np.float32
 
 
-@pytest.mark.parametrize("unit", UNITS)
-def test_what_is_not_known_stays_so(unit: HumanUnit) -> None:
-    assert to_si(None, unit) is None
-    assert from_si(None, unit) is None
+def test_what_is_not_known_stays_so() -> None:
+    for unit in UNITS:
+        assert to_si(None, unit) is None
+        assert from_si(None, unit) is None

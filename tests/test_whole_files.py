@@ -37,10 +37,10 @@ def test_a_missing_file_says_what_makes_one(tmp_path: Path) -> None:
         read_text(tmp_path / "study.toml", STUDY)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
-def test_text_of_any_editor_is_read(tmp_path: Path, encoding: str) -> None:
-    path = _file(tmp_path / "a.toml", "id = 'Süd µ'\r\nb = 1\r\n".encode(encoding))
-    assert read_text(path, STUDY) == "id = 'Süd µ'\nb = 1\n"
+def test_text_of_any_editor_is_read(tmp_path: Path) -> None:
+    for encoding in ["utf-8", "utf-8-sig", "utf-16", "utf-32"]:
+        path = _file(tmp_path / "a.toml", "id = 'Süd µ'\r\nb = 1\r\n".encode(encoding))
+        assert read_text(path, STUDY) == "id = 'Süd µ'\nb = 1\n"
 
 
 def test_utf_16_of_the_other_byte_order_is_read(tmp_path: Path) -> None:

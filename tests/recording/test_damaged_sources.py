@@ -1,6 +1,7 @@
 """Truncated and altered sources of every format: frames, or one error line that names the file; nothing else."""
 
 from pathlib import Path
+from tempfile import mkdtemp
 from zipfile import ZipFile
 
 import cv2
@@ -71,21 +72,22 @@ def damaged(data: bytes, rng: np.random.Generator, nth: int) -> bytes:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", WRITERS)
-def test_damage_is_an_error_that_names_the_file(tmp_path: Path, name: str, capfd) -> None:
-    WRITERS[name](tmp_path / name)
-    data = (tmp_path / name).read_bytes()
-    np.save(tmp_path / "frames.npy", FRAMES)
-    sources = [tmp_path / name, *([tmp_path / "frames.npy"] if name == "log.csv" else [])]
-    named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
-    rng, said = np.random.default_rng(len(name)), []
-    for nth in range(15):
-        (tmp_path / name).write_bytes(damaged(data, rng, nth))
-        try:
-            for picture in gather(sources, VOLUMES if named else ImportOptions()).scan.pictures():
-                assert picture.size
-        except InputError as fault:
-            said.append(str(fault))
-    assert said
-    assert all(name in line and "\n" not in line for line in said)
-    capfd.readouterr()  # codecs print what they think of it
+def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
+    for name in WRITERS:
+        place = Path(mkdtemp(dir=tmp_path))
+        WRITERS[name](place / name)
+        data = (place / name).read_bytes()
+        np.save(place / "frames.npy", FRAMES)
+        sources = [place / name, *([place / "frames.npy"] if name == "log.csv" else [])]
+        named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
+        rng, said = np.random.default_rng(len(name)), []
+        for nth in range(15):
+            (place / name).write_bytes(damaged(data, rng, nth))
+            try:
+                for picture in gather(sources, VOLUMES if named else ImportOptions()).scan.pictures():
+                    assert picture.size
+            except InputError as fault:
+                said.append(str(fault))
+        assert said
+        assert all(name in line and "\n" not in line for line in said)
+        capfd.readouterr()  # codecs print what they think of it

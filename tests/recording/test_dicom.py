@@ -63,11 +63,11 @@ def test_compressed_images_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
-@pytest.mark.parametrize("kind", ["HSV", "CMYK", ""])
-def test_a_kind_that_is_no_grey_or_colour_is_refused(tmp_path: Path, kind: str) -> None:
-    write_dicom(tmp_path / "a.dcm", BYTES, PhotometricInterpretation=kind)
-    with pytest.raises(FrameError, match=r"PhotometricInterpretation: .* one of MONOCHROME1"):
-        read_frame(tmp_path / "a.dcm")
+def test_a_kind_that_is_no_grey_or_colour_is_refused(tmp_path: Path) -> None:
+    for kind in ["HSV", "CMYK", ""]:
+        write_dicom(tmp_path / "a.dcm", BYTES, PhotometricInterpretation=kind)
+        with pytest.raises(FrameError, match=r"PhotometricInterpretation: .* one of MONOCHROME1"):
+            read_frame(tmp_path / "a.dcm")
 
 
 def rle_bomb(path: Path) -> None:
@@ -82,9 +82,8 @@ def large_jpeg(path: Path) -> None:
     write_dicom(path, BYTES, TransferSyntaxUID=JPEGBaseline8Bit, PixelData=encapsulate([stream]))
 
 
-@pytest.mark.parametrize(
-    ("write", "message"),
-    [
+def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
+    for write, message in [
         (lambda path: write_dicom(path, RAMP, Rows=60_000, Columns=60_000), "a frame may have 64 million"),
         (
             lambda path: write_dicom(path, RAMP, NumberOfFrames=2_000_000),
@@ -94,14 +93,11 @@ def large_jpeg(path: Path) -> None:
         (rle_bomb, "more is packed in it than"),
         (large_jpeg, r"of \(400, 600\) pixels, the header says \(40, 60\)"),
         (lambda path: write_dicom(path, RAMP, TransferSyntaxUID=DeflatedExplicitVRLittleEndian), "deflated DICOM"),
-    ],
-    ids=["header", "frames", "samples", "RLE", "JPEG", "deflated"],
-)
-def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path, write, message: str) -> None:
-    write(tmp_path / "a.dcm")
-    content = (tmp_path / "a.dcm").read_bytes()
-    with less_than(10e6), pytest.raises(FrameError, match=message):
-        read_dicom(tmp_path / "a.dcm", content)
+    ]:
+        write(tmp_path / "a.dcm")
+        content = (tmp_path / "a.dcm").read_bytes()
+        with less_than(10e6), pytest.raises(FrameError, match=message):
+            read_dicom(tmp_path / "a.dcm", content)
 
 
 TWELVE = {"BitsStored": 12, "HighBit": 11}
@@ -119,17 +115,17 @@ def groups(**tags: object) -> Dataset:
 
 
 # PS3.5 8.1.1: BitsStored bits that end at HighBit.
-@pytest.mark.parametrize("high", [11, 13, 15])
-@pytest.mark.parametrize("compressed", [False, True])
-def test_bits_are_taken_where_high_bit_says(tmp_path: Path, high: int, compressed: bool) -> None:
-    dataset = write_dicom(tmp_path / "a.dcm", RAMP << (high - 11), BitsStored=12, HighBit=high)
-    if compressed:
-        dataset.compress("1.2.840.10008.1.2.5")
-        dataset.save_as(tmp_path / "a.dcm")
-    image = read_frame_image(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(image.pixels, RAMP)
-    assert any("HighBit" in note for note in image.notes) is (high != 11)
-    assert read_dicom(tmp_path / "a.dcm").bits == 12
+def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
+    for high in [11, 13, 15]:
+        for compressed in [False, True]:
+            dataset = write_dicom(tmp_path / "a.dcm", RAMP << (high - 11), BitsStored=12, HighBit=high)
+            if compressed:
+                dataset.compress("1.2.840.10008.1.2.5")
+                dataset.save_as(tmp_path / "a.dcm")
+            image = read_frame_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(image.pixels, RAMP)
+            assert any("HighBit" in note for note in image.notes) is (high != 11)
+            assert read_dicom(tmp_path / "a.dcm").bits == 12
 
 
 def test_bits_of_big_endian_pixels_are_taken_where_high_bit_says(tmp_path: Path) -> None:
@@ -153,15 +149,15 @@ def test_signed_pixels_are_taken_where_high_bit_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm"))[0], signed)
 
 
-@pytest.mark.parametrize(
-    ("pixels", "tags"),
-    [(RAMP + 2000, TWELVE), (RAMP, {"BitsStored": 12, "HighBit": 15}), (RAMP.astype(np.int16) + 2500, TWELVE)],
-    ids=["above", "below", "above, signed"],
-)
-def test_pixels_that_use_other_bits_are_refused(tmp_path: Path, pixels: np.ndarray, tags: dict[str, int]) -> None:
-    write_dicom(tmp_path / "a.dcm", pixels, **tags)
-    with pytest.raises(FrameError, match=rf"BitsStored is 12, HighBit {tags['HighBit']}, but a pixel is 0x"):
-        read_frame(tmp_path / "a.dcm")
+def test_pixels_that_use_other_bits_are_refused(tmp_path: Path) -> None:
+    for pixels, tags in [
+        (RAMP + 2000, TWELVE),
+        (RAMP, {"BitsStored": 12, "HighBit": 15}),
+        (RAMP.astype(np.int16) + 2500, TWELVE),
+    ]:
+        write_dicom(tmp_path / "a.dcm", pixels, **tags)
+        with pytest.raises(FrameError, match=rf"BitsStored is 12, HighBit {tags['HighBit']}, but a pixel is 0x"):
+            read_frame(tmp_path / "a.dcm")
 
 
 def test_an_overlay_in_the_pixels_bits_is_left_out(tmp_path: Path) -> None:
@@ -176,36 +172,33 @@ def test_an_overlay_in_the_pixels_bits_is_left_out(tmp_path: Path) -> None:
     assert any("OverlayBitPosition 15" in note for note in image.notes)
 
 
-@pytest.mark.parametrize(
-    "tags", [{"BitsStored": 12, "HighBit": 16}, {"BitsStored": 12, "HighBit": 8}, {"BitsAllocated": 12}]
-)
-def test_cells_that_cannot_be_are_refused(tmp_path: Path, tags: dict[str, int]) -> None:
-    write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-    with pytest.raises(FrameError, match=r"BitsAllocated \d+, BitsStored \d+, HighBit \d+"):
-        read_frame(tmp_path / "a.dcm")
+def test_cells_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    for tags in [{"BitsStored": 12, "HighBit": 16}, {"BitsStored": 12, "HighBit": 8}, {"BitsAllocated": 12}]:
+        write_dicom(tmp_path / "a.dcm", RAMP, **tags)
+        with pytest.raises(FrameError, match=r"BitsAllocated \d+, BitsStored \d+, HighBit \d+"):
+            read_frame(tmp_path / "a.dcm")
 
 
-@pytest.mark.parametrize("signed", [False, True])
-@pytest.mark.parametrize(("slope", "display"), list(product((1.0, -2.0), ("", "MONOCHROME1", "INVERSE"))))
-def test_bright_tissue_stays_bright(tmp_path: Path, slope: float, display: str, signed: bool) -> None:
-    dark_is_large = (slope < 0.0) != bool(display)
-    dark = 4095 - RAMP if dark_is_large else RAMP
-    tags = {"RescaleSlope": slope, "RescaleIntercept": 4095.0} | TWELVE
-    if display == "MONOCHROME1":
-        tags["PhotometricInterpretation"] = display
-    elif display:
-        tags["PresentationLUTShape"] = display
-    write_dicom(tmp_path / "a.dcm", dark.astype(np.int16) - 2048 if signed else dark, **tags)
-    image = read_frame_image(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(image.pixels, RAMP)
-    said = " ".join(image.notes)
-    assert ("were exchanged" in said) is dark_is_large
-    assert ("cancel" in said) is (slope < 0.0 and bool(display))
+def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
+    for signed in [False, True]:
+        for slope, display in list(product((1.0, -2.0), ("", "MONOCHROME1", "INVERSE"))):
+            dark_is_large = (slope < 0.0) != bool(display)
+            dark = 4095 - RAMP if dark_is_large else RAMP
+            tags = {"RescaleSlope": slope, "RescaleIntercept": 4095.0} | TWELVE
+            if display == "MONOCHROME1":
+                tags["PhotometricInterpretation"] = display
+            elif display:
+                tags["PresentationLUTShape"] = display
+            write_dicom(tmp_path / "a.dcm", dark.astype(np.int16) - 2048 if signed else dark, **tags)
+            image = read_frame_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(image.pixels, RAMP)
+            said = " ".join(image.notes)
+            assert ("were exchanged" in said) is dark_is_large
+            assert ("cancel" in said) is (slope < 0.0 and bool(display))
 
 
-@pytest.mark.parametrize(
-    ("tags", "found"),
-    [
+def test_greys_that_are_not_read_are_refused_by_name(tmp_path: Path) -> None:
+    for tags, found in [
         ({"PhotometricInterpretation": "MONOCHROME1", "PresentationLUTShape": "INVERSE"}, "MONOCHROME1 .*INVERSE"),
         ({"PresentationLUTShape": "LIN OD"}, "PresentationLUTShape: LIN OD"),
         ({"RescaleSlope": 0.0}, "RescaleSlope: 0"),
@@ -215,12 +208,10 @@ def test_bright_tissue_stays_bright(tmp_path: Path, slope: float, display: str, 
         ({"FloatPixelData": bytes(4 * 40 * 60)}, "FloatPixelData"),
         ({"TimezoneOffsetFromUTC": "+9900"}, "TimezoneOffsetFromUTC"),
         ({"TimezoneOffsetFromUTC": "1 h"}, "TimezoneOffsetFromUTC"),
-    ],
-)
-def test_greys_that_are_not_read_are_refused_by_name(tmp_path: Path, tags: dict[str, object], found: str) -> None:
-    write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-    with pytest.raises(FrameError, match=found):
-        read_frame(tmp_path / "a.dcm")
+    ]:
+        write_dicom(tmp_path / "a.dcm", RAMP, **tags)
+        with pytest.raises(FrameError, match=found):
+            read_frame(tmp_path / "a.dcm")
 
 
 def test_slopes_that_differ_between_frames_are_refused_with_both(tmp_path: Path) -> None:
@@ -237,20 +228,20 @@ def test_a_negative_slope_in_functional_groups_counts_as_well(tmp_path: Path) ->
     np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "a.dcm")), FRAMES)
 
 
-@pytest.mark.parametrize("kind", ["MONOCHROME1", "MONOCHROME2"])
-@pytest.mark.parametrize("limit", [None, -2998])
-def test_padding_is_dark_and_shifts_nothing(tmp_path: Path, kind: str, limit: int | None) -> None:
-    signed = RAMP.astype(np.int16) - 1000
-    if kind == "MONOCHROME1":
-        signed = -signed
-    padded = signed.copy()
-    padded[:5] = -3000
-    tags = {"PixelPaddingValue": -3000} | ({} if limit is None else {"PixelPaddingRangeLimit": limit})
-    write_dicom(tmp_path / "a.dcm", padded, PhotometricInterpretation=kind, **tags)
-    image = read_frame_image(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(image.pixels[5:], RAMP[5:] - RAMP[5, 0])
-    assert (image.pixels[:5] == 0).all()
-    assert any("PixelPaddingValue -3000" in note for note in image.notes)
+def test_padding_is_dark_and_shifts_nothing(tmp_path: Path) -> None:
+    for kind in ["MONOCHROME1", "MONOCHROME2"]:
+        for limit in [None, -2998]:
+            signed = RAMP.astype(np.int16) - 1000
+            if kind == "MONOCHROME1":
+                signed = -signed
+            padded = signed.copy()
+            padded[:5] = -3000
+            tags = {"PixelPaddingValue": -3000} | ({} if limit is None else {"PixelPaddingRangeLimit": limit})
+            write_dicom(tmp_path / "a.dcm", padded, PhotometricInterpretation=kind, **tags)
+            image = read_frame_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(image.pixels[5:], RAMP[5:] - RAMP[5, 0])
+            assert (image.pixels[:5] == 0).all()
+            assert any("PixelPaddingValue -3000" in note for note in image.notes)
 
 
 def test_padding_that_is_dark_already_stays(tmp_path: Path) -> None:
@@ -260,24 +251,24 @@ def test_padding_that_is_dark_already_stays(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), padded)
 
 
-@pytest.mark.parametrize("planar", [0, 1])
-def test_planes_of_colour_are_read_as_colour(tmp_path: Path, planar: int) -> None:
-    grey = (RAMP % 200).astype(np.uint8)
-    colour = np.stack([grey, grey, grey], axis=0 if planar else -1)
-    tags = {"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB", "PlanarConfiguration": planar}
-    write_dicom(tmp_path / "a.dcm", grey, PixelData=colour.tobytes(), **tags)
-    image = read_frame_image(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(image.pixels, grey)
-    assert any("colour became grey" in note for note in image.notes)
+def test_planes_of_colour_are_read_as_colour(tmp_path: Path) -> None:
+    for planar in [0, 1]:
+        grey = (RAMP % 200).astype(np.uint8)
+        colour = np.stack([grey, grey, grey], axis=0 if planar else -1)
+        tags = {"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB", "PlanarConfiguration": planar}
+        write_dicom(tmp_path / "a.dcm", grey, PixelData=colour.tobytes(), **tags)
+        image = read_frame_image(tmp_path / "a.dcm")
+        np.testing.assert_array_equal(image.pixels, grey)
+        assert any("colour became grey" in note for note in image.notes)
 
 
-@pytest.mark.parametrize(("kind", "samples"), [("MONOCHROME2", 3), ("RGB", 1), ("PALETTE COLOR", 3)])
-def test_samples_that_are_not_those_of_the_kind_are_refused(tmp_path: Path, kind: str, samples: int) -> None:
-    pixels = bytes(40 * 60 * samples)
-    tags = {"SamplesPerPixel": samples, "PhotometricInterpretation": kind, "PlanarConfiguration": 0}
-    write_dicom(tmp_path / "a.dcm", RAMP.astype(np.uint8), PixelData=pixels, **tags)
-    with pytest.raises(FrameError, match=f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"):
-        read_frame(tmp_path / "a.dcm")
+def test_samples_that_are_not_those_of_the_kind_are_refused(tmp_path: Path) -> None:
+    for kind, samples in [("MONOCHROME2", 3), ("RGB", 1), ("PALETTE COLOR", 3)]:
+        pixels = bytes(40 * 60 * samples)
+        tags = {"SamplesPerPixel": samples, "PhotometricInterpretation": kind, "PlanarConfiguration": 0}
+        write_dicom(tmp_path / "a.dcm", RAMP.astype(np.uint8), PixelData=pixels, **tags)
+        with pytest.raises(FrameError, match=f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"):
+            read_frame(tmp_path / "a.dcm")
 
 
 def spacing(**mm: list[float]) -> dict[str, object]:
@@ -294,9 +285,8 @@ def spacing(**mm: list[float]) -> dict[str, object]:
     return tags
 
 
-@pytest.mark.parametrize(
-    ("tags", "found"),
-    [
+def test_two_scales_in_one_file_are_refused_with_both(tmp_path: Path) -> None:
+    for tags, found in [
         (spacing(PixelSpacing=[0.004, 0.0125], shared=[0.01, 0.02]), "0.01 x 0.02 mm"),
         (spacing(PixelSpacing=[0.004, 0.0125], frames=[0.004, 0.02]), "PixelSpacing of frame 1"),
         (spacing(PixelSpacing=[0.004, 0.0125], ImagerPixelSpacing=[0.005, 0.0125]), "ImagerPixelSpacing"),
@@ -313,19 +303,16 @@ def spacing(**mm: list[float]) -> dict[str, object]:
             },
             "SequenceOfUltrasoundRegions",
         ),
-    ],
-)
-def test_two_scales_in_one_file_are_refused_with_both(tmp_path: Path, tags: dict[str, object], found: str) -> None:
-    write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-    image = read_frame_image(tmp_path / "a.dcm")
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == (None, None)
-    assert "0.004 x 0.0125 mm" in image.scale_fault
-    assert found in image.scale_fault
+    ]:
+        write_dicom(tmp_path / "a.dcm", RAMP, **tags)
+        image = read_frame_image(tmp_path / "a.dcm")
+        assert (image.depth_pixel_m, image.lateral_pixel_m) == (None, None)
+        assert "0.004 x 0.0125 mm" in image.scale_fault
+        assert found in image.scale_fault
 
 
-@pytest.mark.parametrize(
-    "tags",
-    [
+def test_one_scale_that_is_stated_twice_is_read(tmp_path: Path) -> None:
+    for tags in [
         spacing(PixelSpacing=[0.004, 0.0125], shared=[0.004, 0.0125], frames=[0.004, 0.0125]),
         spacing(PixelSpacing=[0.004, 0.0125]) | {"PixelAspectRatio": [8, 25]},
         spacing(PixelSpacing=[0.004, 0.0125])
@@ -334,13 +321,11 @@ def test_two_scales_in_one_file_are_refused_with_both(tmp_path: Path, tags: dict
                 PhysicalUnitsXDirection=3, PhysicalUnitsYDirection=3, PhysicalDeltaX=0.00125, PhysicalDeltaY=0.0004
             )
         },
-    ],
-)
-def test_one_scale_that_is_stated_twice_is_read(tmp_path: Path, tags: dict[str, object]) -> None:
-    write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-    image = read_frame_image(tmp_path / "a.dcm")
-    assert image.scale_fault is None
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 12.5e-6))
+    ]:
+        write_dicom(tmp_path / "a.dcm", RAMP, **tags)
+        image = read_frame_image(tmp_path / "a.dcm")
+        assert image.scale_fault is None
+        assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 12.5e-6))
 
 
 def test_an_aspect_ratio_alone_is_no_scale(tmp_path: Path) -> None:
@@ -404,11 +389,11 @@ def test_jpeg_extended_of_12_bits_is_refused_by_name_and_of_8_bits_read(tmp_path
         read_frame(tmp_path / "a.dcm")
 
 
-@pytest.mark.parametrize("stated", [1, 3, 6])
-def test_a_number_of_frames_that_the_pixels_are_not_for_is_refused_with_both(tmp_path: Path, stated: int) -> None:
-    write_dicom(tmp_path / "a.dcm", FRAMES, NumberOfFrames=stated)
-    with pytest.raises(FrameError, match=rf"NumberOfFrames is {stated}, PixelData has .* 5 frames"):
-        read_dicom(tmp_path / "a.dcm")
+def test_a_number_of_frames_that_the_pixels_are_not_for_is_refused_with_both(tmp_path: Path) -> None:
+    for stated in [1, 3, 6]:
+        write_dicom(tmp_path / "a.dcm", FRAMES, NumberOfFrames=stated)
+        with pytest.raises(FrameError, match=rf"NumberOfFrames is {stated}, PixelData has .* 5 frames"):
+            read_dicom(tmp_path / "a.dcm")
 
 
 def test_more_compressed_images_than_frames_are_refused(tmp_path: Path) -> None:
@@ -420,19 +405,16 @@ def test_more_compressed_images_than_frames_are_refused(tmp_path: Path) -> None:
         read_frame(tmp_path / "a.dcm")
 
 
-@pytest.mark.parametrize(
-    ("tags", "found"),
-    [
+def test_times_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    for tags, found in [
         ({"FrameTimeVector": [0.0, 10.0, 10.0]}, "FrameTimeVector has 3 values, NumberOfFrames is 5"),
         ({"FrameTime": 40.0, "FrameTimeVector": [0.0, 10.0, 10.0, 10.0, 10.0]}, "FrameTime is 40 ms"),
         ({"FrameTime": 40.0, "FrameIncrementPointer": 0x00181065}, "FrameTimeVector, which is missing"),
-    ],
-)
-def test_times_that_contradict_each_other_are_named(tmp_path: Path, tags: dict[str, object], found: str) -> None:
-    write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
-    scan = read_dicom(tmp_path / "a.dcm")
-    assert scan.times is None
-    assert found in scan.times_fault
+    ]:
+        write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
+        scan = read_dicom(tmp_path / "a.dcm")
+        assert scan.times is None
+        assert found in scan.times_fault
 
 
 def test_frame_increment_pointer_decides_between_two_steps_of_time(tmp_path: Path) -> None:
@@ -442,15 +424,11 @@ def test_frame_increment_pointer_decides_between_two_steps_of_time(tmp_path: Pat
         np.testing.assert_allclose(read_dicom(tmp_path / "a.dcm").times.time_s, step_s * np.arange(5))
 
 
-@pytest.mark.parametrize(
-    ("stated", "zone", "shift_s"), [("", "", 0), ("", "+0100", -3600), ("", "-0530", 19800), ("+0100", "-0500", -3600)]
-)
-def test_times_without_a_zone_are_those_of_the_files_zone(
-    tmp_path: Path, stated: str, zone: str, shift_s: float
-) -> None:
-    tags = {"TimezoneOffsetFromUTC": zone} if zone else {}
-    write_dicom(tmp_path / "a.dcm", RAMP, AcquisitionDateTime=f"20260102030405.5{stated}", **tags)
-    assert read_dicom(tmp_path / "a.dcm").times.time_s[0] == 1767323045.5 + shift_s
+def test_times_without_a_zone_are_those_of_the_files_zone(tmp_path: Path) -> None:
+    for stated, zone, shift_s in [("", "", 0), ("", "+0100", -3600), ("", "-0530", 19800), ("+0100", "-0500", -3600)]:
+        tags = {"TimezoneOffsetFromUTC": zone} if zone else {}
+        write_dicom(tmp_path / "a.dcm", RAMP, AcquisitionDateTime=f"20260102030405.5{stated}", **tags)
+        assert read_dicom(tmp_path / "a.dcm").times.time_s[0] == 1767323045.5 + shift_s
 
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "dicom" / "anterior-segment.dcm"
@@ -481,17 +459,14 @@ def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each(tmp_path: P
     assert scan.times.time_s[0] == 1767323045.0  # 2026-01-02 03:04:05 UTC
 
 
-@pytest.mark.parametrize(
-    ("tags", "time_s"),
-    [
+def test_steps_of_time_are_added_up(tmp_path: Path) -> None:
+    for tags, time_s in [
         ({"FrameTime": 40.0}, [0.0, 0.04, 0.08, 0.12, 0.16]),
         ({"FrameTimeVector": [0.0, 10.0, 20.0, 10.0, 5.0]}, [0.0, 0.01, 0.03, 0.04, 0.045]),
         ({"FrameTimeVector": [7.0, 10.0, 20.0, 10.0, 5.0]}, [0.0, 0.01, 0.03, 0.04, 0.045]),
-    ],
-)
-def test_steps_of_time_are_added_up(tmp_path: Path, tags: dict[str, object], time_s: list[float]) -> None:
-    write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
-    np.testing.assert_allclose(read_dicom(tmp_path / "a.dcm").times.time_s, time_s)
+    ]:
+        write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
+        np.testing.assert_allclose(read_dicom(tmp_path / "a.dcm").times.time_s, time_s)
 
 
 def test_what_no_tag_states_stays_open(tmp_path: Path) -> None:
@@ -545,29 +520,31 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
         read_dicom(tmp_path / "a.dcm")
 
 
-@pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.90"])
-@pytest.mark.parametrize("stored", [13, 16])
-@pytest.mark.parametrize("least", [0, -2400])  # unsigned, signed
-def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str, stored: int, least: int) -> None:
-    frames = FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least  # GDCM writes one signed frame alone
-    gdcm = pytest.importorskip("gdcm")
-    tags = {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.7", "SOPInstanceUID": "1.2.3"}
-    write_dicom(tmp_path / "a.dcm", frames.squeeze(), BitsStored=stored, HighBit=stored - 1, **tags)
-    reader = gdcm.ImageReader()
-    reader.SetFileName(str(tmp_path / "a.dcm"))
-    assert reader.Read()
-    change = gdcm.ImageChangeTransferSyntax()
-    types = {"70": gdcm.TransferSyntax.JPEGLosslessProcess14_1, "80": gdcm.TransferSyntax.JPEGLSLossless,
-             "90": gdcm.TransferSyntax.JPEG2000Lossless}  # fmt: skip
-    change.SetTransferSyntax(gdcm.TransferSyntax(types[syntax[-2:]]))
-    change.SetInput(reader.GetImage())
-    assert change.Change()
-    writer = gdcm.ImageWriter()
-    writer.SetFileName(str(tmp_path / "b.dcm"))
-    writer.SetFile(reader.GetFile())
-    writer.SetImage(change.GetOutput())
-    assert writer.Write()
-    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), frames)
+def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
+    for syntax in ["1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.90"]:
+        for stored in [13, 16]:
+            for least in [0, -2400]:
+                frames = (
+                    FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least
+                )  # GDCM writes one signed frame alone
+                gdcm = pytest.importorskip("gdcm")
+                tags = {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.7", "SOPInstanceUID": "1.2.3"}
+                write_dicom(tmp_path / "a.dcm", frames.squeeze(), BitsStored=stored, HighBit=stored - 1, **tags)
+                reader = gdcm.ImageReader()
+                reader.SetFileName(str(tmp_path / "a.dcm"))
+                assert reader.Read()
+                change = gdcm.ImageChangeTransferSyntax()
+                types = {"70": gdcm.TransferSyntax.JPEGLosslessProcess14_1, "80": gdcm.TransferSyntax.JPEGLSLossless,
+                         "90": gdcm.TransferSyntax.JPEG2000Lossless}  # fmt: skip
+                change.SetTransferSyntax(gdcm.TransferSyntax(types[syntax[-2:]]))
+                change.SetInput(reader.GetImage())
+                assert change.Change()
+                writer = gdcm.ImageWriter()
+                writer.SetFileName(str(tmp_path / "b.dcm"))
+                writer.SetFile(reader.GetFile())
+                writer.SetImage(change.GetOutput())
+                assert writer.Write()
+                np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), frames)
 
 
 def test_a_deflated_file_and_one_without_pixels_are_refused(tmp_path: Path) -> None:
@@ -589,18 +566,18 @@ def test_tags_that_are_missing_are_named(tmp_path: Path) -> None:
         read_dicom(tmp_path / "a.dcm")
 
 
-@pytest.mark.parametrize("widths_mm", [(0.01, 0.01), (0.01, 0.02)])
-def test_frames_of_several_scales_are_refused(tmp_path: Path, widths_mm: tuple[float, float]) -> None:
-    measures = [group(PixelSpacing=[0.004, width_mm]) for width_mm in widths_mm]
-    frames = Sequence([group(PixelMeasuresSequence=Sequence([measure])) for measure in measures])
-    write_dicom(tmp_path / "a.dcm", FRAMES[:2], PerFrameFunctionalGroupsSequence=frames)
-    if len(set(widths_mm)) == 1:
-        assert read_dicom(tmp_path / "a.dcm").lateral_pixel_m.value == pytest.approx(10e-6)
-        return
-    scan = read_dicom(tmp_path / "a.dcm")
-    assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None)
-    for found in ("PixelSpacing of frame 1", "0.004 x 0.01 mm", "PixelSpacing of frame 2", "0.004 x 0.02 mm"):
-        assert found in scan.scale_fault
+def test_frames_of_several_scales_are_refused(tmp_path: Path) -> None:
+    for widths_mm in [(0.01, 0.01), (0.01, 0.02)]:
+        measures = [group(PixelSpacing=[0.004, width_mm]) for width_mm in widths_mm]
+        frames = Sequence([group(PixelMeasuresSequence=Sequence([measure])) for measure in measures])
+        write_dicom(tmp_path / "a.dcm", FRAMES[:2], PerFrameFunctionalGroupsSequence=frames)
+        if len(set(widths_mm)) == 1:
+            assert read_dicom(tmp_path / "a.dcm").lateral_pixel_m.value == pytest.approx(10e-6)
+            return
+        scan = read_dicom(tmp_path / "a.dcm")
+        assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None)
+        for found in ("PixelSpacing of frame 1", "0.004 x 0.01 mm", "PixelSpacing of frame 2", "0.004 x 0.02 mm"):
+            assert found in scan.scale_fault
 
 
 def test_more_frames_than_the_pixels_are_for_is_damage(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import json
 import re
 from io import StringIO
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -82,19 +83,22 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "[]", "{}", '{"frames": 3}', '{"frames": [{"a": 1}]}', "{", '{"frames": [NaN]}', '{"frames": [{"file": 1}]}',
+def test_a_file_that_is_no_answers_is_refused(tmp_path: Path) -> None:
+    for text in [
+        "[]",
+        "{}",
+        '{"frames": 3}',
+        '{"frames": [{"a": 1}]}',
+        "{",
+        '{"frames": [NaN]}',
+        '{"frames": [{"file": 1}]}',
         '{"frames": [{"file": "x", "recording": 1}]}',
-    ],
-)  # fmt: skip
-def test_a_file_that_is_no_answers_is_refused(tmp_path: Path, text: str) -> None:
-    (tmp_path / "a.json").write_text(text)
-    with pytest.raises(InputError, match=r"a\.json: "):
-        read_answers(tmp_path / "a.json")
-    (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
-    assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
+    ]:
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(InputError, match=r"a\.json: "):
+            read_answers(tmp_path / "a.json")
+        (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
+        assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
 
 
 FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']
@@ -106,10 +110,10 @@ BARE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("text", FORMULAS)
-def test_no_text_begins_as_a_formula_does(text: str) -> None:
-    found = list(csv.reader(StringIO(csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline="")))
-    assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
+def test_no_text_begins_as_a_formula_does() -> None:
+    for text in FORMULAS:
+        found = list(csv.reader(StringIO(csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline="")))
+        assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
 
 
 def test_numbers_stay_numbers_and_other_texts_stay_as_they_are() -> None:
@@ -144,17 +148,17 @@ def answered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("command", ["evaluate", "classify", "segment"])
-def test_every_column_of_numbers_has_its_unit_in_its_name(answered: Path, command: str) -> None:
-    out = answered / f"{command}.csv"
-    answers = ["--answers", answered / f"{command}.json", "--out", out]
-    assert run(["export", *map(str, [answered / "r", *answers])]) == 0
-    columns = next(csv.reader(StringIO(out.read_text())))
-    assert {"time_s", "measured_force_mn"} <= set(columns)
-    bare = [name for name in columns if not re.search(rf"_({'|'.join(UNITS)})(_value|_source)?$", name)]
-    listed = r"(probabilities|warnings)(_\d+)?|(scale|known)_(refractive_index|globe|stiffening)_(value|source)"
-    others = {"mask", "inner_found", *BARE}
-    assert [name for name in bare if name not in others and not re.fullmatch(listed, name)] == []
+def test_every_column_of_numbers_has_its_unit_in_its_name(answered: Path) -> None:
+    for command in ["evaluate", "classify", "segment"]:
+        out = answered / f"{command}.csv"
+        answers = ["--answers", answered / f"{command}.json", "--out", out]
+        assert run(["export", *map(str, [answered / "r", *answers])]) == 0
+        columns = next(csv.reader(StringIO(out.read_text())))
+        assert {"time_s", "measured_force_mn"} <= set(columns)
+        bare = [name for name in columns if not re.search(rf"_({'|'.join(UNITS)})(_value|_source)?$", name)]
+        listed = r"(probabilities|warnings)(_\d+)?|(scale|known)_(refractive_index|globe|stiffening)_(value|source)"
+        others = {"mask", "inner_found", *BARE}
+        assert [name for name in bare if name not in others and not re.fullmatch(listed, name)] == []
 
 
 def test_the_settings_of_a_recording_have_the_keys_of_its_file(tmp_path: Path) -> None:
@@ -185,17 +189,18 @@ def test_the_header_is_what_slicer_reads_as_a_sequence(tmp_path: Path) -> None:
     np.testing.assert_array_equal(array[:, :, 0, 2].T, recording.frame(recording.frames[2]))
 
 
-@pytest.mark.parametrize("frames", [1, 4])
-def test_it_can_be_imported_again_with_scale_and_times(tmp_path: Path, frames: int) -> None:
-    pytest.importorskip("nrrd")
-    recording = read_recording(write_small_recording(tmp_path / "r", frames=frames, log=False))
-    write_sequence(recording, tmp_path / "a.nrrd")
-    scan = read_nrrd(tmp_path / "a.nrrd", None)
-    for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
-        np.testing.assert_array_equal(picture, recording.frame(entry))
-    assert scan.lateral_pixel_m.value == pytest.approx(0.008 / COLUMNS)
-    assert scan.depth_pixel_m.value == pytest.approx(0.003 / ROWS)
-    np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
+def test_it_can_be_imported_again_with_scale_and_times(tmp_path: Path) -> None:
+    for frames in [1, 4]:
+        place = Path(mkdtemp(dir=tmp_path))
+        pytest.importorskip("nrrd")
+        recording = read_recording(write_small_recording(place / "r", frames=frames, log=False))
+        write_sequence(recording, place / "a.nrrd")
+        scan = read_nrrd(place / "a.nrrd", None)
+        for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
+            np.testing.assert_array_equal(picture, recording.frame(entry))
+        assert scan.lateral_pixel_m.value == pytest.approx(0.008 / COLUMNS)
+        assert scan.depth_pixel_m.value == pytest.approx(0.003 / ROWS)
+        np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
 
 
 ORIGIN_S = 1_700_000_000.0

@@ -27,17 +27,17 @@ def film(path: Path, code: str, rate_hz: float = 12.5) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("name", "code"), [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG")])
-def test_a_film_gives_its_frames_and_the_times_at_which_they_play(tmp_path: Path, name: str, code: str) -> None:
-    scan = read_film(film(tmp_path / name, code))
-    found = pictures_of(scan)
-    assert found.shape == (len(LEVELS), 64, 96)
-    np.testing.assert_allclose(found[:, 32, 80], LEVELS, atol=4)
-    np.testing.assert_allclose(found[:, 32, 10], np.array(LEVELS) - 15, atol=4)
-    np.testing.assert_allclose(scan.times.time_s, np.arange(len(LEVELS)) / 12.5, atol=2e-3)
-    assert scan.bits == 8
-    assert "--rate-hz" in scan.notes[0]
-    assert len(scan.notes) == 1
+def test_a_film_gives_its_frames_and_the_times_at_which_they_play(tmp_path: Path) -> None:
+    for name, code in [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG")]:
+        scan = read_film(film(tmp_path / name, code))
+        found = pictures_of(scan)
+        assert found.shape == (len(LEVELS), 64, 96)
+        np.testing.assert_allclose(found[:, 32, 80], LEVELS, atol=4)
+        np.testing.assert_allclose(found[:, 32, 10], np.array(LEVELS) - 15, atol=4)
+        np.testing.assert_allclose(scan.times.time_s, np.arange(len(LEVELS)) / 12.5, atol=2e-3)
+        assert scan.bits == 8
+        assert "--rate-hz" in scan.notes[0]
+        assert len(scan.notes) == 1
 
 
 def test_a_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
@@ -76,35 +76,34 @@ def matroska(path: Path, times_ms: list[int], sound_ms: int = 0, raw: bytes = b"
     return path
 
 
-@pytest.mark.parametrize(
-    ("times_ms", "sound_ms"),
-    [([0, 100, 200, 300, 400, 500], 0), ([5000, 5100, 5200, 5300, 5400, 5500], 0), ([0, 100, 200, 2300, 2400, 7500], 0),
-     ([0, 100, 200, 300, 400, 500], 9000)],
-)  # fmt: skip
-def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_off(
-    tmp_path: Path, times_ms: list[int], sound_ms: int
-) -> None:
-    scan = read_film(matroska(tmp_path / "a.mkv", times_ms, sound_ms))
-    np.testing.assert_allclose(pictures_of(scan)[:, 9, 9], LEVELS, atol=2)
-    np.testing.assert_allclose(scan.times.time_s, (np.array(times_ms) - times_ms[0]) / 1e3, atol=1e-6)
-    assert len(scan.notes) == 1
-    assert ("time stamps" in scan.times.source) == (times_ms[-1] == 7500)
+def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_off(tmp_path: Path) -> None:
+    for times_ms, sound_ms in [
+        ([0, 100, 200, 300, 400, 500], 0),
+        ([5000, 5100, 5200, 5300, 5400, 5500], 0),
+        ([0, 100, 200, 2300, 2400, 7500], 0),
+        ([0, 100, 200, 300, 400, 500], 9000),
+    ]:
+        scan = read_film(matroska(tmp_path / "a.mkv", times_ms, sound_ms))
+        np.testing.assert_allclose(pictures_of(scan)[:, 9, 9], LEVELS, atol=2)
+        np.testing.assert_allclose(scan.times.time_s, (np.array(times_ms) - times_ms[0]) / 1e3, atol=1e-6)
+        assert len(scan.notes) == 1
+        assert ("time stamps" in scan.times.source) == (times_ms[-1] == 7500)
 
 
-@pytest.mark.parametrize("times_ms", [[0, 100, 200, 300, 400, 500], [5000, 5100, 5200, 5300, 8400, 9500]])
-def test_a_matroska_film_that_was_cut_off_is_noted(tmp_path: Path, times_ms: list[int]) -> None:
-    path = matroska(tmp_path / "a.mkv", times_ms)
-    path.write_bytes(path.read_bytes()[:-1000])
-    scan = read_film(path)
-    assert 0 < len(pictures_of(scan)) < len(LEVELS)
-    assert f"{len(scan.names)} can be decoded: it was cut off" in scan.notes[1]
+def test_a_matroska_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
+    for times_ms in [[0, 100, 200, 300, 400, 500], [5000, 5100, 5200, 5300, 8400, 9500]]:
+        path = matroska(tmp_path / "a.mkv", times_ms)
+        path.write_bytes(path.read_bytes()[:-1000])
+        scan = read_film(path)
+        assert 0 < len(pictures_of(scan)) < len(LEVELS)
+        assert f"{len(scan.names)} can be decoded: it was cut off" in scan.notes[1]
 
 
 @pytest.mark.real
 @pytest.mark.skipif(not CASES.exists(), reason="no ../shared/cases/import")
-@pytest.mark.parametrize("name", ["a_start.mkv", "a_vfr.mkv"])
-def test_complete_films_of_others_are_not_called_cut_off(name: str) -> None:
-    assert len(read_film(CASES / name).notes) == 1
+def test_complete_films_of_others_are_not_called_cut_off() -> None:
+    for name in ["a_start.mkv", "a_vfr.mkv"]:
+        assert len(read_film(CASES / name).notes) == 1
 
 
 def deep_film(path: Path, pictures: np.ndarray) -> Path:
@@ -120,19 +119,19 @@ def deep_film(path: Path, pictures: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize("ending", ["avi", "mkv"])
-def test_sixteen_bits_of_grey_stay(tmp_path: Path, ending: str) -> None:
-    pictures = np.random.default_rng(0).integers(0, 2**16, (3, 64, 96)).astype(np.uint16)
-    scan = read_film(deep_film(tmp_path / f"a.{ending}", pictures))
-    np.testing.assert_array_equal(pictures_of(scan), pictures)
-    assert scan.bits is None
+def test_sixteen_bits_of_grey_stay(tmp_path: Path) -> None:
+    for ending in ["avi", "mkv"]:
+        pictures = np.random.default_rng(0).integers(0, 2**16, (3, 64, 96)).astype(np.uint16)
+        scan = read_film(deep_film(tmp_path / f"a.{ending}", pictures))
+        np.testing.assert_array_equal(pictures_of(scan), pictures)
+        assert scan.bits is None
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14])
-def test_grey_of_a_depth_that_opencv_would_cut_to_8_bits_is_refused(tmp_path: Path, bits: int) -> None:
-    path = matroska(tmp_path / "a.mkv", [0, 1, 2, 3, 4, 5], raw=b"Y1\0" + bytes([bits]))
-    with pytest.raises(FrameError, match=rf"a\.mkv: pixels of {bits} bits .*-pix_fmt gray16le"):
-        read_film(path)
+def test_grey_of_a_depth_that_opencv_would_cut_to_8_bits_is_refused(tmp_path: Path) -> None:
+    for bits in [10, 12, 14]:
+        path = matroska(tmp_path / "a.mkv", [0, 1, 2, 3, 4, 5], raw=b"Y1\0" + bytes([bits]))
+        with pytest.raises(FrameError, match=rf"a\.mkv: pixels of {bits} bits .*-pix_fmt gray16le"):
+            read_film(path)
 
 
 def test_a_file_that_is_no_film_is_refused(tmp_path: Path, capfd) -> None:

@@ -63,16 +63,16 @@ def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_r
     assert [parse_column(answer) for answer in answers] == list(columns)
 
 
-@pytest.mark.parametrize("count", ["1,000", "1,000,000", "1 000 000", "1.000.000", "1'000", '"1,000,000"', "1..0"])
-@pytest.mark.parametrize("field", ["Counts per Unit Force", "RDT Sample Rate"])
-def test_a_setting_with_marks_between_its_thousands_is_refused_and_never_cut_short(
-    tmp_path: Path, field: str, count: str
-) -> None:
-    text = (
-        ATI.replace("Force: 1000.0", f"Force: {count}") if "Force" in field else ATI.replace("500\n", f"{count}\n", 1)
-    )
-    with pytest.raises(RecordingError, match=f"{field}: .* is not a number"):
-        log_of(tmp_path, text)
+def test_a_setting_with_marks_between_its_thousands_is_refused_and_never_cut_short(tmp_path: Path) -> None:
+    for count in ["1,000", "1,000,000", "1 000 000", "1.000.000", "1'000", '"1,000,000"', "1..0"]:
+        for field in ["Counts per Unit Force", "RDT Sample Rate"]:
+            text = (
+                ATI.replace("Force: 1000.0", f"Force: {count}")
+                if "Force" in field
+                else ATI.replace("500\n", f"{count}\n", 1)
+            )
+            with pytest.raises(RecordingError, match=f"{field}: .* is not a number"):
+                log_of(tmp_path, text)
 
 
 def test_a_setting_may_have_a_decimal_comma_and_columns_behind_it(tmp_path: Path) -> None:
@@ -109,50 +109,56 @@ def test_numbers_that_are_no_counts_under_a_header_with_counts_are_asked_about_w
     assert any("Fz: read in mN (--column), where the log states 1000/mN" in note for note in log.notes)
 
 
-@pytest.mark.parametrize(
-    "line", ["Scale Factor: 0.001", "Gain;1000", "Gain;1,000", "Sensitivity (N/V): 2.5", "Counts per N: 1e6"]
-)
-@pytest.mark.parametrize("name", ["Fz [N]", "Fz"])
-def test_a_factor_above_the_header_that_is_not_applied_is_asked_about(tmp_path: Path, line: str, name: str) -> None:
-    text = f"Force Unit: N\n{line}\nTime (s);{name}\n0.00;1\n0.01;2\n"
-    with pytest.raises(UnansweredError, match=r"log\.csv:2: .* is not applied to 'Fz.*fz=Fz"):
-        log_of(tmp_path, text)
-    log, _ = log_of(tmp_path, text, f"fz={name}:1000/N")
-    np.testing.assert_allclose(log.force_n("fz"), [1e-3, 2e-3])
+def test_a_factor_above_the_header_that_is_not_applied_is_asked_about(tmp_path: Path) -> None:
+    for line in ["Scale Factor: 0.001", "Gain;1000", "Gain;1,000", "Sensitivity (N/V): 2.5", "Counts per N: 1e6"]:
+        for name in ["Fz [N]", "Fz"]:
+            text = f"Force Unit: N\n{line}\nTime (s);{name}\n0.00;1\n0.01;2\n"
+            with pytest.raises(UnansweredError, match=r"log\.csv:2: .* is not applied to 'Fz.*fz=Fz"):
+                log_of(tmp_path, text)
+            log, _ = log_of(tmp_path, text, f"fz={name}:1000/N")
+            np.testing.assert_allclose(log.force_n("fz"), [1e-3, 2e-3])
 
 
-@pytest.mark.parametrize("line", ["Scale: 1.0", "Full Scale: 50 N", "Calibration date: 2026", "Sample count: 2"])
-def test_other_settings_above_the_header_raise_no_question(tmp_path: Path, line: str) -> None:
-    log, _ = log_of(tmp_path, f"{line}\nTime (s);Fz [N]\n0.00;1\n0.01;2\n")
-    np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
+def test_other_settings_above_the_header_raise_no_question(tmp_path: Path) -> None:
+    for line in ["Scale: 1.0", "Full Scale: 50 N", "Calibration date: 2026", "Sample count: 2"]:
+        log, _ = log_of(tmp_path, f"{line}\nTime (s);Fz [N]\n0.00;1\n0.01;2\n")
+        np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
 
 
-@pytest.mark.parametrize("name", ["Fz (counts)", "Fz [V]", "Fz_raw", "Fz LSB", "Fz (mV)"])
-def test_counts_and_volts_are_never_newtons(tmp_path: Path, name: str) -> None:
-    text = f"time_s;{name}\n0.00;1\n0.01;2\n"
-    with pytest.raises(UnansweredError, match="which column is a force"):
-        log_of(tmp_path, text)
-    log, _ = log_of(tmp_path, text, f"fz={name}:0.5/N")
-    np.testing.assert_allclose(log.force_n("fz"), [2.0, 4.0])
+def test_counts_and_volts_are_never_newtons(tmp_path: Path) -> None:
+    for name in ["Fz (counts)", "Fz [V]", "Fz_raw", "Fz LSB", "Fz (mV)"]:
+        text = f"time_s;{name}\n0.00;1\n0.01;2\n"
+        with pytest.raises(UnansweredError, match="which column is a force"):
+            log_of(tmp_path, text)
+        log, _ = log_of(tmp_path, text, f"fz={name}:0.5/N")
+        np.testing.assert_allclose(log.force_n("fz"), [2.0, 4.0])
 
 
-@pytest.mark.parametrize(
-    ("name", "good", "bad"),
-    [
-        ("status", "0", "2"), ("Sensor Status", "0x0", "0x4"), ("is_valid", "1", "0"), ("valid", "True", "False"),
-        ("overload", "0", "1"), ("Saturated", "no", "yes"), ("error_code", "0", "17"), ("Status", "OK", "OVERLOAD"),
-        ("ft_error_flag", "False", "True"), ("isSaturated", "0", "1"), ("cable ok", "1", "0"),
-        ("Status_hex", "0", "1F"), ("fz_valid", "1", "nan"), ("data ok", "yes", "no"), ("Status (hex)", "0", "1F"),
-    ],
-)  # fmt: skip
-def test_samples_that_a_flag_calls_faulty_are_no_forces(tmp_path: Path, name: str, good: str, bad: str) -> None:
-    rows = "".join(f"{k / 100},{bad if k in (3, 4) else good},0.{k}\n" for k in range(9))
-    log, columns = log_of(tmp_path, f"time_s,{name},fz_n\n{rows}")
-    assert np.flatnonzero(np.isnan(log.force_n("fz"))).tolist() == [3, 4]
-    assert columns[-1].name == name
-    (note,) = log.notes
-    assert note.startswith(f"{name}: 2 of 9 samples are flagged")
-    assert note.endswith(f"log.csv:5: {bad}")
+def test_samples_that_a_flag_calls_faulty_are_no_forces(tmp_path: Path) -> None:
+    for name, good, bad in [
+        ("status", "0", "2"),
+        ("Sensor Status", "0x0", "0x4"),
+        ("is_valid", "1", "0"),
+        ("valid", "True", "False"),
+        ("overload", "0", "1"),
+        ("Saturated", "no", "yes"),
+        ("error_code", "0", "17"),
+        ("Status", "OK", "OVERLOAD"),
+        ("ft_error_flag", "False", "True"),
+        ("isSaturated", "0", "1"),
+        ("cable ok", "1", "0"),
+        ("Status_hex", "0", "1F"),
+        ("fz_valid", "1", "nan"),
+        ("data ok", "yes", "no"),
+        ("Status (hex)", "0", "1F"),
+    ]:
+        rows = "".join(f"{k / 100},{bad if k in (3, 4) else good},0.{k}\n" for k in range(9))
+        log, columns = log_of(tmp_path, f"time_s,{name},fz_n\n{rows}")
+        assert np.flatnonzero(np.isnan(log.force_n("fz"))).tolist() == [3, 4]
+        assert columns[-1].name == name
+        (note,) = log.notes
+        assert note.startswith(f"{name}: 2 of 9 samples are flagged")
+        assert note.endswith(f"log.csv:5: {bad}")
 
 
 def test_a_sensor_that_gave_no_force_at_all_is_refused_unless_the_column_is_said_to_be_something_else(
@@ -222,10 +228,10 @@ def test_a_line_that_was_cut_off_is_named_though_the_force_is_still_on_it(tmp_pa
         log_of(tmp_path, "time_s,fz_n,fx_n,n\n0.00,-1.25,0,1\n0.01,-1.25,0,2\n0.02,-1\n")
 
 
-@pytest.mark.parametrize("comment", ["", "\tthe needle slips"])
-def test_names_without_fields_at_the_end_may_stay(tmp_path: Path, comment: str) -> None:
-    log, _ = log_of(tmp_path, f"time_s\tfz_n\tComment\n0.00\t1{comment}\n0.01\t2\n0.02\t3\n")
-    np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0, 3.0])
+def test_names_without_fields_at_the_end_may_stay(tmp_path: Path) -> None:
+    for comment in ["", "\tthe needle slips"]:
+        log, _ = log_of(tmp_path, f"time_s\tfz_n\tComment\n0.00\t1{comment}\n0.01\t2\n0.02\t3\n")
+        np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0, 3.0])
 
 
 LVM = """LabVIEW Measurement\t
@@ -249,15 +255,15 @@ X_Value\tFz\tVoltage\tComment
 """
 
 
-@pytest.mark.parametrize("ending", ["lvm", "txt"])
-def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path, ending: str) -> None:
-    path = tmp_path / f"log.{ending}"
-    path.write_text(LVM)
-    assert source_kind(path) == "log"
-    log, columns = read_force_text(read_log_text(path), [])
-    np.testing.assert_allclose(log.time_s, [0.0, 0.002, 0.004])
-    np.testing.assert_allclose(log.force_n("fz"), [-1.125, -1.25, -1.375])
-    assert [column.answer() for column in columns] == ["time=X_Value:s", "fz=Fz:Newtons"]
+def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> None:
+    for ending in ["lvm", "txt"]:
+        path = tmp_path / f"log.{ending}"
+        path.write_text(LVM)
+        assert source_kind(path) == "log"
+        log, columns = read_force_text(read_log_text(path), [])
+        np.testing.assert_allclose(log.time_s, [0.0, 0.002, 0.004])
+        np.testing.assert_allclose(log.force_n("fz"), [-1.125, -1.25, -1.375])
+        assert [column.answer() for column in columns] == ["time=X_Value:s", "fz=Fz:Newtons"]
 
 
 def test_the_decimal_mark_that_a_labview_file_states_decides_between_two_readings(tmp_path: Path) -> None:
@@ -270,79 +276,66 @@ def test_the_decimal_mark_that_a_labview_file_states_decides_between_two_reading
         read_force_text(read_log_text(tmp_path / "log.lvm"), [])
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
+def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path: Path) -> None:
+    for old, new, message in [
         ("X_Columns\tOne", "X_Columns\tNo", "X_Columns: No is not read"),
         ("X_Columns\tOne", "X_Columns\tMulti", "X_Columns: Multi is not read"),
         ("X_Dimension\tTime", "X_Dimension\tFrequency", "X_Dimension: 'Frequency'"),
         ("Separator\tTab", "Separator\tPipe", "Separator: 'Pipe' is not read"),
         ("***End_of_Header***\t\t\n", "***End_of_Header***\t\t\n***End_of_Header***\n", "a second segment"),
-    ],
-)
-def test_what_is_not_read_of_a_labview_file_is_refused_by_name(
-    tmp_path: Path, old: str, new: str, message: str
-) -> None:
-    assert old in LVM
-    with pytest.raises(RecordingError, match=message):
-        log_of(tmp_path, LVM.replace(old, new))
+    ]:
+        assert old in LVM
+        with pytest.raises(RecordingError, match=message):
+            log_of(tmp_path, LVM.replace(old, new))
 
 
-@pytest.mark.parametrize("separator", ["\t", ";", " "])
-@pytest.mark.parametrize(
-    ("rows", "reading"),
-    [
-        (["0.000 -15,000", "0.005 -15,250"], "-15.000 with a decimal comma, or -15000"),  # points elsewhere
-        (["1,000 -15,000", "1,005 -15,250"], "1.000 with a decimal comma, or 1000"),  # three digits everywhere
-        (["0,000 -1,500,000", "0,005 -1,250,000"], "'-1,500,000' has commas between thousands"),
-    ],
-)
-def test_a_comma_that_may_part_thousands_is_refused_with_both_readings(
-    tmp_path: Path, separator: str, rows: list[str], reading: str
-) -> None:
-    text = "\n".join(["time_s fz_n", *rows]).replace(" ", separator)
-    with pytest.raises(RecordingError, match=rf"log\.csv:2: .*{reading}"):
-        log_of(tmp_path, text + "\n")
+def test_a_comma_that_may_part_thousands_is_refused_with_both_readings(tmp_path: Path) -> None:
+    for separator in ["\t", ";", " "]:
+        for rows, reading in [
+            (["0.000 -15,000", "0.005 -15,250"], "-15.000 with a decimal comma, or -15000"),  # points elsewhere
+            (["1,000 -15,000", "1,005 -15,250"], "1.000 with a decimal comma, or 1000"),  # three digits everywhere
+            (["0,000 -1,500,000", "0,005 -1,250,000"], "'-1,500,000' has commas between thousands"),
+        ]:
+            text = "\n".join(["time_s fz_n", *rows]).replace(" ", separator)
+            with pytest.raises(RecordingError, match=rf"log\.csv:2: .*{reading}"):
+                log_of(tmp_path, text + "\n")
 
 
-@pytest.mark.parametrize("separator", [";", "\t", ",", " "])
-def test_a_point_that_may_part_thousands_is_refused_with_both_readings(tmp_path: Path, separator: str) -> None:
-    rows = "".join(f"{10 * k}{separator}{force}\n" for k, force in enumerate(("0", "-998", "-1.021", "-15.000")))
-    with pytest.raises(RecordingError, match=r"log\.csv:4: fz_uN: '-1\.021' is -1\.021 .* or -1021 with one between"):
-        log_of(tmp_path, f"time_ms{separator}fz_uN\n{rows}")
+def test_a_point_that_may_part_thousands_is_refused_with_both_readings(tmp_path: Path) -> None:
+    for separator in [";", "\t", ",", " "]:
+        rows = "".join(f"{10 * k}{separator}{force}\n" for k, force in enumerate(("0", "-998", "-1.021", "-15.000")))
+        with pytest.raises(
+            RecordingError, match=r"log\.csv:4: fz_uN: '-1\.021' is -1\.021 .* or -1021 with one between"
+        ):
+            log_of(tmp_path, f"time_ms{separator}fz_uN\n{rows}")
 
 
-@pytest.mark.parametrize("forces", [("1.000", "2.021", "1.500"), ("0", "1.021", "1.5"), ("0", "0.998", "1.021")])
-def test_three_digits_behind_a_point_are_decimals_where_the_log_shows_it(
-    tmp_path: Path, forces: tuple[str, ...]
-) -> None:
-    rows = "".join(f"{10 * k};{force}\n" for k, force in enumerate(forces))
-    log, _ = log_of(tmp_path, f"time_ms;fz_mN\n{rows}")
-    np.testing.assert_allclose(log.force_n("fz"), [1e-3 * float(force) for force in forces])
+def test_three_digits_behind_a_point_are_decimals_where_the_log_shows_it(tmp_path: Path) -> None:
+    for forces in [("1.000", "2.021", "1.500"), ("0", "1.021", "1.5"), ("0", "0.998", "1.021")]:
+        rows = "".join(f"{10 * k};{force}\n" for k, force in enumerate(forces))
+        log, _ = log_of(tmp_path, f"time_ms;fz_mN\n{rows}")
+        np.testing.assert_allclose(log.force_n("fz"), [1e-3 * float(force) for force in forces])
 
 
-@pytest.mark.parametrize("separator", ["\t", ";", " "])
-def test_a_comma_is_decimal_where_the_log_shows_it(tmp_path: Path, separator: str) -> None:
-    text = "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", separator)  # no thousands begin with 0
-    log, _ = log_of(tmp_path, text)
-    np.testing.assert_allclose(log.force_n("fz"), [-15.0, -15.25])
-    assert log.notes == ("numbers have decimal commas",)
+def test_a_comma_is_decimal_where_the_log_shows_it(tmp_path: Path) -> None:
+    for separator in ["\t", ";", " "]:
+        text = "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", separator)  # no thousands begin with 0
+        log, _ = log_of(tmp_path, text)
+        np.testing.assert_allclose(log.force_n("fz"), [-15.0, -15.25])
+        assert log.notes == ("numbers have decimal commas",)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_two_units_of_one_column_are_asked_about(tmp_path: Path) -> None:
+    for text in [
         "Force Units: mN\ntime_s;Fz (N)\n0.00;1\n0.01;2\n",
         "Force Units: N\nCounts per Unit Force: 1000\ntime_s;Fz (N)\n0.00;1\n0.01;2\n",
         "time_s;Fz (N)\ns;mN\n0.00;1\n0.01;2\n",
-    ],
-)
-def test_two_units_of_one_column_are_asked_about(tmp_path: Path, text: str) -> None:
-    with pytest.raises(
-        UnansweredError, match=r"'Fz \(N\)' is in N by its name: fz=Fz \(N\):N or fz=Fz \(N\):(mN|1000/N)\?"
-    ):
-        log_of(tmp_path, text)
-    assert log_of(tmp_path, text, "fz=Fz (N):mN")[0].force_n("fz")[1] == pytest.approx(2e-3)
+    ]:
+        with pytest.raises(
+            UnansweredError, match=r"'Fz \(N\)' is in N by its name: fz=Fz \(N\):N or fz=Fz \(N\):(mN|1000/N)\?"
+        ):
+            log_of(tmp_path, text)
+        assert log_of(tmp_path, text, "fz=Fz (N):mN")[0].force_n("fz")[1] == pytest.approx(2e-3)
 
 
 def test_units_on_a_line_of_their_own_are_read(tmp_path: Path) -> None:
@@ -359,20 +352,17 @@ def test_two_columns_of_one_force_are_asked_about(tmp_path: Path) -> None:
     assert log_of(tmp_path, text, "fz=Force Z [mN]:mN")[0].force_n("fz")[0] == pytest.approx(5e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "first", "second"),
-    [
+def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:
+    for name, first, second in [
         ("Time", "11/26/2026 10:15:30.250 PM", "11/26/2026 10:15:30.260 PM"),
         ("Timestamp", "26.11.2026 22:15:30.250", "26.11.2026 22:15:30.260"),
         ("Date/Time", "Nov 26, 2026 10:15:30.250 PM", "Nov 26, 2026 10:15:30.260 PM"),
         ("Zeit", "26. Nov 2026 22:15:30.250", "26. Nov 2026 22:15:30.260"),
         ("datetime", "2026-11-26T22:15:30.250Z", "2026-11-26T23:15:30.260+01:00"),
         ("Time (UTC)", "2026/11/26 22:15:30.25", "2026/11/26 22:15:30.26"),
-    ],
-)
-def test_dates_are_recognised_as_people_write_them(tmp_path: Path, name: str, first: str, second: str) -> None:
-    log, _ = log_of(tmp_path, f"{name};fz_n;fx_n\n{first};1;0\n{second};2;0\n")
-    np.testing.assert_allclose(log.time_s, [1795731330.25, 1795731330.26], rtol=0, atol=1e-6)
+    ]:
+        log, _ = log_of(tmp_path, f"{name};fz_n;fx_n\n{first};1;0\n{second};2;0\n")
+        np.testing.assert_allclose(log.time_s, [1795731330.25, 1795731330.26], rtol=0, atol=1e-6)
 
 
 def test_times_of_day_count_on_past_midnight(tmp_path: Path) -> None:
@@ -432,20 +422,20 @@ def test_dates_and_times(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.force_n("fy"), [7.0, 8.0])
 
 
-@pytest.mark.parametrize("zone", ["", "Z", "+00:00"])
-def test_a_date_beside_one_force_is_a_log(tmp_path: Path, zone: str) -> None:
-    rows = f"2026-01-02T03:04:05.250{zone},7\n2026-01-02T03:04:05.260{zone},8\n"
-    log, _ = log_of(tmp_path, "when,F\n" + rows, "time=when:iso", "fz=F:N")
-    np.testing.assert_allclose(log.time_s, [1767323045.25, 1767323045.26], rtol=0, atol=1e-6)
+def test_a_date_beside_one_force_is_a_log(tmp_path: Path) -> None:
+    for zone in ["", "Z", "+00:00"]:
+        rows = f"2026-01-02T03:04:05.250{zone},7\n2026-01-02T03:04:05.260{zone},8\n"
+        log, _ = log_of(tmp_path, "when,F\n" + rows, "time=when:iso", "fz=F:N")
+        np.testing.assert_allclose(log.time_s, [1767323045.25, 1767323045.26], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("separator", [",", " ", "   ", "\t"])
-def test_a_header_that_numpy_wrote_is_read(tmp_path: Path, separator: str) -> None:
-    header = separator.join(("time_s", "fz_n"))
-    np.savetxt(tmp_path / "log.csv", [[0.0, 1.0], [0.01, 2.0]], delimiter=separator, header=header)
-    log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
-    np.testing.assert_allclose(log.time_s, [0.0, 0.01])
-    np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
+def test_a_header_that_numpy_wrote_is_read(tmp_path: Path) -> None:
+    for separator in [",", " ", "   ", "\t"]:
+        header = separator.join(("time_s", "fz_n"))
+        np.savetxt(tmp_path / "log.csv", [[0.0, 1.0], [0.01, 2.0]], delimiter=separator, header=header)
+        log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
+        np.testing.assert_allclose(log.time_s, [0.0, 0.01])
+        np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
 
 
 def test_columns_that_spaces_align_are_read_and_a_fault_among_them_is_named(tmp_path: Path) -> None:
@@ -465,9 +455,8 @@ def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
     assert log.sample_rate_hz == pytest.approx(200.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
+    for text, message in [
         ("time_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:3: fz_n: 'x' is not a number"),
         ("time_s,fz_n\n0.0,1\n0.1\n", r"log\.csv:3: 1 fields; the header has 2 names"),
         ("a\nb\ntime_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:5: fz_n: 'x'"),
@@ -477,11 +466,9 @@ def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
         ("time_s,fz_n\n0.0,1\n", r"log\.csv: fewer than two samples"),
         ("1,2\n3,4\n", r"log\.csv: no header"),
         ("", r"log\.csv: no header"),
-    ],
-)
-def test_a_fault_is_named_with_its_line(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(RecordingError, match=message):
-        log_of(tmp_path, text)
+    ]:
+        with pytest.raises(RecordingError, match=message):
+            log_of(tmp_path, text)
 
 
 def test_a_date_that_is_none_is_refused(tmp_path: Path) -> None:
@@ -492,9 +479,8 @@ def test_a_date_that_is_none_is_refused(tmp_path: Path) -> None:
 OURS = ["time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
 
 
-@pytest.mark.parametrize(
-    ("names", "found"),
-    [
+def test_a_header_that_names_units_answers_for_itself() -> None:
+    for names, found in [
         (OURS, {ours: ours.rpartition("_")[2] for ours in OURS}),
         (["Time (ms)", "Fx [N]", "Fz [mN]", "Tz (Nmm)"], {"time_s": "ms", "fx_n": "N", "fz_n": "mN", "tz_nm": "Nmm"}),
         (["timestamp_us", "force_z_N", "torque_x_Nm"], {"time_s": "us", "fz_n": "N", "tx_nm": "Nm"}),
@@ -509,10 +495,8 @@ OURS = ["time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
         (["Time (s)", "Fz (μN)", "FY (MN)"], {"time_s": "s", "fz_n": "μN"}),
         (["Time (s)", "Fz (counts)", "Fy (V)", "fx_raw", "Fz LSB"], {"time_s": "s"}),
         (["F_t", "position_z_mm", "mz_mT", "Fzn"], {}),
-    ],
-)
-def test_a_header_that_names_units_answers_for_itself(names: list[str], found: dict[str, str]) -> None:
-    assert {column.ours: column.unit for column in columns_by_header(names, {})} == found
+    ]:
+        assert {column.ours: column.unit for column in columns_by_header(names, {})} == found
 
 
 def test_of_two_columns_that_say_the_same_the_first_counts() -> None:
@@ -528,16 +512,22 @@ def test_rostopic_gives_capture_stamps_in_ns_and_si() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("text", "factor"),
-    [
-        ("fz=F:N", 1.0), ("fz=F:mN", 1e-3), ("fz=F:uN", 1e-6), ("fz=F:gf", 9.80665e-3), ("fz=F:kgf", 9.80665),
-        ("fz=F:lbf", 4.4482216152605), ("tx=T:Nm", 1.0), ("tx=T:Nmm", 1e-3), ("tx=T:lbf-in", 0.1129848290276167),
-        ("time=t:s", 1.0), ("time=t:ns", 1e-9), ("time=seq:500Hz", 0.002),
-    ],
-)  # fmt: skip
-def test_units_are_as_large_as_they_are(text: str, factor: float) -> None:
-    assert parse_column(text).factor == pytest.approx(factor, rel=1e-12)
+def test_units_are_as_large_as_they_are() -> None:
+    for text, factor in [
+        ("fz=F:N", 1.0),
+        ("fz=F:mN", 1e-3),
+        ("fz=F:uN", 1e-6),
+        ("fz=F:gf", 9.80665e-3),
+        ("fz=F:kgf", 9.80665),
+        ("fz=F:lbf", 4.4482216152605),
+        ("tx=T:Nm", 1.0),
+        ("tx=T:Nmm", 1e-3),
+        ("tx=T:lbf-in", 0.1129848290276167),
+        ("time=t:s", 1.0),
+        ("time=t:ns", 1e-9),
+        ("time=seq:500Hz", 0.002),
+    ]:
+        assert parse_column(text).factor == pytest.approx(factor, rel=1e-12)
 
 
 def test_a_name_may_have_colons_and_equals_signs() -> None:
@@ -545,10 +535,10 @@ def test_a_name_may_have_colons_and_equals_signs() -> None:
     assert parse_column(parse_column("fz=a=b:c:N").answer()) == parse_column("fz=a=b:c:N")
 
 
-@pytest.mark.parametrize("text", ["fz=F", "fz:N", "f=F:N", "fz=F:Nm", "fz=F:iso", "time=t:N", "fz=:N", "time=t:0Hz"])
-def test_a_column_that_is_not_stated_well_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="--column"):
-        parse_column(text)
+def test_a_column_that_is_not_stated_well_is_refused() -> None:
+    for text in ["fz=F", "fz:N", "f=F:N", "fz=F:Nm", "fz=F:iso", "time=t:N", "fz=:N", "time=t:0Hz"]:
+        with pytest.raises(InputError, match="--column"):
+            parse_column(text)
 
 
 def test_what_a_header_leaves_open_is_asked_for_with_its_names() -> None:
@@ -564,33 +554,34 @@ def test_what_a_header_leaves_open_is_asked_for_with_its_names() -> None:
         required_columns(Path("log.csv"), [parse_column("time=C:s")], names)
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        "# time [s] Fz [mN]", "% time [s] Fz [mN]", "time [s] Fz [mN]", "#time (s) Fz (mN)", "%% time_s fz_mN",
+def test_a_header_may_be_a_comment_and_its_units_stand_behind_a_blank(tmp_path: Path) -> None:
+    for header in [
+        "# time [s] Fz [mN]",
+        "% time [s] Fz [mN]",
+        "time [s] Fz [mN]",
+        "#time (s) Fz (mN)",
+        "%% time_s fz_mN",
         "# time Fz\n# [s] [mN]",
         "% time_s,fz_mN",
-    ],
-)  # fmt: skip
-def test_a_header_may_be_a_comment_and_its_units_stand_behind_a_blank(tmp_path: Path, header: str) -> None:
-    mark = "," if "," in header else " "
-    log, _ = log_of(tmp_path, f"{header}\n0.00{mark}-1.5\n0.01{mark}-2.5\n")
-    np.testing.assert_allclose(log.time_s, [0.0, 0.01])
-    np.testing.assert_allclose(log.force_n("fz"), [-1.5e-3, -2.5e-3])
+    ]:
+        mark = "," if "," in header else " "
+        log, _ = log_of(tmp_path, f"{header}\n0.00{mark}-1.5\n0.01{mark}-2.5\n")
+        np.testing.assert_allclose(log.time_s, [0.0, 0.01])
+        np.testing.assert_allclose(log.force_n("fz"), [-1.5e-3, -2.5e-3])
 
 
-@pytest.mark.parametrize("last", ["-31.2", "-31.", "-31", "-"])
-def test_a_last_line_that_ends_within_its_number_is_left_out_and_that_is_said(tmp_path: Path, last: str) -> None:
-    text = f"time_s,fz_mN\n0.00,-30.25\n0.01,-30.50\n0.02,-31.00\n0.03,{last}"
-    if last == "-":
-        with pytest.raises(RecordingError, match=r"log\.csv:5: fz_mN: '-' is not a number"):
-            log_of(tmp_path, text)
-        return
-    log, _ = log_of(tmp_path, text)
-    np.testing.assert_allclose(log.time_s, [0.0, 0.01, 0.02])
-    assert any("log.csv:5" in note and repr(last) in note and "left out" in note for note in log.notes)
-    log, _ = log_of(tmp_path, f"{text}\n")
-    assert (len(log.time_s), log.force_n("fz")[-1]) == (4, pytest.approx(1e-3 * float(last)))
+def test_a_last_line_that_ends_within_its_number_is_left_out_and_that_is_said(tmp_path: Path) -> None:
+    for last in ["-31.2", "-31.", "-31", "-"]:
+        text = f"time_s,fz_mN\n0.00,-30.25\n0.01,-30.50\n0.02,-31.00\n0.03,{last}"
+        if last == "-":
+            with pytest.raises(RecordingError, match=r"log\.csv:5: fz_mN: '-' is not a number"):
+                log_of(tmp_path, text)
+            return
+        log, _ = log_of(tmp_path, text)
+        np.testing.assert_allclose(log.time_s, [0.0, 0.01, 0.02])
+        assert any("log.csv:5" in note and repr(last) in note and "left out" in note for note in log.notes)
+        log, _ = log_of(tmp_path, f"{text}\n")
+        assert (len(log.time_s), log.force_n("fz")[-1]) == (4, pytest.approx(1e-3 * float(last)))
 
 
 def test_a_last_number_that_may_be_cut_is_kept_and_that_is_said(tmp_path: Path) -> None:
@@ -600,18 +591,16 @@ def test_a_last_number_that_may_be_cut_is_kept_and_that_is_said(tmp_path: Path) 
     assert any("log.csv:5" in note and "cut off?" in note for note in log.notes)
 
 
-@pytest.mark.parametrize("last", ["-31.00", "-9.00", "-31.000"])
-def test_a_whole_log_may_end_without_a_line_break(tmp_path: Path, last: str) -> None:
-    log, _ = log_of(tmp_path, f"time_s,fz_mN\n0.00,-3.25\n0.01,-30.50\n0.02,{last}")
-    assert log.force_n("fz")[-1] == pytest.approx(1e-3 * float(last))
-    assert not any("log.csv:4" in note for note in log.notes)
+def test_a_whole_log_may_end_without_a_line_break(tmp_path: Path) -> None:
+    for last in ["-31.00", "-9.00", "-31.000"]:
+        log, _ = log_of(tmp_path, f"time_s,fz_mN\n0.00,-3.25\n0.01,-30.50\n0.02,{last}")
+        assert log.force_n("fz")[-1] == pytest.approx(1e-3 * float(last))
+        assert not any("log.csv:4" in note for note in log.notes)
 
 
-@pytest.mark.parametrize("day", ["2026-11-26", "26.11.2026", "Nov 26, 2026", "11/26/2026"])
-@pytest.mark.parametrize("columns", [(), ("time=Time:clock",)])
-def test_a_day_in_a_column_of_its_own_is_not_used_and_that_is_said(
-    tmp_path: Path, day: str, columns: tuple[str, ...]
-) -> None:
-    rows = "".join(f"{day};10:15:30.{k:02d};-1.5\n" for k in range(3))
-    log, _ = log_of(tmp_path, f"Date;Time;Fz [mN]\n{rows}", *columns)
-    assert any("'Date'" in note and day in note and "not used" in note for note in log.notes)
+def test_a_day_in_a_column_of_its_own_is_not_used_and_that_is_said(tmp_path: Path) -> None:
+    for day in ["2026-11-26", "26.11.2026", "Nov 26, 2026", "11/26/2026"]:
+        for columns in [(), ("time=Time:clock",)]:
+            rows = "".join(f"{day};10:15:30.{k:02d};-1.5\n" for k in range(3))
+            log, _ = log_of(tmp_path, f"Date;Time;Fz [mN]\n{rows}", *columns)
+            assert any("'Date'" in note and day in note and "not used" in note for note in log.notes)

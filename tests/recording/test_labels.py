@@ -281,19 +281,21 @@ def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound():
         assert all(trial.excluded is None for trial in trials)
 
 
-@pytest.mark.parametrize("average_s", [0.1, 2.0])
-def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for(average_s):
-    rng = np.random.default_rng(0)
-    log = log_of(sensed(-step_and_hold(0.02), rng))
-    good = recording_of(log, 8.0, average_s=average_s)
-    assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(0.02, abs=5e-3)
-    milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
-    with pytest.raises(RecordingError, match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* by 0.001"):
-        label_frames(milli, CLASSES)
-    quiet = log_of(sensed(-step_and_hold(1e-3), rng))
-    milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
-    with pytest.raises(RecordingError, match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"):
-        label_frames(milli, CLASSES)
+def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for():
+    for average_s in [0.1, 2.0]:
+        rng = np.random.default_rng(0)
+        log = log_of(sensed(-step_and_hold(0.02), rng))
+        good = recording_of(log, 8.0, average_s=average_s)
+        assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(0.02, abs=5e-3)
+        milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
+        with pytest.raises(
+            RecordingError, match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* by 0.001"
+        ):
+            label_frames(milli, CLASSES)
+        quiet = log_of(sensed(-step_and_hold(1e-3), rng))
+        milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
+        with pytest.raises(RecordingError, match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"):
+            label_frames(milli, CLASSES)
 
 
 def test_millinewtons_of_a_coarse_sensor_that_rests_most_of_the_time_are_not_taken_for_bursts(tmp_path):
@@ -306,13 +308,15 @@ def test_millinewtons_of_a_coarse_sensor_that_rests_most_of_the_time_are_not_tak
         label_frames(recording_of(log, 9.0), CLASSES)
 
 
-@pytest.mark.parametrize("levels_n", [(0.0, 213.0), (0.01, 0.02, 213.0), (0.0, 0.01, 0.02, 0.03, -213.0)])
-def test_a_burst_is_told_from_a_few_levels(tmp_path, levels_n):
-    force_n = np.repeat([*levels_n[:-1], *levels_n[:-1], levels_n[-1]], 100)
-    (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n)))
-    log = read_force_log(tmp_path / "forces.csv", "fz")
-    assert (np.isnan(log.force_n("fz")) == (np.abs(force_n) > 200.0)).all()
-    assert "is it in N?" in log.notes[0]
+def test_a_burst_is_told_from_a_few_levels(tmp_path):
+    for levels_n in [(0.0, 213.0), (0.01, 0.02, 213.0), (0.0, 0.01, 0.02, 0.03, -213.0)]:
+        force_n = np.repeat([*levels_n[:-1], *levels_n[:-1], levels_n[-1]], 100)
+        (tmp_path / "forces.csv").write_text(
+            "time_s,fz_n\n" + "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n))
+        )
+        log = read_force_log(tmp_path / "forces.csv", "fz")
+        assert (np.isnan(log.force_n("fz")) == (np.abs(force_n) > 200.0)).all()
+        assert "is it in N?" in log.notes[0]
 
 
 def test_overloads_and_knocks_are_no_other_unit():
@@ -381,12 +385,12 @@ def test_a_log_that_goes_with_its_frames_is_not_doubted(seed: int) -> None:
     assert log_doubts(recording(rng, 5.0), CLASSES, [1.0, 2.0, 3.0, *[None] * 7]) == ()  # too few to tell
 
 
-@pytest.mark.parametrize(("later_s", "words"), [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")])
-def test_shifted_times_are_said_with_their_direction(later_s: float, words: str) -> None:
-    rng = np.random.default_rng(1)
-    (doubt,) = log_doubts(recording(rng, later_s), CLASSES, seen(rng))
-    assert "the frames' times are off" in doubt
-    assert f" s {words} than frames.csv says" in doubt
+def test_shifted_times_are_said_with_their_direction() -> None:
+    for later_s, words in [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]:
+        rng = np.random.default_rng(1)
+        (doubt,) = log_doubts(recording(rng, later_s), CLASSES, seen(rng))
+        assert "the frames' times are off" in doubt
+        assert f" s {words} than frames.csv says" in doubt
 
 
 def test_dents_that_differ_by_less_than_a_nanometre_say_nothing_of_the_clocks() -> None:

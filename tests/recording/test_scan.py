@@ -1,6 +1,7 @@
 """Several files as one scan, and the axes of arrays."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
 from pathlib import Path
 
@@ -37,11 +38,11 @@ def test_files_with_times_come_in_their_order_whatever_the_order_given() -> None
     np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
 
 
-@pytest.mark.parametrize("times", [(1.0, None), (1.0, 1.0), (None, None)])
-def test_files_of_which_not_all_state_a_time_of_their_own_come_as_given(times: tuple[float | None, ...]) -> None:
-    scan = joined([single(4, times[0]), single(0, times[1])])
-    assert scan.names == ("4.png", "0.png")
-    assert scan.times is None
+def test_files_of_which_not_all_state_a_time_of_their_own_come_as_given() -> None:
+    for times in [(1.0, None), (1.0, 1.0), (None, None)]:
+        scan = joined([single(4, times[0]), single(0, times[1])])
+        assert scan.names == ("4.png", "0.png")
+        assert scan.times is None
 
 
 def test_pictures_can_be_gone_through_twice() -> None:
@@ -49,32 +50,26 @@ def test_pictures_can_be_gone_through_twice() -> None:
     np.testing.assert_array_equal(pictures_of(scan), pictures_of(scan))
 
 
-@pytest.mark.parametrize(
-    ("other", "found"),
-    [
+def test_files_of_another_kind_are_refused_with_both_values() -> None:
+    for other, found in [
         ({"bits": 8}, "bits 8, where 0.png has not stated"),
         ({"rows": ROWS + 1}, "rows 25, where 0.png has 24"),
         ({"depth_pixel_m": Sourced(1e-6, "tag")}, "depth of a pixel .* 1, where 0.png has not stated"),
         ({"lateral_pixel_m": Sourced(2e-6, "")}, "width of a pixel .* 2, where 0.png has not stated"),
-    ],
-)
-def test_files_of_another_kind_are_refused_with_both_values(other: dict[str, object], found: str) -> None:
-    with pytest.raises(FrameError, match=rf"1\.png: {found}"):
-        joined([single(0), replace(single(1), **other)])
+    ]:
+        with pytest.raises(FrameError, match=rf"1\.png: {found}"):
+            joined([single(0), replace(single(1), **other)])
 
 
-@pytest.mark.parametrize(
-    ("pictures", "message"),
-    [
+def test_frames_that_a_file_does_not_state_are_damage() -> None:
+    for pictures, message in [
         ([], "damaged: 0 of 1 frames can be read"),
         ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\), number 2"),
         ([FRAMES[0].T], r"damaged: a frame of \(40, 24\), number 1"),
-    ],
-)
-def test_frames_that_a_file_does_not_state_are_damage(pictures: list[np.ndarray], message: str) -> None:
-    scan = joined([replace(single(0), pictures=lambda: iter(pictures))])
-    with pytest.raises(FrameError, match=rf"0\.png: {message}"):
-        list(scan.pictures())
+    ]:
+        scan = joined([replace(single(0), pictures=partial(iter, pictures))])
+        with pytest.raises(FrameError, match=rf"0\.png: {message}"):
+            list(scan.pictures())
 
 
 def test_a_turned_scan_has_depth_for_width() -> None:
@@ -95,13 +90,13 @@ def test_more_bytes_than_one_source_may_have_are_refused(monkeypatch: pytest.Mon
         check_bytes(Path("a"), 2**30 + 1)
 
 
-@pytest.mark.parametrize("order", list(permutations(AXES)))
-def test_any_order_of_the_axes_gives_the_same_frames_and_scale(order: tuple[str, ...]) -> None:
-    array = np.transpose(FRAMES, [AXES.index(name) for name in order])
-    steps = {"frame": Sourced(9.0, ""), "depth": Sourced(1e-6, "d"), "lateral": Sourced(2e-6, "l")}
-    scan = array_scan(Path("a.npy"), array, order, tuple(steps[name] for name in order))
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (steps["depth"], steps["lateral"])
+def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
+    for order in list(permutations(AXES)):
+        array = np.transpose(FRAMES, [AXES.index(name) for name in order])
+        steps = {"frame": Sourced(9.0, ""), "depth": Sourced(1e-6, "d"), "lateral": Sourced(2e-6, "l")}
+        scan = array_scan(Path("a.npy"), array, order, tuple(steps[name] for name in order))
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (steps["depth"], steps["lateral"])
 
 
 def test_axes_of_one_do_not_count() -> None:
@@ -118,10 +113,10 @@ def test_open_axes_are_asked_for_with_the_sizes() -> None:
         array_scan(Path("a.npy"), FRAMES, None)
 
 
-@pytest.mark.parametrize("array", [np.zeros(5), np.zeros((2, 3, 4, 5)), np.zeros(())])
-def test_arrays_that_are_no_frames_are_refused(array: np.ndarray) -> None:
-    with pytest.raises(FrameError, match="give frames x rows x columns"):
-        array_scan(Path("a"), array, AXES)
+def test_arrays_that_are_no_frames_are_refused() -> None:
+    for array in [np.zeros(5), np.zeros((2, 3, 4, 5)), np.zeros(())]:
+        with pytest.raises(FrameError, match="give frames x rows x columns"):
+            array_scan(Path("a"), array, AXES)
 
 
 def test_names_of_another_number_of_axes_are_refused() -> None:
@@ -129,7 +124,7 @@ def test_names_of_another_number_of_axes_are_refused() -> None:
         array_scan(Path("a"), FRAMES, ("depth", "lateral"))
 
 
-@pytest.mark.parametrize("text", ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""])
-def test_names_that_are_no_axes_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match="--axes"):
-        parse_axes(text)
+def test_names_that_are_no_axes_are_refused() -> None:
+    for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
+        with pytest.raises(InputError, match="--axes"):
+            parse_axes(text)

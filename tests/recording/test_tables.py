@@ -36,23 +36,22 @@ WAYS: dict[str, Callable[[list[tuple[str, ...]]], bytes]] = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_tables_are_read_however_they_are_written(tmp_path: Path, way: str) -> None:
-    (tmp_path / "forces.csv").write_bytes(WAYS[way](FORCES))
-    log = read_force_log(tmp_path / "forces.csv", "fz")
-    np.testing.assert_allclose(log.time_s, np.arange(60) / 100)
-    np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
-    (tmp_path / "frames.csv").write_bytes(WAYS[way](FRAMES))
-    frames = read_frame_list(tmp_path / "frames.csv")
-    assert [(frame.file, frame.time_s, frame.pierced) for frame in frames] == [
-        ("a.png", 0.2, False),
-        ("b, c.png", 0.5, True),
-    ]
+def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
+    for way in WAYS:
+        (tmp_path / "forces.csv").write_bytes(WAYS[way](FORCES))
+        log = read_force_log(tmp_path / "forces.csv", "fz")
+        np.testing.assert_allclose(log.time_s, np.arange(60) / 100)
+        np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
+        (tmp_path / "frames.csv").write_bytes(WAYS[way](FRAMES))
+        frames = read_frame_list(tmp_path / "frames.csv")
+        assert [(frame.file, frame.time_s, frame.pierced) for frame in frames] == [
+            ("a.png", 0.2, False),
+            ("b, c.png", 0.5, True),
+        ]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
+    for text, message in [
         ("time_s,fz_n\n0,00;0,001\n", "forces.csv:2: 3 fields; the header has 2; with decimal commas, columns are"),
         ("time_s,fz_n\n0,00,0,001\n0,01,0,001\n", "2 samples of 4 fields; .* with decimal commas, columns are separ"),
         (
@@ -69,18 +68,15 @@ def test_tables_are_read_however_they_are_written(tmp_path: Path, way: str) -> N
         ("time_s,fz_n\n0.00,1\n0.01\n", "forces.csv:3: 1 fields; the header has 2"),
         ("time_s,fz_n,\n0.00,1,\n0.01,1,7\n", "forces.csv:3: 3 fields; the header has 2"),
         ("time_s,fz_n\n0,1\n5,1\n10,1\n", r"0.2 samples a second; .* \(times are in seconds\)"),
-    ],
-)
-def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "forces.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(RecordingError, match=message) as caught:
-        read_force_log(tmp_path / "forces.csv", "fz")
-    assert "\n" not in str(caught.value)
+    ]:
+        (tmp_path / "forces.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(RecordingError, match=message) as caught:
+            read_force_log(tmp_path / "forces.csv", "fz")
+        assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_lists_of_frames_that_cannot_be_read_are_refused_with_their_line(tmp_path: Path) -> None:
+    for text, message in [
         ("file,time_s\na.png,1_0\n", "frames.csv:2: time_s: '1_0' is not a finite number"),
         ("file,time_s\na.png,\u0661\n", "frames.csv:2: time_s: '\u0661' is not a finite number"),
         ("file,time_s\na.png,1e308\n", "frames.csv:2: time_s: '1e308' is not a finite number"),
@@ -90,14 +86,10 @@ def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str,
         ('file,time_s\n"a.png,1\n', "frames.csv:2: unexpected end of data"),
         ("file,time_s\n,1\n", "frames.csv:2: file: '' is not a name"),
         ("file;time_s\na.png;\n", "frames.csv:2: 1 fields; the header has 2"),
-    ],
-)
-def test_lists_of_frames_that_cannot_be_read_are_refused_with_their_line(
-    tmp_path: Path, text: str, message: str
-) -> None:
-    (tmp_path / "frames.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(RecordingError, match=message):
-        read_frame_list(tmp_path / "frames.csv")
+    ]:
+        (tmp_path / "frames.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(RecordingError, match=message):
+            read_frame_list(tmp_path / "frames.csv")
 
 
 def test_latin_1_is_refused_with_what_would_do(tmp_path: Path) -> None:

@@ -34,19 +34,19 @@ def column_major(frames: np.ndarray) -> bytes:
     return b"".join(np.asarray(frame, dtype="<f4").tobytes(order="F") for frame in frames)
 
 
-@pytest.mark.parametrize("name", ["data\\Intensity.data", "data/Intensity.data"])
-def test_the_intensity_comes_back_with_its_scale(tmp_path: Path, name: str) -> None:
-    path = write_oct(
-        tmp_path / "a.oct",
-        '<DataFile Type="Raw">data\\Spectral0.data</DataFile>' + entry(),
-        column_major(INTENSITY),
-        name,
-    )
-    assert source_kind(path) == "thorlabs"
-    scan = read_scan(path, "thorlabs")
-    np.testing.assert_array_equal(pictures_of(scan), INTENSITY)
-    assert scan.depth_pixel_m.value == pytest.approx(4e-6)
-    assert scan.lateral_pixel_m.value == pytest.approx(15e-6)
+def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
+    for name in ["data\\Intensity.data", "data/Intensity.data"]:
+        path = write_oct(
+            tmp_path / "a.oct",
+            '<DataFile Type="Raw">data\\Spectral0.data</DataFile>' + entry(),
+            column_major(INTENSITY),
+            name,
+        )
+        assert source_kind(path) == "thorlabs"
+        scan = read_scan(path, "thorlabs")
+        np.testing.assert_array_equal(pictures_of(scan), INTENSITY)
+        assert scan.depth_pixel_m.value == pytest.approx(4e-6)
+        assert scan.lateral_pixel_m.value == pytest.approx(15e-6)
 
 
 def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
@@ -55,9 +55,8 @@ def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pictures_of(scan), INTENSITY[:1])
 
 
-@pytest.mark.parametrize(
-    ("header", "message"),
-    [
+def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+    for header, message in [
         (entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
         (entry(rows=10**7), "a frame may have"),
         (entry("data\\Spectral0.data"), "no processed intensity"),
@@ -71,11 +70,9 @@ def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
         ),
         ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
         ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
-    ],
-)
-def test_what_does_not_fit_is_refused(tmp_path: Path, header: str, message: str) -> None:
-    with pytest.raises(FrameError, match=message):
-        read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
+    ]:
+        with pytest.raises(FrameError, match=message):
+            read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
 
 
 def test_what_a_header_says_of_the_refractive_index_is_noted(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 from zlib import crc32
 
 import cv2
@@ -29,17 +28,17 @@ RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
 
 
-@pytest.mark.parametrize(("pixels", "top"), [(BYTES, 255), (RAMP, 65535)])
-def test_white_is_zero_is_turned_round(tmp_path: Path, pixels: np.ndarray, top: int) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", top - pixels, photometric="miniswhite")
-    np.testing.assert_array_equal(read_frame(tmp_path / "a.tif"), pixels)
+def test_white_is_zero_is_turned_round(tmp_path: Path) -> None:
+    for pixels, top in [(BYTES, 255), (RAMP, 65535)]:
+        tifffile.imwrite(tmp_path / "a.tif", top - pixels, photometric="miniswhite")
+        np.testing.assert_array_equal(read_frame(tmp_path / "a.tif"), pixels)
 
 
-@pytest.mark.parametrize("factor", [257, 256, 1])  # as the format says, and as programs write it
-def test_a_palette_gives_the_colours_that_it_stands_for(tmp_path: Path, factor: int) -> None:
-    colormap = np.tile(np.arange(255, -1, -1, dtype=np.uint16) * factor, (3, 1))
-    tifffile.imwrite(tmp_path / "a.tif", BYTES, photometric="palette", colormap=colormap)
-    np.testing.assert_array_equal(read_frame(tmp_path / "a.tif"), 255 - BYTES)
+def test_a_palette_gives_the_colours_that_it_stands_for(tmp_path: Path) -> None:
+    for factor in [257, 256, 1]:
+        colormap = np.tile(np.arange(255, -1, -1, dtype=np.uint16) * factor, (3, 1))
+        tifffile.imwrite(tmp_path / "a.tif", BYTES, photometric="palette", colormap=colormap)
+        np.testing.assert_array_equal(read_frame(tmp_path / "a.tif"), 255 - BYTES)
 
 
 def test_a_palette_of_a_png_gives_the_colours_that_it_stands_for(tmp_path: Path) -> None:
@@ -72,27 +71,22 @@ def test_a_compression_that_needs_a_package_is_no_damage(tmp_path: Path) -> None
 OME = {"axes": "YX", "PhysicalSizeX": 0.02, "PhysicalSizeXUnit": "mm", "PhysicalSizeY": 7.0}
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
+def test_a_scale_is_taken_from_the_tags(tmp_path: Path) -> None:
+    for options in [
         {"resolution": (1e4 / 20, 1e4 / 7), "resolutionunit": "CENTIMETER"},
         {"resolution": (25400 / 20, 25400 / 7), "resolutionunit": "INCH"},
         {"resolution": (1 / 20, 1 / 7), "imagej": True, "metadata": {"unit": "um"}},
         {"resolution": (1 / 20, 1 / 7), "imagej": True, "metadata": {"unit": "\\u00B5m", "spacing": 3.0}},
         {"resolution": (50.0, 1e3 / 7), "imagej": True, "metadata": {"unit": "mm"}},
         {"ome": True, "metadata": OME},
-    ],
-    ids=["centimetre", "inch", "ImageJ um", "ImageJ escaped", "ImageJ mm", "OME"],
-)
-def test_a_scale_is_taken_from_the_tags(tmp_path: Path, options: dict[str, Any]) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", RAMP, **options)
-    image = read_frame_image(tmp_path / "a.tif")
-    assert (image.lateral_pixel_m, image.depth_pixel_m) == pytest.approx((20e-6, 7e-6), rel=1e-4)
+    ]:
+        tifffile.imwrite(tmp_path / "a.tif", RAMP, **options)
+        image = read_frame_image(tmp_path / "a.tif")
+        assert (image.lateral_pixel_m, image.depth_pixel_m) == pytest.approx((20e-6, 7e-6), rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
+def test_dots_of_a_screen_or_printer_and_a_number_without_unit_are_no_scale(tmp_path: Path) -> None:
+    for options in [
         {},
         {"resolution": (100.0, 100.0), "resolutionunit": "NONE"},
         {"resolution": (1 / 20, 1 / 7), "imagej": True, "metadata": {"unit": "pixel"}},
@@ -100,14 +94,10 @@ def test_a_scale_is_taken_from_the_tags(tmp_path: Path, options: dict[str, Any])
         {"ome": True, "metadata": {"axes": "YX"}},
         *({"resolution": (dots, dots), "resolutionunit": "INCH"} for dots in (72, 96, 300, 1200)),
         {"resolution": (28.35, 28.35), "resolutionunit": "CENTIMETER"},
-    ],
-)
-def test_dots_of_a_screen_or_printer_and_a_number_without_unit_are_no_scale(
-    tmp_path: Path, options: dict[str, Any]
-) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", RAMP, **options)
-    image = read_frame_image(tmp_path / "a.tif")
-    assert (image.lateral_pixel_m, image.depth_pixel_m) == (None, None)
+    ]:
+        tifffile.imwrite(tmp_path / "a.tif", RAMP, **options)
+        image = read_frame_image(tmp_path / "a.tif")
+        assert (image.lateral_pixel_m, image.depth_pixel_m) == (None, None)
 
 
 def tiff(rows: int, columns: int, strip: bytes, compression: int = 8, **tags: int) -> bytes:
@@ -119,20 +109,16 @@ def tiff(rows: int, columns: int, strip: bytes, compression: int = 8, **tags: in
     return begin + strip + struct.pack("<H", len(values)) + entries + bytes(4)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
+    for content, message in [
         (tiff(60_000, 60_000, zlib.compress(bytes(100))), "60000 x 60000 pixels; a frame may have 64 million"),
         (tiff(64, 64, zlib.compress(bytes(100)), tag277=60_000), "with 60000 samples each; a frame may have"),
         (tiff(64, 64, zlib.compress(bytes(50_000_000))), "more is packed in it than"),
         (tiff(64, 64, bytes([129, 0]) * 400_000, compression=32773), "more is packed in it than"),
-    ],
-    ids=["header", "samples", "deflate", "PackBits"],
-)
-def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path, content: bytes, message: str) -> None:
-    tifffile.TiffFile(io.BytesIO(content)).close()  # what is wrong is not that it is no TIFF
-    with less_than(10e6), pytest.raises(FrameError, match=message):
-        read_tiff(tmp_path / "a.tif", content)
+    ]:
+        tifffile.TiffFile(io.BytesIO(content)).close()  # what is wrong is not that it is no TIFF
+        with less_than(10e6), pytest.raises(FrameError, match=message):
+            read_tiff(tmp_path / "a.tif", content)
 
 
 def test_what_a_test_packs_by_hand_is_read(tmp_path: Path) -> None:
@@ -161,17 +147,17 @@ def turned(path: Path, orientation: int, shown: np.ndarray, **options: object) -
     tifffile.imwrite(path, stored, photometric="minisblack", extratags=tag, metadata=None, **options)
 
 
-@pytest.mark.parametrize("orientation", STORED)
-def test_a_tiff_is_shown_as_its_orientation_says_with_its_scale(tmp_path: Path, orientation: int) -> None:
-    columns_um, rows_um = (15, 4) if orientation < 5 else (4, 15)  # of a pixel as stored
-    resolution = {"resolution": (1e4 / columns_um, 1e4 / rows_um), "resolutionunit": "CENTIMETER"}
-    turned(tmp_path / "a.tif", orientation, SMALL_RAMP, **resolution)
-    image = read_frame_image(tmp_path / "a.tif")
-    np.testing.assert_array_equal(image.pixels, SMALL_RAMP)
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6))
-    assert any(f"Orientation {orientation}" in note for note in image.notes) is (orientation != 1)
-    scan = read_tiff(tmp_path / "a.tif")
-    np.testing.assert_array_equal(pictures_of(scan)[0], SMALL_RAMP)
+def test_a_tiff_is_shown_as_its_orientation_says_with_its_scale(tmp_path: Path) -> None:
+    for orientation in STORED:
+        columns_um, rows_um = (15, 4) if orientation < 5 else (4, 15)  # of a pixel as stored
+        resolution = {"resolution": (1e4 / columns_um, 1e4 / rows_um), "resolutionunit": "CENTIMETER"}
+        turned(tmp_path / "a.tif", orientation, SMALL_RAMP, **resolution)
+        image = read_frame_image(tmp_path / "a.tif")
+        np.testing.assert_array_equal(image.pixels, SMALL_RAMP)
+        assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6))
+        assert any(f"Orientation {orientation}" in note for note in image.notes) is (orientation != 1)
+        scan = read_tiff(tmp_path / "a.tif")
+        np.testing.assert_array_equal(pictures_of(scan)[0], SMALL_RAMP)
 
 
 def test_all_pages_of_a_stack_are_turned(tmp_path: Path) -> None:
@@ -181,25 +167,25 @@ def test_all_pages_of_a_stack_are_turned(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pictures_of(read_tiff(tmp_path / "a.tif")), FRAMES)
 
 
-@pytest.mark.parametrize("several", [(1, 4), (9, 9)])
-def test_orientations_that_cannot_be_are_refused(tmp_path: Path, several: tuple[int, int]) -> None:
-    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
-        for orientation in several:
-            writer.write(SMALL_RAMP, metadata=None, extratags=[(274, 3, 1, orientation, True)])
-    with pytest.raises(FrameError, match=rf"Orientation {several[0]}"):
-        read_tiff(tmp_path / "a.tif")
+def test_orientations_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    for several in [(1, 4), (9, 9)]:
+        with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+            for orientation in several:
+                writer.write(SMALL_RAMP, metadata=None, extratags=[(274, 3, 1, orientation, True)])
+        with pytest.raises(FrameError, match=rf"Orientation {several[0]}"):
+            read_tiff(tmp_path / "a.tif")
 
 
-@pytest.mark.parametrize("kind", ["u1", "u2", "u4", "u8", "i1", "i2", "i4", "f4", "f8"])
-def test_white_is_zero_of_any_type_is_turned_round(tmp_path: Path, kind: str) -> None:
-    dark = (FRAMES % 100).astype(kind) - (50 if kind[0] in "if" else 0)
-    tifffile.imwrite(tmp_path / "a.tif", dark.astype(kind), photometric="miniswhite")
-    scan = read_tiff(tmp_path / "a.tif")
-    greys = find_greys(scan.pictures(), None, "a")
-    counts = np.stack([greys.counts(picture) for picture in scan.pictures()])
-    assert counts[dark == dark.min()].min() == counts.max()
-    assert counts[dark == dark.max()].max() == counts.min()
-    assert any("WhiteIsZero" in note for note in scan.notes)
+def test_white_is_zero_of_any_type_is_turned_round(tmp_path: Path) -> None:
+    for kind in ["u1", "u2", "u4", "u8", "i1", "i2", "i4", "f4", "f8"]:
+        dark = (FRAMES % 100).astype(kind) - (50 if kind[0] in "if" else 0)
+        tifffile.imwrite(tmp_path / "a.tif", dark.astype(kind), photometric="miniswhite")
+        scan = read_tiff(tmp_path / "a.tif")
+        greys = find_greys(scan.pictures(), None, "a")
+        counts = np.stack([greys.counts(picture) for picture in scan.pictures()])
+        assert counts[dark == dark.min()].min() == counts.max()
+        assert counts[dark == dark.max()].max() == counts.min()
+        assert any("WhiteIsZero" in note for note in scan.notes)
 
 
 def test_imagej_stacks_behind_one_page_are_turned_round_too(tmp_path: Path) -> None:
@@ -215,26 +201,22 @@ def test_imagej_stacks_behind_one_page_are_turned_round_too(tmp_path: Path) -> N
 
 
 # ImageJ reads the resolution in its own unit, whatever ResolutionUnit says, but for um beside centimetres.
-@pytest.mark.parametrize("resolution_unit", ["NONE", "INCH", "CENTIMETER"])
-@pytest.mark.parametrize(
-    ("unit", "in_mm"), [("mm", 1.0), ("\\u00B5m", 1e-3), ("\\u00b5m", 1e-3), ("\\u03BCm", 1e-3), ("micron", 1e-3)]
-)
-def test_imagejs_unit_takes_precedence_as_in_imagej(
-    tmp_path: Path, unit: str, in_mm: float, resolution_unit: str
-) -> None:
-    resolution = (in_mm / 0.015, in_mm / 0.004)
-    metadata = {"unit": unit}
-    tifffile.imwrite(
-        tmp_path / "a.tif",
-        SMALL_RAMP,
-        imagej=True,
-        resolution=resolution,
-        resolutionunit=resolution_unit,
-        metadata=metadata,
-    )
-    image = read_frame_image(tmp_path / "a.tif")
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6), rel=1e-4)
-    assert any("ResolutionUnit" in note for note in image.notes) is (resolution_unit != "NONE")
+def test_imagejs_unit_takes_precedence_as_in_imagej(tmp_path: Path) -> None:
+    for resolution_unit in ["NONE", "INCH", "CENTIMETER"]:
+        for unit, in_mm in [("mm", 1.0), ("\\u00B5m", 1e-3), ("\\u00b5m", 1e-3), ("\\u03BCm", 1e-3), ("micron", 1e-3)]:
+            resolution = (in_mm / 0.015, in_mm / 0.004)
+            metadata = {"unit": unit}
+            tifffile.imwrite(
+                tmp_path / "a.tif",
+                SMALL_RAMP,
+                imagej=True,
+                resolution=resolution,
+                resolutionunit=resolution_unit,
+                metadata=metadata,
+            )
+            image = read_frame_image(tmp_path / "a.tif")
+            assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6), rel=1e-4)
+            assert any("ResolutionUnit" in note for note in image.notes) is (resolution_unit != "NONE")
 
 
 def without_resolution_unit(path: Path) -> None:
@@ -277,31 +259,31 @@ def ome(unit: str, size_t: int = 5) -> bytes:
     ).encode()
 
 
-@pytest.mark.parametrize("unit", ["&#181;m", "&#xb5;m", "&#956;m", "µm", "\u03bcm", "um", "micrometer"])
-def test_omes_unit_is_read_however_xml_writes_it(tmp_path: Path, unit: str) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=ome(unit), metadata=None, photometric="minisblack")
-    scan = read_tiff(tmp_path / "a.tif")
-    assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
+def test_omes_unit_is_read_however_xml_writes_it(tmp_path: Path) -> None:
+    for unit in ["&#181;m", "&#xb5;m", "&#956;m", "µm", "\u03bcm", "um", "micrometer"]:
+        tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=ome(unit), metadata=None, photometric="minisblack")
+        scan = read_tiff(tmp_path / "a.tif")
+        assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
 
 
-@pytest.mark.parametrize("stated", [3, 6])
-def test_frames_that_ome_or_imagej_state_and_pages_must_agree(tmp_path: Path, stated: int) -> None:
-    options = {"metadata": None, "photometric": "minisblack"}
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=ome("um", stated), **options)
-    with pytest.raises(FrameError, match=f"OME-XML states {stated} frames, the file has 5 pages"):
-        read_tiff(tmp_path / "a.tif")
-    tifffile.imwrite(tmp_path / "b.tif", FRAMES, description=f"ImageJ=1.53t\nimages={stated}\n", **options)
-    with pytest.raises(FrameError, match=f"{stated}.* the file has 5"):
-        read_tiff(tmp_path / "b.tif")
+def test_frames_that_ome_or_imagej_state_and_pages_must_agree(tmp_path: Path) -> None:
+    for stated in [3, 6]:
+        options = {"metadata": None, "photometric": "minisblack"}
+        tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=ome("um", stated), **options)
+        with pytest.raises(FrameError, match=f"OME-XML states {stated} frames, the file has 5 pages"):
+            read_tiff(tmp_path / "a.tif")
+        tifffile.imwrite(tmp_path / "b.tif", FRAMES, description=f"ImageJ=1.53t\nimages={stated}\n", **options)
+        with pytest.raises(FrameError, match=f"{stated}.* the file has 5"):
+            read_tiff(tmp_path / "b.tif")
 
 
-@pytest.mark.parametrize("description", [ome("parsec"), b"ImageJ=1.53t\nunit=parsec\n"])
-def test_a_unit_that_is_not_known_is_named_and_gives_no_scale(tmp_path: Path, description: bytes) -> None:
-    options = {"metadata": None, "photometric": "minisblack", "resolution": (1 / 15, 1 / 4)}
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=description, resolutionunit="NONE", **options)
-    scan = read_tiff(tmp_path / "a.tif")
-    assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None)
-    assert any("parsec" in note for note in scan.notes)
+def test_a_unit_that_is_not_known_is_named_and_gives_no_scale(tmp_path: Path) -> None:
+    for description in [ome("parsec"), b"ImageJ=1.53t\nunit=parsec\n"]:
+        options = {"metadata": None, "photometric": "minisblack", "resolution": (1 / 15, 1 / 4)}
+        tifffile.imwrite(tmp_path / "a.tif", FRAMES, description=description, resolutionunit="NONE", **options)
+        scan = read_tiff(tmp_path / "a.tif")
+        assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None)
+        assert any("parsec" in note for note in scan.notes)
 
 
 def test_ome_and_resolution_tags_that_differ_are_refused_unless_options_give_the_scale(tmp_path: Path) -> None:
@@ -334,14 +316,14 @@ def test_a_resolution_without_a_unit_is_per_inch_and_that_is_said(tmp_path: Path
     assert any("no ResolutionUnit" in note for note in image.notes)
 
 
-@pytest.mark.parametrize("inner", [True, False])
-def test_smaller_copies_are_left_out_and_that_is_said(tmp_path: Path, inner: bool) -> None:
-    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
-        writer.write(SMALL_RAMP, subifds=1 if inner else None)
-        writer.write(SMALL_RAMP[::2, ::2], subfiletype=1)
-    image = read_frame_image(tmp_path / "a.tif")
-    np.testing.assert_array_equal(image.pixels, SMALL_RAMP)
-    assert any("smaller copies" in note for note in image.notes)
+def test_smaller_copies_are_left_out_and_that_is_said(tmp_path: Path) -> None:
+    for inner in [True, False]:
+        with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+            writer.write(SMALL_RAMP, subifds=1 if inner else None)
+            writer.write(SMALL_RAMP[::2, ::2], subfiletype=1)
+        image = read_frame_image(tmp_path / "a.tif")
+        np.testing.assert_array_equal(image.pixels, SMALL_RAMP)
+        assert any("smaller copies" in note for note in image.notes)
 
 
 def test_pages_that_are_marked_as_copies_but_no_smaller_are_frames(tmp_path: Path) -> None:
@@ -351,12 +333,12 @@ def test_pages_that_are_marked_as_copies_but_no_smaller_are_frames(tmp_path: Pat
     np.testing.assert_array_equal(pictures_of(read_tiff(tmp_path / "a.tif")), FRAMES)
 
 
-@pytest.mark.parametrize("samples", [2, 3, 4])
-def test_several_channels_that_are_no_colour_are_refused(tmp_path: Path, samples: int) -> None:
-    pixels = np.zeros((24, 40, samples), np.uint8)
-    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="minisblack", planarconfig="contig")
-    with pytest.raises(FrameError, match=f"SamplesPerPixel {samples}, PhotometricInterpretation MINISBLACK"):
-        read_frame_image(tmp_path / "a.tif")
+def test_several_channels_that_are_no_colour_are_refused(tmp_path: Path) -> None:
+    for samples in [2, 3, 4]:
+        pixels = np.zeros((24, 40, samples), np.uint8)
+        tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="minisblack", planarconfig="contig")
+        with pytest.raises(FrameError, match=f"SamplesPerPixel {samples}, PhotometricInterpretation MINISBLACK"):
+            read_frame_image(tmp_path / "a.tif")
 
 
 def test_differences_between_pixels_are_undone_and_those_of_floats_refused_by_name(tmp_path: Path) -> None:
@@ -393,18 +375,18 @@ def with_exif(picture: np.ndarray, ending: str, orientation: int, order: str) ->
     return data[:33] + len(held).to_bytes(4, "big") + chunk + crc32(chunk).to_bytes(4, "big") + data[33:]
 
 
-@pytest.mark.parametrize("ending", [".png", ".jpg"])
-@pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("orientation", STORED)
-def test_pictures_are_shown_as_their_exif_says(tmp_path: Path, ending: str, order: str, orientation: int) -> None:
-    shown = np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8)
-    path = tmp_path / f"a{ending}"
-    path.write_bytes(with_exif(STORED[orientation](shown), ending, orientation, order))
-    image = read_frame_image(path)
-    assert image.pixels.shape == shown.shape
-    assert np.abs(image.pixels.astype(int) - shown).max() <= 2
-    assert any("Orientation" in note for note in image.notes) is (orientation != 1)
-    assert read_picture(path).notes == image.notes
+def test_pictures_are_shown_as_their_exif_says(tmp_path: Path) -> None:
+    for ending in [".png", ".jpg"]:
+        for order in ["<", ">"]:
+            for orientation in STORED:
+                shown = np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8)
+                path = tmp_path / f"a{ending}"
+                path.write_bytes(with_exif(STORED[orientation](shown), ending, orientation, order))
+                image = read_frame_image(path)
+                assert image.pixels.shape == shown.shape
+                assert np.abs(image.pixels.astype(int) - shown).max() <= 2
+                assert any("Orientation" in note for note in image.notes) is (orientation != 1)
+                assert read_picture(path).notes == image.notes
 
 
 def test_an_orientation_that_does_not_exist_is_refused(tmp_path: Path) -> None:
@@ -463,14 +445,14 @@ def test_palettes_of_a_stack_give_their_colours(tmp_path: Path) -> None:
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "tissue-surface"
 
 
-@pytest.mark.parametrize("kind", ["u1", "u2", "f4", "i2", "u4"])
-def test_pages_of_any_type_come_back(tmp_path: Path, kind: str) -> None:
-    frames = (FRAMES % 100).astype(kind)
-    tifffile.imwrite(tmp_path / "a.tif", frames, photometric="minisblack")
-    scan = read_tiff(tmp_path / "a.tif")
-    np.testing.assert_array_equal(pictures_of(scan), frames)
-    assert scan.bits == (8 if kind == "u1" else None)
-    assert (scan.times, scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None, None)
+def test_pages_of_any_type_come_back(tmp_path: Path) -> None:
+    for kind in ["u1", "u2", "f4", "i2", "u4"]:
+        frames = (FRAMES % 100).astype(kind)
+        tifffile.imwrite(tmp_path / "a.tif", frames, photometric="minisblack")
+        scan = read_tiff(tmp_path / "a.tif")
+        np.testing.assert_array_equal(pictures_of(scan), frames)
+        assert scan.bits == (8 if kind == "u1" else None)
+        assert (scan.times, scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None, None)
 
 
 def test_one_page_is_one_frame(tmp_path: Path) -> None:
@@ -579,17 +561,17 @@ def test_stacks_of_two_axes_beside_the_picture_are_refused(tmp_path: Path) -> No
         read_tiff(tmp_path / "a.tif")
 
 
-@pytest.mark.parametrize("kind", ["plain", "bigtiff", "imagej", "compressed"])
-def test_a_stack_that_was_cut_off_is_no_shorter_stack(tmp_path: Path, kind: str) -> None:
-    options = {"bigtiff": {"bigtiff": True}, "imagej": {"imagej": True}, "compressed": {"compression": "zlib"}}
-    written = tmp_path / "whole.tif"
-    tifffile.imwrite(written, FRAMES, photometric="minisblack", **options.get(kind, {}))
-    data = written.read_bytes()
-    np.testing.assert_array_equal(pictures_of(read_tiff(written)), FRAMES)
-    for share in np.linspace(0.05, 0.99, 12):
-        (tmp_path / "a.tif").write_bytes(data[: int(share * len(data))])
-        with pytest.raises(FrameError, match=r"a\.tif: damaged"):
-            pictures_of(read_tiff(tmp_path / "a.tif"))
+def test_a_stack_that_was_cut_off_is_no_shorter_stack(tmp_path: Path) -> None:
+    for kind in ["plain", "bigtiff", "imagej", "compressed"]:
+        options = {"bigtiff": {"bigtiff": True}, "imagej": {"imagej": True}, "compressed": {"compression": "zlib"}}
+        written = tmp_path / "whole.tif"
+        tifffile.imwrite(written, FRAMES, photometric="minisblack", **options.get(kind, {}))
+        data = written.read_bytes()
+        np.testing.assert_array_equal(pictures_of(read_tiff(written)), FRAMES)
+        for share in np.linspace(0.05, 0.99, 12):
+            (tmp_path / "a.tif").write_bytes(data[: int(share * len(data))])
+            with pytest.raises(FrameError, match=r"a\.tif: damaged"):
+                pictures_of(read_tiff(tmp_path / "a.tif"))
 
 
 def test_pages_that_were_written_one_by_one_are_a_stack_and_cut_off_between_two_they_are_damaged(

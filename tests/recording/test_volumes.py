@@ -31,13 +31,13 @@ def nifti(
     return path
 
 
-@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
-def test_a_nifti_volume_comes_back_with_its_spacing(tmp_path: Path, name: str) -> None:
-    scan = read_nifti(nifti(tmp_path / name), IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert scan.lateral_pixel_m.value == pytest.approx(15e-6)
-    assert scan.depth_pixel_m.value == pytest.approx(4e-6)
-    assert scan.times is None
+def test_a_nifti_volume_comes_back_with_its_spacing(tmp_path: Path) -> None:
+    for name in ["a.nii", "a.nii.gz"]:
+        scan = read_nifti(nifti(tmp_path / name), IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert scan.lateral_pixel_m.value == pytest.approx(15e-6)
+        assert scan.depth_pixel_m.value == pytest.approx(4e-6)
+        assert scan.times is None
 
 
 def test_a_nifti_in_micrometres_with_a_time_axis(tmp_path: Path) -> None:
@@ -48,10 +48,10 @@ def test_a_nifti_in_micrometres_with_a_time_axis(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.times.time_s, 0.25 * np.arange(COUNT))
 
 
-@pytest.mark.parametrize(("steps", "unit"), [((1.0, 1.0, 1.0), "mm"), ((0.015, 0.004, 0.1), "unknown")])
-def test_a_spacing_that_nobody_stated_stays_open(tmp_path: Path, steps: tuple[float, ...], unit: str) -> None:
-    scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit), IJK)
-    assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
+def test_a_spacing_that_nobody_stated_stays_open(tmp_path: Path) -> None:
+    for steps, unit in [((1.0, 1.0, 1.0), "mm"), ((0.015, 0.004, 0.1), "unknown")]:
+        scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit), IJK)
+        assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
 
 
 def test_a_step_of_time_is_no_scale(tmp_path: Path) -> None:
@@ -67,14 +67,16 @@ def test_scaled_values_of_a_nifti_are_floats_with_their_slope(tmp_path: Path) ->
     np.testing.assert_allclose(pictures_of(read_nifti(tmp_path / "a.nii", IJK)), FRAMES * 0.5 - 3.0, atol=0.02)
 
 
-@pytest.mark.parametrize("read", [read_nifti, read_metaimage, read_nrrd])
-def test_axes_that_no_file_names_are_asked_for(tmp_path: Path, read) -> None:
-    nifti(tmp_path / "a.nii")
-    metaimageio.write(tmp_path / "a.mha", FRAMES)
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME)
-    ending = {read_nifti: "nii", read_metaimage: "mha", read_nrrd: "nrrd"}[read]
-    with pytest.raises(UnansweredError, match=r"an array of 40 x 24 x 5: which axis is .* in the order.*; give --axes"):
-        read(tmp_path / f"a.{ending}", None)
+def test_axes_that_no_file_names_are_asked_for(tmp_path: Path) -> None:
+    for read in [read_nifti, read_metaimage, read_nrrd]:
+        nifti(tmp_path / "a.nii")
+        metaimageio.write(tmp_path / "a.mha", FRAMES)
+        nrrd.write(str(tmp_path / "a.nrrd"), VOLUME)
+        ending = {read_nifti: "nii", read_metaimage: "mha", read_nrrd: "nrrd"}[read]
+        with pytest.raises(
+            UnansweredError, match=r"an array of 40 x 24 x 5: which axis is .* in the order.*; give --axes"
+        ):
+            read(tmp_path / f"a.{ending}", None)
 
 
 def test_an_nrrd_whose_pixels_lie_beside_it(tmp_path: Path) -> None:
@@ -82,16 +84,16 @@ def test_an_nrrd_whose_pixels_lie_beside_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
 
 
-@pytest.mark.parametrize("place", ["/etc/passwd", "../b.raw"])
-def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path, place: str) -> None:
-    mha = f"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_UCHAR\nElementDataFile = {place}\n"
-    (tmp_path / "a.mhd").write_text(mha)
-    (tmp_path / "a.nhdr").write_text(
-        f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 24 5\nencoding: raw\ndata file: {place}\n"
-    )
-    for read, name in ((read_metaimage, "a.mhd"), (read_nrrd, "a.nhdr")):
-        with pytest.raises(FrameError, match=f"{name}: its pixels are said to be in '{place}'"):
-            read(tmp_path / name, IJK)
+def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
+    for place in ["/etc/passwd", "../b.raw"]:
+        mha = f"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_UCHAR\nElementDataFile = {place}\n"
+        (tmp_path / "a.mhd").write_text(mha)
+        (tmp_path / "a.nhdr").write_text(
+            f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 24 5\nencoding: raw\ndata file: {place}\n"
+        )
+        for read, name in ((read_metaimage, "a.mhd"), (read_nrrd, "a.nhdr")):
+            with pytest.raises(FrameError, match=f"{name}: its pixels are said to be in '{place}'"):
+                read(tmp_path / name, IJK)
 
 
 def test_an_nrrd_with_labels_needs_no_names(tmp_path: Path) -> None:
@@ -131,22 +133,17 @@ def test_an_sform_that_contradicts_pixdim_is_refused_with_both(tmp_path: Path) -
         read_nifti(path, IJK)
 
 
-@pytest.mark.parametrize(
-    ("sform", "pixdim", "code", "source", "notes"),
-    [
+def test_an_sform_without_code_or_of_ones_states_no_spacing(tmp_path: Path) -> None:
+    for sform, pixdim, code, source, notes in [
         ((-0.015, -0.004, 0.1), (0.015, 0.004, 0.1), 1, "NIfTI's pixdim", 0),
         ((0.015, 0.004, 0.1), (1.0, 1.0, 1.0), 2, "NIfTI's sform", 1),
         ((1.0, 1.0, 1.0), (0.015, 0.004, 0.1), 2, "NIfTI's pixdim", 1),
         ((9.0, 9.0, 9.0), (0.015, 0.004, 0.1), 0, "NIfTI's pixdim", 0),
-    ],
-)
-def test_an_sform_without_code_or_of_ones_states_no_spacing(
-    tmp_path: Path, sform, pixdim, code: int, source: str, notes: int
-) -> None:
-    scan = read_nifti(with_sform(tmp_path / "a.nii", sform, pixdim, code), IJK)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-    assert scan.depth_pixel_m.source == source
-    assert len(scan.notes) == notes
+    ]:
+        scan = read_nifti(with_sform(tmp_path / "a.nii", sform, pixdim, code), IJK)
+        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+        assert scan.depth_pixel_m.source == source
+        assert len(scan.notes) == notes
 
 
 def test_a_unit_that_nifti_does_not_have_is_refused_by_name(tmp_path: Path) -> None:
@@ -157,32 +154,32 @@ def test_a_unit_that_nifti_does_not_have_is_refused_by_name(tmp_path: Path) -> N
         read_nifti(tmp_path / "a.nii", IJK)
 
 
-@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
-def test_slices_behind_those_that_dim_states_are_refused(tmp_path: Path, name: str) -> None:
-    image = nibabel.load(nifti(tmp_path / "whole.nii"))
-    data = bytearray(Path(image.get_filename()).read_bytes())
-    data[46:48] = (COUNT - 1).to_bytes(2, "little")  # dim[3]
-    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
-    with pytest.raises(FrameError, match=r"dim states 40 x 24 x 4 pixels, and more follow"):
-        read_nifti(tmp_path / name, IJK)
+def test_slices_behind_those_that_dim_states_are_refused(tmp_path: Path) -> None:
+    for name in ["a.nii", "a.nii.gz"]:
+        image = nibabel.load(nifti(tmp_path / "whole.nii"))
+        data = bytearray(Path(image.get_filename()).read_bytes())
+        data[46:48] = (COUNT - 1).to_bytes(2, "little")  # dim[3]
+        (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
+        with pytest.raises(FrameError, match=r"dim states 40 x 24 x 4 pixels, and more follow"):
+            read_nifti(tmp_path / name, IJK)
 
 
-@pytest.mark.parametrize(("slope", "intercept"), [(-0.5, 10.0), (2.0, 0.0), (0.0, 7.0), (np.nan, 0.0)])
-def test_the_slope_of_a_nifti_is_honoured(tmp_path: Path, slope: float, intercept: float) -> None:
-    data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
-    data[112:120] = np.array([slope, intercept], "<f4").tobytes()
-    (tmp_path / "a.nii").write_bytes(data)
-    scan = read_nifti(tmp_path / "a.nii", IJK)
-    scaled = np.isfinite(slope) and slope != 0.0
-    np.testing.assert_allclose(pictures_of(scan), FRAMES * slope + intercept if scaled else FRAMES)
-    assert any("scl_slope" in note for note in scan.notes) == scaled
+def test_the_slope_of_a_nifti_is_honoured(tmp_path: Path) -> None:
+    for slope, intercept in [(-0.5, 10.0), (2.0, 0.0), (0.0, 7.0), (np.nan, 0.0)]:
+        data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
+        data[112:120] = np.array([slope, intercept], "<f4").tobytes()
+        (tmp_path / "a.nii").write_bytes(data)
+        scan = read_nifti(tmp_path / "a.nii", IJK)
+        scaled = np.isfinite(slope) and slope != 0.0
+        np.testing.assert_allclose(pictures_of(scan), FRAMES * slope + intercept if scaled else FRAMES)
+        assert any("scl_slope" in note for note in scan.notes) == scaled
 
 
-@pytest.mark.parametrize("kind", [[("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64])
-def test_colour_and_complex_numbers_are_refused(tmp_path: Path, kind) -> None:
-    nibabel.save(nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)), tmp_path / "a.nii")
-    with pytest.raises(FrameError, match=r"a\.nii: pixels of type .*give whole numbers or floats"):
-        read_nifti(tmp_path / "a.nii", None)
+def test_colour_and_complex_numbers_are_refused(tmp_path: Path) -> None:
+    for kind in [[("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64]:
+        nibabel.save(nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)), tmp_path / "a.nii")
+        with pytest.raises(FrameError, match=r"a\.nii: pixels of type .*give whole numbers or floats"):
+            read_nifti(tmp_path / "a.nii", None)
 
 
 def test_a_sequence_of_plus_in_an_nrrd_is_read_alike(tmp_path: Path) -> None:
@@ -224,10 +221,10 @@ def test_space_units_of_an_nrrd_are_those_of_each_direction(tmp_path: Path) -> N
         read_nrrd(nhdr(tmp_path / "b.nrrd", *space, directions.replace("(0,0.015,0)", "(1,0.015,0)")), IJK)
 
 
-@pytest.mark.parametrize("maxs", ["0.6 0.096 5", "0.585 0.092 4", "0.6 nan nan"])
-def test_ends_of_axes_go_with_spacings_between_samples_or_edges(tmp_path: Path, maxs: str) -> None:
-    lines = ["spacings: 0.015 0.004 1", 'units: "mm" "mm" "mm"', "axis mins: 0 0 0", f"axis maxs: {maxs}"]
-    assert read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK).depth_pixel_m.value == pytest.approx(4e-6)
+def test_ends_of_axes_go_with_spacings_between_samples_or_edges(tmp_path: Path) -> None:
+    for maxs in ["0.6 0.096 5", "0.585 0.092 4", "0.6 nan nan"]:
+        lines = ["spacings: 0.015 0.004 1", 'units: "mm" "mm" "mm"', "axis mins: 0 0 0", f"axis maxs: {maxs}"]
+        assert read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK).depth_pixel_m.value == pytest.approx(4e-6)
 
 
 def test_directions_without_a_unit_are_in_mm_in_an_anatomical_space_alone(tmp_path: Path) -> None:
@@ -239,9 +236,8 @@ def test_directions_without_a_unit_are_in_mm_in_an_anatomical_space_alone(tmp_pa
         assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
 
 
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
+def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path) -> None:
+    for lines, message in [
         (
             ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)", "spacings: 0.015 0.008 1"),
             "axis 2: spacings states 0.008, and space directions 0.004",
@@ -262,44 +258,43 @@ def test_directions_without_a_unit_are_in_mm_in_an_anatomical_space_alone(tmp_pa
         (("encoding: hex",), "hex"),
         (("sizes: 40 24 4",), "Size of the data"),
         (("type: block", "block size: 2"), "type: block"),
-    ],
-)
-def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path, lines, message: str) -> None:
-    with pytest.raises(FrameError, match=message):
-        read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
+    ]:
+        with pytest.raises(FrameError, match=message):
+            read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
 
 
-@pytest.mark.parametrize("skip", ["byte skip: 12", "byte skip: -1", "line skip: 2"])
-@pytest.mark.parametrize("big", [False, True])
-def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(tmp_path: Path, skip: str, big: bool) -> None:
-    pixels = BIG if big else FRAMES.tobytes()
-    endian = f"endian: {'big' if big else 'little'}"
-    nhdr(tmp_path / "a.nhdr", "data file: a.raw", skip, endian, pixels=b"")
-    (tmp_path / "a.raw").write_bytes(b"two..\nlines\n" + pixels if skip.startswith("l") else b"x" * 12 + pixels)
-    np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
+def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(tmp_path: Path) -> None:
+    for skip in ["byte skip: 12", "byte skip: -1", "line skip: 2"]:
+        for big in [False, True]:
+            pixels = BIG if big else FRAMES.tobytes()
+            endian = f"endian: {'big' if big else 'little'}"
+            nhdr(tmp_path / "a.nhdr", "data file: a.raw", skip, endian, pixels=b"")
+            (tmp_path / "a.raw").write_bytes(b"two..\nlines\n" + pixels if skip.startswith("l") else b"x" * 12 + pixels)
+            np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
 
 
-@pytest.mark.parametrize("kind", ["nrrd", "mha"])
-def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(tmp_path: Path, kind: str) -> None:
-    packed = zlib.compress(bytes(2**28), 9)
-    headers = {
-        "nrrd": b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 24 5\nendian: little\nencoding: gzip\n\n",
-        "mha": b"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\nCompressedData = True\n"
-        b"CompressedDataSize = %d\nElementDataFile = LOCAL\n" % len(packed),
-    }
-    (tmp_path / f"a.{kind}").write_bytes(headers[kind] + packed)
-    with less_than(2**27), pytest.raises(FrameError, match="more is packed in it"):
-        (read_nrrd if kind == "nrrd" else read_metaimage)(tmp_path / f"a.{kind}", IJK)
+def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(tmp_path: Path) -> None:
+    for kind in ["nrrd", "mha"]:
+        packed = zlib.compress(bytes(2**28), 9)
+        headers = {
+            "nrrd": b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 24 5\nendian: little\nencoding: gzip\n\n",
+            "mha": b"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\n"
+            b"CompressedData = True\n"
+            b"CompressedDataSize = %d\nElementDataFile = LOCAL\n" % len(packed),
+        }
+        (tmp_path / f"a.{kind}").write_bytes(headers[kind] + packed)
+        with less_than(2**27), pytest.raises(FrameError, match="more is packed in it"):
+            (read_nrrd if kind == "nrrd" else read_metaimage)(tmp_path / f"a.{kind}", IJK)
 
 
-@pytest.mark.parametrize(("read", "name"), [(read_nifti, "a.nii"), (read_metaimage, "a.mha"), (read_nrrd, "a.nrrd")])
-def test_a_damaged_file_is_named(tmp_path: Path, read, name: str) -> None:
-    nifti(tmp_path / "a.nii")
-    metaimageio.write(tmp_path / "a.mha", FRAMES)
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, {"encoding": "raw"})
-    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-100])
-    with pytest.raises(FrameError, match=f"{name}: damaged"):
-        pictures_of(read(tmp_path / name, IJK))
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    for read, name in [(read_nifti, "a.nii"), (read_metaimage, "a.mha"), (read_nrrd, "a.nrrd")]:
+        nifti(tmp_path / "a.nii")
+        metaimageio.write(tmp_path / "a.mha", FRAMES)
+        nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, {"encoding": "raw"})
+        (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-100])
+        with pytest.raises(FrameError, match=f"{name}: damaged"):
+            pictures_of(read(tmp_path / name, IJK))
 
 
 def test_a_package_that_is_missing_is_named_with_the_way_to_get_it(
@@ -310,13 +305,13 @@ def test_a_package_that_is_missing_is_named_with_the_way_to_get_it(
         read_nifti(nifti(tmp_path / "a.nii"), IJK)
 
 
-@pytest.mark.parametrize("packed", [False, True])
-def test_a_metaimage_comes_back_with_its_spacing(tmp_path: Path, packed: bool) -> None:
-    metaimageio = pytest.importorskip("metaimageio")
-    metaimageio.write(tmp_path / "a.mha", FRAMES, ElementSpacing=[0.015, 0.004, 0.1], CompressedData=packed)
-    scan = read_metaimage(tmp_path / "a.mha", IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+def test_a_metaimage_comes_back_with_its_spacing(tmp_path: Path) -> None:
+    for packed in [False, True]:
+        metaimageio = pytest.importorskip("metaimageio")
+        metaimageio.write(tmp_path / "a.mha", FRAMES, ElementSpacing=[0.015, 0.004, 0.1], CompressedData=packed)
+        scan = read_metaimage(tmp_path / "a.mha", IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
 
 
 def test_a_metaimage_by_the_letter_of_its_specification(tmp_path: Path) -> None:
@@ -355,9 +350,8 @@ def mha(path: Path, pixels: bytes | None = None, **fields: object) -> Path:
 TEXT = " ".join(map(str, FRAMES.ravel().tolist())).encode()
 
 
-@pytest.mark.parametrize(
-    ("pixels", "fields"),
-    [
+def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path) -> None:
+    for pixels, fields in [
         (None, {}),
         (None, {"BinaryData": None}),
         (None, {"BinaryData": "T"}),
@@ -370,18 +364,15 @@ TEXT = " ".join(map(str, FRAMES.ravel().tolist())).encode()
         (FRAMES.astype("<i4").tobytes(), {"ElementType": "MET_LONG"}),
         (FRAMES.astype("<u8").tobytes(), {"ElementType": "MET_ULONG_LONG"}),
         (zlib.compress(BIG), {"CompressedData": "True", "BinaryDataByteOrderMSB": "True"}),
-    ],
-)
-def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path, pixels: bytes | None, fields: dict) -> None:
-    scan = read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-    assert scan.notes == ()
+    ]:
+        scan = read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+        assert scan.notes == ()
 
 
-@pytest.mark.parametrize(
-    ("pixels", "fields", "message"),
-    [
+def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(tmp_path: Path) -> None:
+    for pixels, fields, message in [
         (b"x" + FRAMES.tobytes(), {"ElementDataFile": "a.raw"}, r"a\.raw: damaged: 9601 bytes .* take 9600"),
         (None, {"DimSize": "40 24 4"}, "9600 bytes of pixels; DimSize = 40 24 4 .* take 7680"),
         (None, {"DimSize": "40 24"}, "NDims = 3, and DimSize has 2 numbers"),
@@ -403,32 +394,23 @@ def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path, pixels:
         (TEXT.replace(b" 77 ", b" 7.5 "), {"BinaryData": "False"}, "pixel 77 is 7.5"),
         (None, {"UltrasoundImageOrientation": "MN"}, "UltrasoundImageOrientation = MN"),
         (None, {"UltrasoundImageOrientation": "FM"}, "UltrasoundImageOrientation = FM: depth is axis 1"),
-    ],
-)
-def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(
-    tmp_path: Path, pixels: bytes | None, fields: dict, message: str
-) -> None:
-    with pytest.raises(FrameError, match=message):
-        read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
+    ]:
+        with pytest.raises(FrameError, match=message):
+            read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
 
 
-@pytest.mark.parametrize(
-    ("fields", "depth_m", "notes"),
-    [
+def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) -> None:
+    for fields, depth_m, notes in [
         ({"ElementSpacing": None}, None, 0),
         ({"ElementSpacing": "1 1 1"}, None, 0),
         ({"ElementSpacing": None, "ElementSize": "0.015 0.004 0.1"}, 4e-6, 0),
         ({"ElementSize": "0.015 0.008 0.1"}, 4e-6, 1),
         ({"BinaryDataByteOrderMSB": None}, 4e-6, 1),
         ({"UltrasoundImageOrientation": "UNKNOWN"}, 4e-6, 1),
-    ],
-)
-def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(
-    tmp_path: Path, fields: dict, depth_m: float | None, notes: int
-) -> None:
-    scan = read_metaimage(mha(tmp_path / "a.mha", **fields), IJK)
-    assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
-    assert len(scan.notes) == notes
+    ]:
+        scan = read_metaimage(mha(tmp_path / "a.mha", **fields), IJK)
+        assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
+        assert len(scan.notes) == notes
 
 
 def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(tmp_path: Path) -> None:

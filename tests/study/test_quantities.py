@@ -34,9 +34,8 @@ polar_angle_rad = {polar_angle_rad}
 STATED = {"thickness_m": 650e-6, "iop_pa": 266.0, "width_m": 15e-3, "slice_gap_m": 5e-4, "polar_angle_rad": 0.6}
 
 
-@pytest.mark.parametrize(
-    ("key", "number", "hint"),
-    [
+def test_a_slip_of_the_unit_is_named() -> None:
+    for key, number, hint in [
         ("thickness_um", 0.65, "650 µm (0.65 mm)"),
         ("thickness_m", 650.0, "0.00065 m (650 µm)"),
         ("thickness_m", 0.65, "0.00065 m (0.65 mm)"),
@@ -50,30 +49,28 @@ STATED = {"thickness_m": 650e-6, "iop_pa": 266.0, "width_m": 15e-3, "slice_gap_m
         ("force_n", 20.0, "0.02 N (20 mN)"),
         ("force_mn", 20_000.0, "20 mN (20000 µN)"),
         ("polar_angle_rad", 35.0, "0.6109 rad (35 °)"),
-    ],
-)
-def test_a_slip_of_the_unit_is_named(key: str, number: float, hint: str) -> None:
-    with pytest.raises(StudyError) as fault:
-        check_quantity(key, number)
-    assert str(fault.value).startswith(f"{key}: {number:g} is ")
-    assert f"did you mean {hint}?" in str(fault.value)
+    ]:
+        with pytest.raises(StudyError) as fault:
+            check_quantity(key, number)
+        assert str(fault.value).startswith(f"{key}: {number:g} is ")
+        assert f"did you mean {hint}?" in str(fault.value)
 
 
-@pytest.mark.parametrize("number", [float("nan"), float("inf"), -1.0, 1e9])
-def test_a_number_without_a_likely_unit_is_refused_without_a_guess(number: float) -> None:
-    with pytest.raises(StudyError) as fault:
-        check_quantity("rigidity_mmhg13_per_ul", number)
-    assert "did you mean" not in str(fault.value)
+def test_a_number_without_a_likely_unit_is_refused_without_a_guess() -> None:
+    for number in [float("nan"), float("inf"), -1.0, 1e9]:
+        with pytest.raises(StudyError) as fault:
+            check_quantity("rigidity_mmhg13_per_ul", number)
+        assert "did you mean" not in str(fault.value)
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
-def test_bounds_are_the_same_in_both_units(name: str) -> None:
-    spec = QUANTITIES[name]
-    human, si = allowed(f"{name}_{spec.name}"), allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}")
-    assert (human.low, human.high) == (spec.low, spec.high)
-    assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx((spec.low, spec.high))
-    for number in (spec.low, spec.high):
-        check_quantity(f"{name}_{spec.name}", number)
+def test_bounds_are_the_same_in_both_units() -> None:
+    for name in QUANTITIES:
+        spec = QUANTITIES[name]
+        human, si = allowed(f"{name}_{spec.name}"), allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}")
+        assert (human.low, human.high) == (spec.low, spec.high)
+        assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx((spec.low, spec.high))
+        for number in (spec.low, spec.high):
+            check_quantity(f"{name}_{spec.name}", number)
 
 
 def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
@@ -96,9 +93,8 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
     assert checked == stated
 
 
-@pytest.mark.parametrize(
-    ("arguments", "hint"),
-    [
+def test_commands_refuse_what_cannot_be(tmp_path, monkeypatch, capsys) -> None:
+    for arguments, hint in [
         (("read", "default", "no.png", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
         (("read", "default", "no.png", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
         (("read", "default", "no.png", "--iop-mmhg", "2000"), "15 mmHg (2000 Pa)"),
@@ -109,34 +105,29 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
         (("phantom", "--out", "no", "--forces-mn", "2,20000"), "20 mN (20000 µN)"),
         (("phantom", "--out", "no", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
         (("import", "no", "--out", "no", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
-    ],
-)
-def test_commands_refuse_what_cannot_be(arguments: tuple[str, ...], hint: str, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run([*arguments]) == 2
-    assert f"did you mean {hint}?" in " ".join(capsys.readouterr().err.split())
-    assert not any(tmp_path.iterdir())
+    ]:
+        monkeypatch.chdir(tmp_path)
+        assert run([*arguments]) == 2
+        assert f"did you mean {hint}?" in " ".join(capsys.readouterr().err.split())
+        assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "hint"),
-    [
+def test_a_recording_states_what_can_be(tmp_path: Path) -> None:
+    for key, value, hint in [
         ("thickness_m", 650, "650 µm"),
         ("iop_pa", 2e5, "200000 "),
         ("width_m", 15, "15 mm"),
         ("slice_gap_m", 0.5, "0.5 mm"),
         ("polar_angle_rad", 35, "35 °"),
-    ],
-)
-def test_a_recording_states_what_can_be(tmp_path: Path, key: str, value: float, hint: str) -> None:
-    path = tmp_path / "recording.toml"
-    path.write_text(INFO.format(**STATED))
-    assert read_info(path).eye.thickness_m == 650e-6
-    path.write_text(INFO.format(**{**STATED, key: value}))
-    with pytest.raises(RecordingError) as fault:
-        read_info(path)
-    assert f"{key}: {value:g} is above" in str(fault.value)
-    assert hint in str(fault.value)
+    ]:
+        path = tmp_path / "recording.toml"
+        path.write_text(INFO.format(**STATED))
+        assert read_info(path).eye.thickness_m == 650e-6
+        path.write_text(INFO.format(**{**STATED, key: value}))
+        with pytest.raises(RecordingError) as fault:
+            read_info(path)
+        assert f"{key}: {value:g} is above" in str(fault.value)
+        assert hint in str(fault.value)
 
 
 def test_a_calibration_states_what_can_be(tmp_path: Path) -> None:

@@ -98,16 +98,13 @@ def test_one_line_names_all_keys_and_other_mechanics_only_where_it_uses_them() -
         refuse_unused(CHANGED["eye.density_kg_m3"], "generate", "finite-strain")
 
 
-@pytest.mark.parametrize(
-    ("study", "message"),
-    [
+def test_a_key_that_another_one_switches_off_is_refused() -> None:
+    for study, message in [
         (Study(supports=SupportsStudy(bed_stiffness_pa_per_m=1e6)), r"bed_stiffness_kpa_per_mm: has no effect"),
         (Study(supports=SupportsStudy(kind="straps", bed_shear_stiffness_pa_per_m=1e5)), r'"straps"; .* give "bed" or'),
         (Study(supports=SupportsStudy(kind="bed", strap_stiffness_n_per_m=9.0)), r'strap_stiffness_n.*kind = "bed"'),
         (Study(supports=SupportsStudy(medial_azimuth_rad=1.0)), r'medial_azimuth_deg: has no .*kind = "clamped"'),
         (Study(needle=NeedleStudy(tilt_direction_rad=1.0)), r"tilt_direction_deg: has no effect with needle\.tilt"),
-    ],
-)  # fmt: skip
-def test_a_key_that_another_one_switches_off_is_refused(study: Study, message: str) -> None:
-    with pytest.raises(StudyError, match=message):
-        refuse_unused(study, "simulate", "finite-strain")
+    ]:
+        with pytest.raises(StudyError, match=message):
+            refuse_unused(study, "simulate", "finite-strain")
