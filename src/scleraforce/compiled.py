@@ -82,7 +82,6 @@ def _untyped(module: str) -> Any:
 
 @cache
 def _code_cache(module: str) -> Path:
-    """Return the folder for the machine code of a module."""
     from platformdirs import user_cache_path  # imported here: what compiles nothing need not wait for it
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))

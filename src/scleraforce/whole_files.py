@@ -85,7 +85,8 @@ def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise kind.error(f"{path}: {_noun(found.st_mode)}; give a regular file")
     if found.st_size > kind.max_bytes:
-        raise kind.error(f"{path}: {_too_large(kind)}")
+        limit = f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
+        raise kind.error(f"{path}: {limit}")
 
 
 def read_text(path: Path, kind: FileKind) -> str:
@@ -104,10 +105,6 @@ def _decode(path: Path, data: bytes, encoding: str, kind: FileKind) -> str:
         line = data[: fault.start].count(b"\n") + 1
         byte = f"byte 0x{data[fault.start]:02x}"
         raise kind.error(f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8") from fault
-
-
-def _too_large(kind: FileKind) -> str:
-    return f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
 
 
 def _noun(mode: int) -> str:

@@ -268,7 +268,6 @@ def _check_one_clock(place: str, stamps_ns: NDArray[np.int64], late_ms: NDArray[
 
 
 def _check_publishers(place: str, publisher: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
-    """Check that the publishers of a topic are on one clock."""
     typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
         listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())

@@ -40,12 +40,10 @@ TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 
 
 def _grey_kind(dataset: "pydicom.Dataset") -> str:
-    """Return the photometric interpretation of a data set, "" where it has none."""
     return str(dataset.get("PhotometricInterpretation", "")).strip()
 
 
 def _cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
-    """Return BitsAllocated, BitsStored and HighBit."""
     stored = int(dataset.BitsStored)
     high = dataset.get("HighBit", None)
     return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
@@ -247,7 +245,6 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
 
 
 def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
-    """Check the stated properties of a data set's images, and that no compressed image is larger."""
     floats = [name for name in FLOATS if name in dataset]
     if floats:
         raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
@@ -303,7 +300,6 @@ def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> No
 
 
 def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
-    """Check that a compressed image is what the header says."""
     from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
 
     syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
@@ -420,7 +416,6 @@ def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
 
 
 def _several(value: Any) -> Sequence[Any]:
-    """Return the values of a field: none, one or several."""
     return (
         [] if value is None else list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
     )

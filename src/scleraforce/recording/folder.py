@@ -296,7 +296,7 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     if info is not None:
         check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
     file = Scanner(width_m=lateral_m and lateral_m * columns, depth_m=depth_m and depth_m * rows)
-    stated = ((given, "option"), (_scanner(info), "recording.toml"), (file, "file"), assumed)
+    stated = ((given, "option"), (info.oct if info else Scanner(), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
         for name in ("width_m", "depth_m", "refractive_index")
@@ -315,11 +315,3 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
             raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give {option}") from None
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
     return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes)
-
-
-def _scanner(info: RecordingInfo | None) -> Scanner:
-    return (
-        Scanner(width_m=info.oct.width_m, depth_m=info.oct.depth_m, refractive_index=info.oct.refractive_index)
-        if info
-        else Scanner()
-    )

@@ -102,7 +102,6 @@ def _faulty_samples(
 
 
 def _code(text: str, in_hex: bool) -> int | float | str:
-    """Return a flag's number, or its word in lower case."""
     try:
         if in_hex or text.lower().startswith("0x"):
             return int(text, 16)
@@ -391,7 +390,6 @@ def _range_n(text: Table) -> float | None:
 
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
-    """Return the columns of the sensor's status."""
     stated = {column.name: column for column in given if column.ours == STATUS}
     missing = next((name for name in stated if name not in text.names), None)
     if missing is not None:

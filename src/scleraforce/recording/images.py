@@ -70,7 +70,6 @@ def read_picture(path: Path) -> Scan:
 
 
 def _only_frame(path: Path, scan: Scan) -> FrameImage:
-    """Return the frame of a file with one frame."""
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
     (pixels,), notes = scan.pictures(), scan.notes
@@ -90,7 +89,6 @@ def _only_frame(path: Path, scan: Scan) -> FrameImage:
 
 
 def _read_picture(path: Path, data: bytes) -> FrameImage:
-    """Read a PNG or JPEG."""
     if data.startswith(PNG_SIGNATURE):
         orientation = _check_png(path, data)
         pixels = _decode(path, data, cv2.IMREAD_UNCHANGED)

@@ -66,9 +66,9 @@ class Question:
 
     words: str
     options: str
-    fault: Callable[[Any], str | None] = lambda _: None
-    optional: bool = False
-    offered: Callable[[], float | None] = lambda: None
+    fault: Callable[[Any], str | None] = lambda _: None  # returns why an answer is wrong
+    optional: bool = False  # may stay open (None)
+    offered: Callable[[], float | None] = lambda: None  # returns the sources' suggestion for an optional question
 
 
 # By the name of the option's value, in the order in which they are asked.
@@ -95,9 +95,9 @@ QUESTIONS = {
 class Asker:
     """The functions that ask: a user at a terminal, or nobody (`NOBODY`)."""
 
-    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]
-    missing: Callable[[Mapping[str, Question]], dict[str, Any]]
-    again: Callable[[InputError], None]
+    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]  # adds the answer to a source's open question
+    missing: Callable[[Mapping[str, Question]], dict[str, Any]]  # returns answers by their names in `QUESTIONS`
+    again: Callable[[InputError], None]  # reports a wrong answer, before the next round; raises it if nobody is there
 
 
 def _leave_open(_: ImportOptions, open_point: UnansweredError) -> ImportOptions:
@@ -138,11 +138,11 @@ class Import:
 
     gathered: Gathered
     greys: Greys
-    times: Times
+    times: Times  # on the clock of the log
     log: ForceLog | None
-    origin_s: float
+    origin_s: float  # the beginning of that clock on the sources' own
     info: RecordingInfo
-    sources: dict[str, str]
+    sources: dict[str, str]  # of each value, by the name of its option
 
     def with_notes(self, notes: Sequence[str]) -> "Import":
         """Return the import with further notes."""
@@ -268,7 +268,6 @@ def _check_contradictions(scan: Scan, missing: set[str]) -> None:
 
 
 def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
-    """Return the names of the options that this recording needs."""
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
@@ -336,14 +335,12 @@ def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) ->
         polar_rad = None if answers.polar_angle_deg is None else radians(answers.polar_angle_deg)
         gap_m = to_si(values["gap_mm"], "mm")
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
-        return RecordingInfo(eye, oct_info, needle, None if gathered.log is None else _force_info(answers, values))
+        force = None if gathered.log is None else ForceInfo(values["axis"], int(values["contact_sign"]))
+        if force and answers.average_s is not None:
+            force = replace(force, average_s=answers.average_s)
+        return RecordingInfo(eye, oct_info, needle, force)
     except StudyError as fault:
         raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
-
-
-def _force_info(answers: ImportOptions, values: dict[str, Any]) -> ForceInfo:
-    info = ForceInfo(values["axis"], int(values["contact_sign"]))
-    return info if answers.average_s is None else replace(info, average_s=answers.average_s)
 
 
 IMPORT_RECORD = "import.json"
@@ -385,7 +382,6 @@ def _kept(path: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Return the contents of an import.json; empty if it does not exist."""
     if not path.exists():
         return {}
     try:

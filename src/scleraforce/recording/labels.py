@@ -183,7 +183,6 @@ def low_pass(force_n: Samples, time_s: Samples) -> Samples:
 
 
 def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
-    """Filter samples without a long gap."""
     from scipy import signal  # half a second, which who only reads frames does not wait for
 
     span_s = float(time_s[-1] - time_s[0])

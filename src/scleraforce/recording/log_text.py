@@ -97,7 +97,6 @@ def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
 
 
 def _day(found: re.Match[str], clock: str) -> int:
-    """Return the day since 1970."""
     name = found["name"] or found["name_after"]
     if (clock == CLOCK) != (not name and not found["first"]) or (clock == NAMED) != bool(name):
         raise ValueError
@@ -246,7 +245,6 @@ def _read_labview_header(path: Path, lines: Sequence[str]) -> _LabviewHeader:
 
 
 def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]:
-    """Return the values of each named line."""
     fields = [[field.strip() for field in line.split(separator)] for line in lines if line.strip()]
     return {name: tuple(values) or ("",) for name, *values in fields}
 

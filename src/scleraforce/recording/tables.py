@@ -29,12 +29,12 @@ class Table:
 
     path: Path
     names: tuple[str, ...]
-    separator: str
-    lines: tuple[str, ...]
-    numbers: tuple[int, ...]
-    above: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    mark: str | None = None
+    separator: str  # " " is any number of spaces
+    lines: tuple[str, ...]  # below the header, without blank ones
+    numbers: tuple[int, ...]  # of these lines in the file, from 1
+    above: tuple[str, ...] = ()  # lines above the header
+    units: tuple[str, ...] = ()  # of the columns, from a line of their own
+    mark: str | None = None  # the stated decimal mark
     notes: tuple[str, ...] = ()
 
     @property
@@ -48,7 +48,6 @@ class Table:
 
 
 def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
-    """Read a table and check its header against the known and the required columns."""
     whole = read_text(path, kind)
     header, *lines = whole.splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
@@ -358,7 +357,6 @@ def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int],
 
 
 def _row(table: Table, index: int) -> dict[str, str]:
-    """Return the fields of a line by their columns."""
     fields = fields_of(table.lines[index], table.separator, table.place(index))
     # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
     missing = len(table.names) - len(fields)

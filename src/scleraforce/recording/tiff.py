@@ -103,7 +103,9 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         with _held(path, data) as held:
             for entry in file.pages:
                 _check_page(path, entry.aspage(), held)
-            count, rows, columns = _sizes(path, _full_size(file.series))
+            first = file.series[0].keyframe
+            full_size = [each for each in file.series if not _is_copy(each.keyframe, first)]
+            count, rows, columns = _sizes(path, full_size)
             check_bytes(path, sum(each.nbytes for each in file.series))
             _check_pages(path, file, count, held)
         pages = _frame_pages(file)
@@ -153,7 +155,6 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[tifffile.TiffFile]":
 
 @contextmanager
 def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
-    """Give the bytes of a file."""
     if data is not None:
         yield data
         return
@@ -208,13 +209,7 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
     return compression == PACKBITS and unpacked_bytes(packed, largest) > largest
 
 
-def _full_size(several: "Sequence[tifffile.TiffPageSeries]") -> "list[tifffile.TiffPageSeries]":
-    """Return the series of images without smaller copies."""
-    return [series for series in several if not _is_copy(series.keyframe, several[0].keyframe)]
-
-
 def _frame_pages(file: "tifffile.TiffFile") -> "list[tifffile.TiffPage]":
-    """Return the pages without smaller copies."""
     pages = [entry.aspage() for entry in file.pages]
     return [page for page in pages if not _is_copy(page, pages[0])]
 
@@ -265,7 +260,6 @@ def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes 
 
 
 def _orientation(path: Path, pages: "Sequence[tifffile.TiffPage]") -> int:
-    """Return the Orientation of all pages."""
     found = [int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages]
     other = next((each for each in found if each != found[0]), found[0])
     if other != found[0]:

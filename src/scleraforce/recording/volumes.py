@@ -351,7 +351,6 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
 
 
 def _check(path: Path, fields: dict[str, str]) -> list[str]:
-    """Refuse by name what is not read."""
     if (kind := fields.get("objecttype", "Image")).lower() != "image":
         raise FrameError(f"{path}: ObjectType = {kind}; give one of ObjectType = Image")
     for field in NOT_READ:

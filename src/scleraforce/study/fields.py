@@ -160,7 +160,6 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
 
 
 def _numbers_in(value: Any) -> list[float]:
-    """Return every number in a field's value."""
     found: list[float] = []
 
     def keep(number: float) -> float:

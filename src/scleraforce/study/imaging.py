@@ -11,6 +11,13 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import Choice, Range, Sampled, Section, fixed, option, quantity
 
 
+def _check_counts(record: object, *keys: str) -> None:
+    for key in keys:
+        count = getattr(record, key)
+        if isinstance(count, Range) or any(value != int(value) for value in count.values):
+            raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+
+
 @dataclass(frozen=True, kw_only=True)
 class OctStudy(Section):
     """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
@@ -105,10 +112,7 @@ class PhantomStudy(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for key in ("shadow_count", "line_count", "cover_count", "needle_count"):
-            count = getattr(self, key)
-            if isinstance(count, Range) or any(value != int(value) for value in count.values):
-                raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+        _check_counts(self, "shadow_count", "line_count", "cover_count", "needle_count")
         if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
             raise StudyError("frame_delay_s: a frame would be taken after the push is over; make hold_s longer")
 
@@ -117,13 +121,6 @@ def _share(share: float) -> float:
     """Declare the share of the scenes that show something."""
     declared: float = quantity(share, None, 0.0, 1.0)
     return declared
-
-
-def _check_counts(record: object, *keys: str) -> None:
-    for key in keys:
-        count = getattr(record, key)
-        if isinstance(count, Range) or any(value != int(value) for value in count.values):
-            raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
 
 
 @dataclass(frozen=True, kw_only=True)
