@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from math import radians
-from pathlib import Path
 
 import pytest
 
@@ -55,8 +54,8 @@ def test_a_key_is_refused_by_the_commands_that_do_not_use_it_and_by_no_other() -
     for work, refused in UNUSED.items():
         for key, study in CHANGED.items():
             if key in refused:
-                with pytest.raises(StudyError, match=rf"^my\.toml: .*{key}.*: not used by `{work[0]}`"):
-                    refuse_unused(study, *work, Path("my.toml"))
+                with pytest.raises(StudyError, match=rf"^study: .*{key}.*: not used by `{work[0]}`"):
+                    refuse_unused(study, *work)
             else:
                 refuse_unused(study, *work)
 
@@ -73,8 +72,8 @@ def test_tissue_that_stiffens_is_refused_with_the_reason_and_with_what_to_do() -
         ("train --kind reader", None): f"{why}; leave it out",
     }.items():
         with pytest.raises(StudyError) as found:
-            refuse_unused(CHANGED["tissue.stiffening"], *work, Path("a.toml"))
-        assert str(found.value) == f"a.toml: tissue.stiffening: not used by `{work[0]}` {end}"
+            refuse_unused(CHANGED["tissue.stiffening"], *work)
+        assert str(found.value) == f"study: tissue.stiffening: not used by `{work[0]}` {end}"
 
 
 def test_the_paper_and_keys_of_other_work_are_no_error() -> None:
@@ -87,9 +86,9 @@ def test_the_paper_and_keys_of_other_work_are_no_error() -> None:
 def test_one_line_names_all_keys_and_other_mechanics_only_where_it_uses_them() -> None:
     both = replace(CHANGED["form.wave"], needle=NeedleStudy(tilt_rad=0.1))
     with pytest.raises(StudyError) as found:
-        refuse_unused(both, "simulate", "linear", Path("a.toml"))
+        refuse_unused(both, "simulate", "linear")
     assert str(found.value) == (
-        "a.toml: form.wave, needle.tilt_deg: not used by `simulate` with linear mechanics; leave them out, or give "
+        "study: form.wave, needle.tilt_deg: not used by `simulate` with linear mechanics; leave them out, or give "
         "--mechanics finite-strain"
     )
     with pytest.raises(StudyError, match=r"with linear mechanics; leave it out$"):
