@@ -123,15 +123,20 @@ class Reader(ABC):
         answer = unusable(self.classes, seen.reason) if seen.reason else self._live(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 
-    def refusal(self, known: Known) -> str | None:  # noqa: ARG002 - a classifier reads every eye as its own
+    @abstractmethod
+    def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
-        return None
 
     def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
         return limits(self.kind, self.study, known, scan, gauge)
 
+    @abstractmethod
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        """Return the answer of all methods to a frame with a wall."""
+
+    def _network_alone(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        """Return the network's answer, and whether the frame can calibrate."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
         return replace(self._live(seen, frame, scale, known), can_calibrate=can_calibrate(seen, boundaries))
 
@@ -208,6 +213,12 @@ class Classifier(Reader):
         result /= result.sum(axis=1, keepdims=True)
 
         return result
+
+    def refusal(self, known: Known) -> str | None:  # noqa: ARG002 - a classifier reads every eye as its own
+        return None
+
+    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        return self._network_alone(seen, frame, scale, known)
 
     def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
@@ -394,8 +405,10 @@ class RawReader(Reader):
         return self._network.provenance
 
     def refusal(self, known: Known) -> str | None:
-        """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
         return outside_training(known, read_by_fit(self.study.reader), self.study.library)
+
+    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+        return self._network_alone(seen, frame, scale, known)
 
     def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         reason = (

@@ -5,7 +5,7 @@ frame the recording continues where it can, so that a silence does not hide a fa
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from math import ceil, nan
 from time import time
 from types import MappingProxyType
@@ -58,7 +58,7 @@ class PreparedFault:
     acts: tuple[Act, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FaultReport:
     """The consequence of a fault.
 
@@ -76,7 +76,6 @@ class FaultReport:
     began_s: float
     delay_s: float | None
     message: str
-    _: KW_ONLY
     code: int | None = None
     cause: str | None = None
     expected: bool = False
@@ -179,16 +178,17 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
         else:
             client.listen(began_s + WITHIN_S, doubted)
     except LinkError as gone:
-        return FaultReport(name, began_s, client.clock() - began_s, str(gone))
+        return FaultReport(name=name, began_s=began_s, delay_s=client.clock() - began_s, message=str(gone))
     if (change := log.first_doubt(since_s)) is not None:
         expected = change.cause in [cause.name for cause in FAULTS[name].causes]
-        delay_s = change.at_s - began_s
         return FaultReport(
-            name, began_s, delay_s, change.message, code=change.code, cause=change.cause, expected=expected
-        )
+            name=name, began_s=began_s, delay_s=change.at_s - began_s, message=change.message, code=change.code,
+            cause=change.cause, expected=expected,
+        )  # fmt: skip
     if _silent(player, began_s):
-        return FaultReport(name, began_s, (log.status_s or began_s) + SILENT_S - began_s, "no STATUS for 150 ms")
-    return FaultReport(name, began_s, None, "the monitor still says OK")
+        delay_s = (log.status_s or began_s) + SILENT_S - began_s
+        return FaultReport(name=name, began_s=began_s, delay_s=delay_s, message="no STATUS for 150 ms")
+    return FaultReport(name=name, began_s=began_s, delay_s=None, message="the monitor still says OK")
 
 
 def _silent(player: Player, began_s: float) -> bool:
