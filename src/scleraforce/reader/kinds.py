@@ -214,7 +214,8 @@ class Classifier(Reader):
 
         return result
 
-    def refusal(self, known: Known) -> str | None:  # noqa: ARG002 - a classifier reads every eye as its own
+    def refusal(self, known: Known) -> str | None:  # noqa: ARG002
+        """Return None: a classifier reads every eye as its own."""
         return None
 
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
@@ -405,6 +406,7 @@ class RawReader(Reader):
         return self._network.provenance
 
     def refusal(self, known: Known) -> str | None:
+        """Return the known value outside the training, in a sentence."""
         return outside_training(known, read_by_fit(self.study.reader), self.study.library)
 
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
