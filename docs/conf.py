@@ -17,8 +17,8 @@ extensions = [
 ]
 exclude_patterns = ["extensions"]
 default_role = "code"  # `name` in a docstring
-nitpicky = True  # a reference to what no page documents is an error
-# What other packages document (their inventories would have to be fetched), and types of ours that are no user's.
+nitpicky = True  # an unresolved reference is an error
+# Types of other packages (their inventories would have to be fetched), and private types of ours.
 nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),

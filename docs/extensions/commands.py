@@ -1,4 +1,4 @@
-"""What `sphinx_click` shows of a command: help is plain text, so that `*.png` in it begins no emphasis."""
+"""Help texts of `sphinx_click` as plain text, so that `*.png` does not begin an emphasis."""
 
 from sphinx.application import Sphinx
 
@@ -6,7 +6,7 @@ __all__ = ["setup"]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Escape what reStructuredText would take for markup."""
+    """Escape reStructuredText markup."""
     app.connect("sphinx-click-process-description", _as_text)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -19,7 +19,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
             written[name] = list(lines)
 
     def restore(_app: Sphinx, what: str, name: str, _object: object, _options: object, lines: list[str]) -> None:
-        """Napoleon takes what stands before a colon in a property's first line for a type; here it is a sentence."""
+        """Restore the lines: Napoleon mistakes text before a colon in a property's first line for a type."""
         if what == "property":
             lines[:] = written.pop(name)
 

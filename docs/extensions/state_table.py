@@ -18,7 +18,7 @@ class StateTable(Directive):
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """Return the table; a line that is no arrow is an error."""
+        """Return the table; any line but an arrow is an error."""
         kind, *lines = (line for line in self.content if line.strip())
         arrows = [ARROW.fullmatch(line) for line in lines]
         if kind != "stateDiagram-v2" or None in arrows:

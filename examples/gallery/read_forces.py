@@ -1,6 +1,6 @@
 """Forces from frames, with their 90 % intervals: the whole chain on one virtual eye.
 
-The reader is the one that ships. Three frames of known force give the eye's modulus, and the rest are read.
+The reader is the bundled one. Three frames of known force give the eye's modulus, and the rest are read.
 """
 
 import sys
