@@ -160,7 +160,7 @@ def cached_library(
         SolverError: a path could not be followed.
     """
     folder = folder or library_cache()
-    place = folder / f"{_name(study)}.zarr"
+    place = folder / f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}.zarr"
     if found := _stored(place):
         return found
     try:
@@ -172,10 +172,6 @@ def cached_library(
     except OSError as fault:
         raise InputError(f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches") from fault
     return open_library(place)
-
-
-def _name(study: Study) -> str:
-    return f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}"
 
 
 def _stored(place: Path) -> Library | None:

@@ -165,19 +165,14 @@ def shining(slope: Array) -> Array:
     return share
 
 
-def _log_ratio(walls: Walls, unknown_su: Array) -> Array:
-    """Return the logarithm of the pressure under the needle over E (sample,)."""
-    ratio: Array = unknown_su[:, walls.pressure] - unknown_su[:, MODULUS]
-    return ratio
-
-
 def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
     """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
     library, size = walls.library, np.exp(unknown_su[:, SIZE])
     thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    ratio = np.exp(unknown_su[:, walls.pressure] - unknown_su[:, MODULUS])
     return (
         thickness,
-        np.clip(np.exp(_log_ratio(walls, unknown_su)), *library.iop_ratio_ends(thickness)),
+        np.clip(ratio, *library.iop_ratio_ends(thickness)),
         np.clip(unknown_su[:, TIP] / size, library.tip_m[0], library.tip_m[-1]),
     )
 

@@ -110,7 +110,7 @@ def trace(
     control = SealedDent(problem, start, pressure, globe) if sealed else Dent(problem, start, pressure)
     walk = _Walk(control, first_step_m, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
     kept = [walk.history[0]]
-    for goal_m in _goals(tips_m, end_m):
+    for goal_m in [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]:
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
             try:
                 walk.step_towards(goal_m)
@@ -132,10 +132,6 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> fl
     if not ends and not np.isfinite(max_force):
         raise InputError("load path: no end is given; give a largest tip displacement or force")
     return min(ends, default=np.inf)
-
-
-def _goals(tips_m: Floats | None, end_m: float) -> list[float]:
-    return [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]
 
 
 def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Dent | SealedDent) -> PathStates:

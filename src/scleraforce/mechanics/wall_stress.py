@@ -129,7 +129,10 @@ def inner_surface(mesh: MeridianMesh, displacement_nc: Floats, poisson_ratio: fl
     """
     layers = len(mesh.cells_en) // ((len(mesh.inner_n) - 1) // 2)
     cells_en = mesh.cells_en[layers - 1 :: layers]
-    (along, along_slope), (across, across_slope) = line_shapes(_places()), line_shapes(np.array([1.0]))
+    (along, along_slope), (across, across_slope) = (
+        line_shapes(gauss_points(1, ALONG_POINTS)[0][:, 0]),
+        line_shapes(np.array([1.0])),
+    )
     values_pn = np.einsum("j,pi->pji", across[0], along).reshape(-1, 9)
     slopes_pnk = np.stack(
         [np.einsum("j,pi->pji", across[0], along_slope), np.einsum("j,pi->pji", across_slope[0], along)], axis=-1
@@ -145,12 +148,6 @@ def inner_surface(mesh: MeridianMesh, displacement_nc: Floats, poisson_ratio: fl
     J_p = stretch_pk.prod(axis=-1)[:, None]
     stress_pk: Floats = (lame_mu * (stretch_pk**2 - 1.0) + lame_lambda * np.log(J_p)) / J_p
     return stretch_pk, stress_pk
-
-
-def _places() -> Floats:
-    places_pk, _ = gauss_points(1, ALONG_POINTS)
-    places_p: Floats = places_pk[:, 0]
-    return places_p
 
 
 def _least_force(force: Floats, measure: Floats, limit: float) -> float:
