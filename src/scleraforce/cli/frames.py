@@ -48,17 +48,15 @@ Sources = list[tuple[str, Value, str]]  # key, value, source
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
 @options(*FRAME_SIZE)
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
-@options("finder", "force", force="Replace masks that exist.")
+@options("wall_finder", "force", force="Replace masks that exist.")
 def segment(
     frames: tuple[Path, ...],
     out: Path,
-    width_m: float | None,
-    depth_m: float | None,
-    refractive_index: float | None,
     transpose: bool,
     overlay: bool,
-    finder: Path | None,
+    wall_finder: Path | None,
     force: bool,
+    **size: float | None,
 ) -> Report:
     """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
 
@@ -78,10 +76,9 @@ def segment(
     from scleraforce.notebook.frames import finder_of
     from scleraforce.recording.folder import Scanner
 
-    size, network = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index), finder_of(finder)
-    masks = _masks(frames, out)
+    scanner, finder, masks = Scanner(**size), finder_of(wall_finder), _masks(frames, out)
     found = list(
-        each_of(masks, lambda frame: _segment_frame(frame, masks[frame], size, transpose, network, overlay, force))
+        each_of(masks, lambda frame: _segment_frame(frame, masks[frame], scanner, transpose, finder, overlay, force))
     )
     entries: list[dict[str, Any]] = [
         {"file": str(frame), "mask": None, "usable": False, "error": str(one)} if isinstance(one, InputError) else one
@@ -129,13 +126,7 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
 
 
 def _segment_frame(
-    path: Path,
-    mask: Path,
-    size: "Scanner",
-    transpose: bool,
-    finder: "WallFinder | None",
-    overlay: bool,
-    force: bool,
+    path: Path, mask: Path, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
 ) -> dict[str, Any]:
     """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
     from scleraforce.notebook.frames import scaled
@@ -217,17 +208,14 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
              globe="by default it is not known, and intervals are wider")  # fmt: skip
 @options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
 @click.option("--eye", help="Name of the eye in the calibration; by default the recording's.")
-@options("finder")
+@options("wall_finder")
 def read(
     model: Path,
     frames: tuple[Path, ...],
-    width_m: float | None,
-    depth_m: float | None,
-    refractive_index: float | None,
     transpose: bool,
     calibration: Path | None,
     eye: str | None,
-    finder: Path | None,
+    wall_finder: Path | None,
     **given: Any,
 ) -> Report:
     """Read the force, or its class, from raw frames (PNG, TIFF, JPEG, DICOM).
@@ -254,9 +242,10 @@ def read(
 
     for path in filter(os.path.isdir, frames):
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
-    known, size = given_eye(**given), Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
+    known = given_eye(**{name: given.pop(name) for name in EYE})
+    size = Scanner(**given)
     check_calibrated(known, calibration is not None, eye)
-    reader = sf.load_model(model, wall_finder=finder)
+    reader = sf.load_model(model, wall_finder=wall_finder)
     summary = None if calibration is None else summary_of_calibration(calibration)
     found = list(each_of(frames, lambda path: reading(reader, path, known, size, summary, eye, transpose)))
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]

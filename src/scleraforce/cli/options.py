@@ -97,7 +97,7 @@ def _finder(_: click.Context, __: click.Parameter, folder: Path | None) -> Path 
 TABLE: Mapping[str, tuple[str, Any, str]] = {
     "study": ("--study", {"type": PATH, "callback": _study}, "Study file; the paper's by default."),
     "calibration": ("--calibration", PATH, "File of `calibrate`: gives the eye's modulus."),
-    "finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
+    "wall_finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
                "Model of `train --kind wall-finder` that checks the walls; none: nothing checks them. Default: the "
                "bundled one."),
     "html": ("--html", {"type": PATH, "callback": new_file}, "Page to write as well; must not exist."),

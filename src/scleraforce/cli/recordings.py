@@ -4,14 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from scleraforce.cli.options import PATH, eye_options, options
 from scleraforce.cli.output import Command, Report, count_bar, is_json, say
 from scleraforce.plain_text import wrapped
-from scleraforce.study import Study
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ class _Notes(list[str]):
 @click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",
               help="Uncertain ones of e, stiffening, iop, thickness, gap.")  # fmt: skip
 @eye_options("thickness_m", default="by default the recordings'")
-@options("finder")
+@options("wall_finder")
 @click.option("--resume", "earlier", type=PATH, help="Continue from an earlier file of this command.")
 @click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Stretch a reader's intervals (a folder's, or "
               "`default`) to hold on these recordings; --out is its copy.")  # fmt: skip
@@ -56,16 +55,12 @@ def calibrate(
     ctx: click.Context,
     /,
     recordings: tuple[Path, ...],
-    study: Study,
     out: Path,
     frames: int | None,
-    mechanics: str,
-    parameters: tuple[str, ...] | None,
-    thickness_m: float | None,
-    finder: Path | None,
-    earlier: Path | None,
+    wall_finder: Path | None,
     model: Path | None,
     plot: Path | None,
+    **given: Any,
 ) -> Report:
     """Estimate Young's modulus of each eye from its RECORDINGs.
 
@@ -83,15 +78,14 @@ def calibrate(
     notes = _Notes()
     if model is not None:
         default = click.core.ParameterSource.DEFAULT
-        others = ("study", "earlier", "plot", "parameters", "thickness_m", "mechanics")
-        if any(ctx.get_parameter_source(name) != default for name in others):
+        if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
             raise click.UsageError(
                 "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
             )
         from scleraforce.notebook.calibrating import recalibrate_intervals
 
         changes = recalibrate_intervals(
-            model, recordings, out, count_bar, frames=frames or CALIBRATED, wall_finder=finder, note=notes
+            model, recordings, out, count_bar, frames=frames or CALIBRATED, wall_finder=wall_finder, note=notes
         )
         each = [asdict(change) for change in changes]
         result = {"model": str(out), "from": str(model), "stretches": each, "notes": notes}
@@ -102,17 +96,7 @@ def calibrate(
     from scleraforce.report.shown.calibration import calibration_lines
 
     found = sf.calibrate(
-        recordings,
-        study,
-        frames=frames,
-        parameters=parameters,
-        mechanics=mechanics,
-        earlier=earlier,
-        wall_finder=finder,
-        thickness_m=thickness_m,
-        out=out,
-        note=notes,
-        counting=count_bar,
+        recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given
     )
     if plot is not None:
         from scleraforce.report.calibration_figures import draw_calibration
@@ -137,10 +121,10 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
 @click.command(cls=Command)
 @click.argument("model", type=PATH)
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
-@options("calibration", "finder", "html",
+@options("calibration", "wall_finder", "html",
          calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
 def evaluate(
-    model: Path, recordings: tuple[Path, ...], calibration: Path | None, finder: Path | None, html: Path | None
+    model: Path, recordings: tuple[Path, ...], calibration: Path | None, wall_finder: Path | None, html: Path | None
 ) -> Report:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
@@ -157,7 +141,7 @@ def evaluate(
     """
     import scleraforce as sf
 
-    reader = sf.load_model(model, wall_finder=finder)
+    reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
     if html is not None:
         from scleraforce.report.evaluation_page import write_evaluation_html

@@ -46,7 +46,7 @@ def _new_study(ctx: click.Context, option: click.Parameter, path: Path) -> Path:
               help="Bits of a pixel that are used; by default the recording's, or 8 of a frame of bytes.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=_new_study,
               help="Study file to write (.toml); its picture has the same name, .png.")  # fmt: skip
-@options("finder")
+@options("wall_finder")
 def scanner(
     frames: tuple[Path, ...],
     width_m: float | None,
@@ -55,7 +55,7 @@ def scanner(
     transpose: bool,
     bits: int | None,
     out: Path,
-    finder: Path | None,
+    wall_finder: Path | None,
 ) -> Report:
     """Measure a scanner on its own frames of an eye at rest, for a simulation.
 
@@ -74,7 +74,7 @@ def scanner(
     from scleraforce.recording.folder import Scanner
 
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    measured = measure_scanner(_imaged(frames, size, transpose, bits, finder))
+    measured = measure_scanner(_imaged(frames, size, transpose, bits, wall_finder))
     picture = out.with_suffix(".png")
     overlap = _write(measured, frames, out, picture)
     result = {"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap}

@@ -30,7 +30,7 @@ ENDINGS = (*TABLES, ".mcap", ".nrrd")
          html="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
 @click.option("--model", type=PATH, help="Of a recording: the model that reads the frames of --html, and whose limits "
               "are noted; by default the bundled reader's.")  # fmt: skip
-@options("calibration", "finder", calibration="File of `calibrate`: gives a reader the eye's modulus.")
+@options("calibration", "wall_finder", calibration="File of `calibrate`: gives a reader the eye's modulus.")
 @click.pass_context
 def show(
     ctx: click.Context,
@@ -40,7 +40,7 @@ def show(
     html: Path | None,
     model: Path | None,
     calibration: Path | None,
-    finder: Path | None,
+    wall_finder: Path | None,
 ) -> Report:
     """Say what THING is and what is in it.
 
@@ -56,14 +56,14 @@ def show(
 
     if html is not None and model is None:
         raise InputError("--html: shows what a model reads; give --model, like default")
-    for name, flag in (("calibration", "--calibration"), ("finder", "--wall-finder")):
+    for name, flag in (("calibration", "--calibration"), ("wall_finder", "--wall-finder")):
         if html is None and ctx.get_parameter_source(name) != ParameterSource.DEFAULT:
             raise InputError(f"{flag}: only used with --html")
     found = thing_at(thing, model)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
     if html is not None and model is not None:
-        _write_page(thing, html, model, calibration, finder)
+        _write_page(thing, html, model, calibration, wall_finder)
     if plot is not None:
         write_figure(found.draw(), plot)
     written = [str(path) for path in (plot, html) if path is not None]
