@@ -8,12 +8,10 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from click.testing import CliRunner
 from effects import contents
 from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_dicom, write_log
 from small_recordings import write_small_recording
 
-from scleraforce.cli import import_ as terminal
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.main import run
 from scleraforce.recording import importing
@@ -275,27 +273,6 @@ def test_a_rate_takes_frames_off_the_clock_of_their_bag(tmp_path: Path, capsys) 
     size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
     error = refused(capsys, tmp_path / "r", bag, *told(*size, "--rate-hz", 4))
     assert "(--clock-offset-s)" in error
-
-
-def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "_can_ask", lambda: True)
-    np.save(tmp_path / "a.npy", FRAMES)
-    lines = [f"{n / 200},{-0.001 * n}" for n in range(400)]
-    (tmp_path / "log.csv").write_text("\n".join(["when,pull", *lines]) + "\n")
-    columns = ["time=when:s", "pull:N"]  # the first as the question writes it
-    numbers = [10, 4, 1.38, 99, 13, 5, 0, -1]
-    answers = ["frame,depth,lateral", *columns, *map(str, numbers), "eye-1", "22", "0.6", "-"]
-    done = CliRunner().invoke(
-        import_, [str(tmp_path / "a.npy"), str(tmp_path / "log.csv"), "--out", str(tmp_path / "r")], "\n".join(answers)
-    )
-    assert done.exit_code == 0, done.stderr
-    assert "99 is not in the range 8<=x<=16" in done.stderr
-    recording = read_recording(tmp_path / "r")
-    assert (recording.info.oct.bits, recording.info.force.contact_sign, recording.info.eye.id) == (13, -1, "eye-1")
-    assert len(recording.forces.time_s) == 400
-    values = json.loads((tmp_path / "r" / "import.json").read_text())["values"]
-    assert values["width_mm"] == values["times"] == "answer"
-    assert recording.info.eye.thickness_m is None  # its noise shows no wall, so that nothing is offered
 
 
 def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_path: Path, capsys) -> None:

@@ -5,11 +5,18 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from math import inf, nan
 from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
 
 import click
+import cv2
+import numpy as np
 import pytest
+from foreign_files import FRAMES, told
+from small_recordings import looked_at_frames
 
 from scleraforce.cli import main as entry
 from scleraforce.cli.main import cli, run
@@ -100,24 +107,13 @@ def test_help_imports_no_room() -> None:
 
 
 def test_init_writes_the_paper_study_once(tmp_path: Path, capsys) -> None:
-    assert run(["init", str(tmp_path / "a" / "b")]) == 0
-    assert (tmp_path / "a" / "b" / "study.toml").read_text().startswith("# The study of Mendizabal")
-    capsys.readouterr()
-    assert run(["init", str(tmp_path / "a" / "b")]) == 2
+    path = tmp_path / "a" / "b" / "study.toml"
+    assert run(["init", str(path.parent), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"path": str(path), "preset": "ex-vivo"}
+    assert path.read_text().startswith("# The study of Mendizabal")
+    assert run(["init", str(path.parent)]) == 2
     assert "exists already; remove it or choose another directory" in capsys.readouterr().err
-
-
-def test_init_prints_one_json_object(tmp_path: Path, capsys) -> None:
-    assert run(["init", str(tmp_path / "a"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {
-        "path": str(tmp_path / "a" / "study.toml"),
-        "preset": "ex-vivo",
-    }
-
-
-def test_init_into_a_file_says_so(tmp_path: Path, capsys) -> None:
-    (tmp_path / "file").write_text("")
-    assert run(["init", str(tmp_path / "file" / "below")]) == 2
+    assert run(["init", str(path / "below")]) == 2  # a file
     assert capsys.readouterr().err.startswith("error: ")
 
 
@@ -185,3 +181,82 @@ def test_a_preset_is_a_study_of_its_own(tmp_path: Path, capsys) -> None:
     assert read_study(tmp_path / "study.toml") == Study()
     assert run(["init", str(tmp_path / "a"), "--preset", "mars"]) == 2
     assert "'ex-vivo', 'living'" in capsys.readouterr().err
+
+
+def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+    many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
+    told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
+    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
+    code = "from scleraforce.cli.main import main; main()"
+    child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
+    while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
+        time.sleep(0.002)
+    child.send_signal(signal.SIGTERM)
+    _, error = child.communicate(timeout=300)
+    assert (child.returncode, error.strip()) == (130, "error: interrupted")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+
+
+def test_an_interruption_that_reaches_a_library_only_is_no_internal_fault(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def compile_(*_: object, **__: object) -> None:  # as Numba does when LLVM's callback was interrupted
+        entry._note_interruption(SimpleNamespace(exc_type=KeyboardInterrupt))
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(entry, "interrupted", Event())
+    monkeypatch.setattr(entry.cli, "main", compile_)
+    assert entry.run(["doctor"]) == 130
+    assert capsys.readouterr().err == "error: interrupted\n"
+
+
+SCLERAFORCE = Path(sys.executable).with_name("scleraforce")
+BACKEND = "refused"  # as module://matplotlib_inline.backend_inline is where Jupyter is not installed
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("backend")
+    looked_at_frames(folder / "r", 1)
+    cv2.imwrite(str(folder / "a.png"), FRAMES[0])
+    return folder
+
+
+def in_jupyter(place: Path, *command: object) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "MPLBACKEND": BACKEND}
+    return subprocess.run(list(map(str, command)), cwd=place, env=environment, capture_output=True, text=True)
+
+
+COMMANDS = [
+    ["import", "a.png", "--out", "i", *told("--bits", 13), "--width-mm", "10", "--depth-mm", "4"],
+    *(
+        pytest.param(command, marks=pytest.mark.slow)
+        for command in (
+            ["show", "r", "--plot", "r.svg"],
+            ["evaluate", "default", "r", "--html", "evaluate.html"],
+            ["demo", "--out", "demo"],
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
+def test_the_variable_does_not_matter_to_a_command(place: Path, command: list[str]) -> None:
+    done = in_jupyter(place, SCLERAFORCE, *command)
+    assert (done.returncode, "internal fault" in done.stderr) == (0, False), done.stderr
+
+
+def test_the_variable_of_a_notebook_stays_as_it_is(place: Path) -> None:
+    lines = [
+        "import os, scleraforce as sf, scleraforce.cli.main",
+        "model, frame = sf.load_model('default'), 'r/frames/0001.png'",
+        "sf.read(model, frame)",
+        f"assert os.environ['MPLBACKEND'] == {BACKEND!r}",
+    ]
+    done = in_jupyter(place, sys.executable, "-c", "\n".join(lines))
+    assert done.returncode == 0, done.stderr
+
+
+def test_matplotlib_itself_refuses_such_a_variable(place: Path) -> None:
+    assert in_jupyter(place, sys.executable, "-c", "import matplotlib").returncode != 0

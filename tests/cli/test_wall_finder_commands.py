@@ -73,18 +73,6 @@ def mask_of(frame: Path, out: Path, *words: object) -> np.ndarray:
     return cv2.imread(str(out / "scene.png"), cv2.IMREAD_UNCHANGED)
 
 
-def test_a_folder_that_is_no_wall_finder_is_refused_before_anything_is_written(frame, tmp_path, capsys) -> None:
-    out = tmp_path / "masks"
-    message = refused(capsys, "segment", frame, "--out", out, "--wall-finder", tmp_path / "none")
-    assert f"{tmp_path / 'none'}: no such folder" in message
-    assert not out.exists()
-
-
-def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
-    message = refused(capsys, "classify", blind, frame, "--width-mm", 10, "--depth-mm", 4)
-    assert "kind: found 'wall-finder', classifier, reader or raw-reader is needed here" in message
-
-
 def test_options_that_exclude_each_other_are_refused(tmp_path, capsys) -> None:
     for options, said in (
         (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),

@@ -225,20 +225,20 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-1].endswith(f"after it was sent: {said}")
 
 
-def test_a_withdrawal_from_before_the_first_frame_is_said_to_be_one(tmp_path) -> None:
+def test_a_withdrawal_comes_before_the_first_frame_with_an_answer_or_after_the_last_frame(tmp_path) -> None:
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=5))
     log = AnswerLog()
     log.hear(0.0, STATUS_DEVICE, Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN; reset to go on"))
-    record = _Show(recording, log, None, quiet=True)._change_record(log.first_doubt(0.0, (3,)))
-    assert (record["frame"], record["file"]) == (None, None)
-    assert _when(record) == "before the first frame was sent: the monitor was in withdrawal already"
-
-
-def test_a_withdrawal_that_answers_no_frame_is_after_the_last_one_that_was_sent() -> None:
+    before = _Show(recording, log, None, quiet=True)._change_record(log.first_doubt(0.0, (3,)))
+    assert (before["frame"], before["file"]) == (None, None)
     change = {"frame": 7, "file": "0006.png", "answers_frame": False}
-    assert _when(change) == "after frame 7 (0006.png)"
-    assert _when({**change, "answers_frame": True}) == "at frame 7 (0006.png)"
-    assert _when({**change, "file": None}) == "after frame 7"
+    for found, words in (
+        (before, "before the first frame was sent: the monitor was in withdrawal already"),
+        (change, "after frame 7 (0006.png)"),
+        ({**change, "answers_frame": True}, "at frame 7 (0006.png)"),
+        ({**change, "file": None}, "after frame 7"),
+    ):
+        assert _when(found) == words
 
 
 def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:

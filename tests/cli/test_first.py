@@ -1,5 +1,6 @@
-"""`scleraforce reproduce`: what it says of intervals, and on standard error where no progress bar can be."""
+"""`doctor` and `reproduce`: findings and their exit code; intervals, and progress with and without a terminal."""
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -7,8 +8,49 @@ from pathlib import Path
 import pytest
 from small_recordings import frame_answer
 
+from scleraforce import installation
 from scleraforce.cli.first import _coverage_words, _stage, _true_metrics
+from scleraforce.cli.main import run
+from scleraforce.installation import Finding
 from scleraforce.reader.evaluate import Evaluation
+
+FOUND = [
+    Finding("packages", "ok", "numpy 2.4.6"),
+    Finding("extra [train]", "missing", "no torch", "pip install 'scleraforce[train]'"),
+]
+
+
+def find(monkeypatch: pytest.MonkeyPatch, found: list[Finding]) -> None:
+    for name, value in {"packages": lambda: found, "machine": list, "TRIALS": ()}.items():
+        monkeypatch.setattr(installation, name, value)
+
+
+def test_it_prints_a_line_for_each_finding_and_what_to_do(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    find(monkeypatch, FOUND)
+    assert run(["doctor"]) == 0
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head.startswith("scleraforce ")
+    assert lines == [
+        "ok       packages        numpy 2.4.6",
+        "missing  extra [train]   no torch",
+        "                         -> pip install 'scleraforce[train]'",
+    ]
+
+
+def test_what_has_failed_ends_it_with_code_1(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    find(monkeypatch, [*FOUND, Finding("a solve", "failed", "wrong", "report")])
+    assert run(["doctor", "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert not told["ok"]
+    assert told["findings"][-1] == {"name": "a solve", "state": "failed", "found": "wrong", "remedy": "report"}
+    assert {"scleraforce", "python", "system", "seconds"} <= told.keys()
+
+
+@pytest.mark.slow
+def test_this_installation_is_well(capsys) -> None:
+    assert run(["doctor", "--json"]) == 0
+    states = {finding["name"]: finding["state"] for finding in json.loads(capsys.readouterr().out)["findings"]}
+    assert states["packages"] == states["a solve"] == states["a reading"] == "ok"
 
 
 def read_beside_log_and_truth(folder: Path) -> Evaluation:
