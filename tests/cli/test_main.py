@@ -211,7 +211,6 @@ def test_an_interruption_that_reaches_a_library_only_is_no_internal_fault(
     assert capsys.readouterr().err == "error: interrupted\n"
 
 
-SCLERAFORCE = Path(sys.executable).with_name("scleraforce")
 BACKEND = "refused"  # as module://matplotlib_inline.backend_inline is where Jupyter is not installed
 
 
@@ -243,7 +242,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
 def test_the_variable_does_not_matter_to_a_command(place: Path, command: list[str]) -> None:
-    done = in_jupyter(place, SCLERAFORCE, *command)
+    done = in_jupyter(place, *SCLERAFORCE, *command)
     assert (done.returncode, "internal fault" in done.stderr) == (0, False), done.stderr
 
 
