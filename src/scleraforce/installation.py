@@ -232,8 +232,8 @@ def _train() -> Finding:
         hidden=(8,),
     )  # fmt: skip
     with TemporaryDirectory(prefix="scleraforce-doctor-") as folder:
-        trained = train_reader(_reader().library, replace(study, reader=small), Path(folder) / "model", workers=1)
-    return Finding(TRAIN, "ok", f"{trained.samples} samples")
+        record = train_reader(_reader().library, replace(study, reader=small), Path(folder) / "model", workers=1)
+    return Finding(TRAIN, "ok", f"{record['samples']['training']} samples")
 
 
 @cache

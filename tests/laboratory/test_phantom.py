@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from effects import contents
-
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes
@@ -497,7 +496,7 @@ def test_the_command_makes_many_eyes_and_takes_them_up(tmp_path: Path, capsys: p
     assert found["recordings"] == [str(tmp_path / "eyes" / name) for name in ("pig-1", "pig-2")]
     assert (found["frames"], found["seed"]) == (4, 0)
     truths = [json.loads((Path(path) / "truth.json").read_text())["eye"] for path in found["recordings"]]
-    assert [eye["polar_rad"] for eye in truths] == [radians(35.0)] * 2
+    assert [eye["polar_rad"] for eye in truths] == pytest.approx([radians(35.0)] * 2)
     assert [eye["azimuth_rad"] for eye in truths] == [0.0] * 2  # 0 is stated, too
     assert truths[0]["gap_m"] != truths[1]["gap_m"]
     assert run([*command, "--count", "3", "--eye", "pig", *given]) == 0

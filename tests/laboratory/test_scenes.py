@@ -7,7 +7,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-
 from scleraforce.errors import StudyError
 from scleraforce.laboratory.scenes import Scene, draw_scene, judged_columns, seen_columns
 from scleraforce.study import (
@@ -408,19 +407,15 @@ def frame(level: float, first: int = 60, last: int = 110, noise: float = 20.0) -
     return np.clip(counts, 0, 65535).astype(np.uint16)
 
 
-def test_a_step_is_seen_from_half_a_standard_deviation_of_the_noise_on() -> None:
-    assert seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9
+def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame() -> None:
+    assert seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9  # from half a standard deviation of the noise on
     assert seen_columns(frame(2.0), SURFACE, INNER).mean() < 0.2
-
-
-def test_one_of_both_boundaries_is_enough() -> None:
     assert seen_columns(frame(40.0, last=ROWS), SURFACE, INNER).all()
     assert seen_columns(frame(40.0, first=0), SURFACE, INNER).all()
     assert seen_columns(frame(40.0, first=0, last=ROWS), SURFACE, INNER).mean() < 0.03
-
-
-def test_darker_tissue_below_something_bright_is_not_seen() -> None:
-    assert not seen_columns(frame(300.0, first=20, last=60), SURFACE, np.full(COLUMNS, 190.0)).any()
+    below_something_bright = frame(300.0, first=20, last=60)
+    assert not seen_columns(below_something_bright, SURFACE, np.full(COLUMNS, 190.0)).any()
+    assert not seen_columns(frame(60.0, first=0), np.full(COLUMNS, -20.0), np.full(COLUMNS, 300.0)).any()
 
 
 def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
@@ -433,21 +428,14 @@ def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
     assert np.array_equal(seen, judged)
 
 
-def test_where_no_wall_is_a_column_is_judged() -> None:
+def test_columns_without_wall_are_judged_and_a_twentieth_of_a_wall_is_not_one() -> None:
     outer = np.where(np.arange(COLUMNS) < 50, np.nan, SURFACE)
     seen, judged = judged_columns(frame(60.0), outer, outer, INNER)
     assert not seen[:50].any()
     assert judged[:50].all()
     assert seen[60:].all()
-
-
-def test_a_frame_that_shows_a_twentieth_of_its_wall_shows_none() -> None:
     counts = frame(0.0)
     counts[60:110, 80:88] += 60
     seen, judged = judged_columns(counts, SURFACE, SURFACE, INNER)
     assert not seen.any()
     assert judged.all()
-
-
-def test_a_boundary_beyond_the_frame_is_not_seen() -> None:
-    assert not seen_columns(frame(60.0, first=0), np.full(COLUMNS, -20.0), np.full(COLUMNS, 300.0)).any()

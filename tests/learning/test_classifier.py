@@ -11,7 +11,6 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.learning.classifier import (
@@ -322,14 +321,13 @@ def store(tmp_path_factory) -> Path:
 def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path, tmp_path: Path) -> None:
     dataset = open_dataset(store)
     ticks: list[int] = []
-    trained = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
+    record = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
     assert len(ticks) == 6
     reader = load_model(tmp_path / "model")
     _, validation = split_samples(dataset, dataset.youngs_modulus_pa)
     right = reader.probabilities(validation.slices).argmax(axis=1) == validation.target
-    assert right.mean() == trained.validation_accuracy == reader.record["metrics"]["validation_accuracy"]
-    assert trained.validation_accuracy > 0.8
-    assert reader.record["curves"]["validation_loss"] == list(trained.curves.validation_loss)
+    assert 0.8 < right.mean() == record["metrics"]["validation_accuracy"]
+    assert json.loads(json.dumps(record)).items() <= reader.record.items()
     assert {"slices", "training loss"} <= set(reader.record["fingerprint"])
 
 

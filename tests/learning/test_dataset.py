@@ -16,11 +16,8 @@ from analytic_library import analytic_library
 from effects import contents
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
-from scipy import stats
-from small_models import rehash_store
-from small_recordings import calibration_text
-
 from reference_walls import cut_section
+from scipy import stats
 from scleraforce.errors import DatasetError, InputError, SolverError, StudyError
 from scleraforce.learning.dataset import (
     DTYPES,
@@ -52,6 +49,8 @@ from scleraforce.study import (
     format_study,
     parse_study,
 )
+from small_models import rehash_store
+from small_recordings import calibration_text
 
 
 def with_dataset(**changes):
@@ -82,22 +81,18 @@ def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_val
     assert all(paper.unit(unit).start in starts for unit in range(paper.units))
 
 
-def test_forces_are_uniform_up_to_the_largest_of_their_group(paper):
+def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forces(paper):
     for thickness, largest in [(4e-4, 45e-3), (5e-4, 60e-3), (8e-4, 60e-3)]:
         force = paper.force_n[np.isclose(paper.thickness_m, thickness)]
         assert stats.kstest(force / largest, "uniform").pvalue > 0.01
-
-
-def test_contacts_lie_in_the_needles_range_all_around_the_eye(paper):
     _, first = np.unique(paper.contact, return_index=True)
     polar = (np.rad2deg(paper.polar_rad[first]) - 25.0) / 20.0
     assert stats.kstest(polar, "uniform").pvalue > 0.01
     assert stats.kstest(paper.azimuth_rad[first] / (2 * np.pi), "uniform").pvalue > 0.01
-
-
-def test_targets_are_the_classes_of_the_forces(paper):
     expected = np.where(paper.force_n < 5e-3, 0, np.where(paper.force_n > 30e-3, 2, 1))
     np.testing.assert_array_equal(paper.target, expected)
+    assert set(paper.gap_m) == {0.5e-3}
+    assert not np.any(paper.framing_lateral_m)
 
 
 def test_a_seed_gives_one_plan_and_another_seed_another():

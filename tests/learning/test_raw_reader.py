@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 from analytic_library import analytic_library
-
 from scleraforce.cli.main import run
 from scleraforce.known import Known, Modulus
 from scleraforce.learning.descent import drawn_ahead
@@ -136,7 +135,7 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library)
 def test_the_folder_is_a_model_that_reads_forces(library: Library, tmp_path: Path) -> None:
     study = replace(TINY, raw_reader=replace(TINY.raw_reader, interval_eyes=6))
     done: dict[str, int] = {"epochs": 0, "batches": 0, "eyes": 0}
-    trained = train_raw_reader(
+    train_raw_reader(
         library,
         study,
         tmp_path / "raw",
@@ -144,7 +143,6 @@ def test_the_folder_is_a_model_that_reads_forces(library: Library, tmp_path: Pat
         *(lambda count, name=name: done.update({name: done[name] + count}) for name in done),
     )
     assert done == {"epochs": 1, "batches": 6, "eyes": 6}
-    assert (trained.batches, trained.frames) == (6, 48)
     record = json.loads((tmp_path / "raw" / "model.json").read_text())
     assert record["kind"] == "raw-reader"
     assert record["provenance"]["study_sha256"] == study_hash(study)

@@ -35,7 +35,7 @@ def measure(run: Run) -> Table:
         seconds = whole_seconds(study, began_s, epochs_s, eyes_s, end_s)
         words = f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes; --training does all"
     each = {"an epoch, s": _each(epochs_s), "an eye, s": _each(eyes_s)}
-    accuracy = {"right class, %": 100.0 * trained.metrics.accuracy} if full else {}
+    accuracy = {"right class, %": 100.0 * trained["metrics"]["validation_accuracy"]} if full else {}
     row = Row(
         what="the reader, default training", value=seconds, unit="s", goal=GOAL_S, settings=words, more=each | accuracy
     )

@@ -33,7 +33,7 @@ from scleraforce.study import OctStudy
 
 Vector = NDArray[np.float64]
 
-SKIN_M = 10e-6  # thickness of what shines, and at least SKIN_COLUMNS of a column
+SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
 SKIN_COLUMNS = 0.5
 
 

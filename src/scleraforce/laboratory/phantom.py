@@ -24,7 +24,6 @@ from scleraforce.laboratory import pushes
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
 from scleraforce.laboratory.light import (
     BscanOptics,
-    Conjunctiva,
     Pose,
     sample_conjunctiva,
     sample_needle,
@@ -67,11 +66,6 @@ def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptic
     )
     surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
-
-
-def slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
-    """Return a conjunctiva that has moved over the wall: its waves have another phase."""
-    return None if layer is None else replace(layer, phase_rad=float(rng.uniform(-np.pi, np.pi)))
 
 
 def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
@@ -159,8 +153,10 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
             snr_db=of_frame.snr_db,
             reflection_db=of_frame.reflection_db,
             shadows=of_frame.shadows,
-            conjunctiva=slid(scanner.conjunctiva, stream(eye, seed, CONJUNCTIVA, index)),
         )
+        if optics.conjunctiva is not None:  # it has moved over the wall: its waves lie elsewhere
+            phase_rad = float(stream(eye, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi))
+            optics = replace(optics, conjunctiva=replace(optics.conjunctiva, phase_rad=phase_rad))
         shift_m = draw(phantom.eye_shift_m, rng)
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = stream_key(eye, seed, FRAME, index, 1)

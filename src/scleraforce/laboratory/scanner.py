@@ -223,7 +223,7 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     unit = field_unit(items[name])
     low, high = (None if end is None else unit.to_si(end) for end in (unit.low, unit.high))
     if (low is not None and found.median < low) or (high is not None and found.median > high):
-        return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of what a study takes")
+        return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of a study's range")
     ends = np.clip([found.low, found.high], low, high)
     return replace(found, low=float(ends[0]), high=float(ends[1]))
 
@@ -323,7 +323,7 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
     lines = [
         f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on {len(names)} frame(s):",
         *listed,
-        "# All that does not stand here, eye, needle and forces too, is as in the paper's study.",
+        "# All other values, also of eye, needle and forces, are the paper's study's.",
         "",
         "[oct]",
         *(sections["oct"][key] for key in OCT_KEYS),

@@ -82,7 +82,7 @@ class ImagedEye:
 
     @property
     def edge_rows(self) -> int:
-        """Rows on both sides of a boundary that are left out of what is measured beside it."""
+        """Rows on both sides of a boundary that measurements beside it leave out."""
         return EDGE_ROWS + round(EDGE_M / self.scale.depth_m)
 
     @property
@@ -224,7 +224,7 @@ def _blocks(eye: ImagedEye) -> list[NDArray[np.float64]]:
 
 
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
-QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
+QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between the quartiles of an exponential: 6.8
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
 CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are not noise
 LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
@@ -235,7 +235,7 @@ LEAST_PIXELS = 1000
 LOOKS = (0.05, 1e7)  # of the noise: what is looked for
 LEAST_COUNTS = 2  # between the quartiles of the noise: less may be rounding
 DARKEST_DB = -30.0  # stands for darkness at count 0
-MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: where no light at all has more, it is no offset
+MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: darkness with more has an offset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,7 +243,7 @@ class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
     `misfit_db`: of the noise to an exponential intensity on such a scale (the noise has 5.57 dB; below about 0.3 the
-    scale is right). `cut_share`: of the noise at count 0. `looks`: number of averaged looks in the noise.
+    scale is right). `looks`: number of averaged looks in the noise.
     """
 
     kind: DisplayKind
@@ -251,7 +251,6 @@ class Display:
     range_db: Estimate
     top: int
     misfit_db: float
-    cut_share: float
     looks: float = 1.0
 
     def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -302,11 +301,11 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
         for part in np.array_split(lit, GROUPS, axis=1)
         if np.isfinite(part).sum() > LEAST_PIXELS
     ]
-    per_unit, zero, misfit, cut = _scale(lit, eye, kind)
+    per_unit, zero, misfit = _scale(lit, eye, kind)
     if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
         raise FrameError(
             f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and its noise lies above count 0, as "
-            "if it were averaged: neither such frames can be measured nor those with an offset (subtract it)"
+            "if it were averaged: such frames cannot be measured, nor frames with an offset (subtract it)"
         )
     scatter = np.array([_ends_db(kind, group[0], group[1], eye.top) for group in groups])
     floor_db, range_db = _ends_db(kind, per_unit, zero, eye.top)
@@ -319,7 +318,6 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
         range_db=Estimate(value=range_db, error=float(range_error)),
         top=eye.top,
         misfit_db=misfit,
-        cut_share=cut,
     )
 
 
@@ -351,8 +349,8 @@ def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple
     return float(floor_db), float(top_db - floor_db)
 
 
-def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float, float]:
-    """Return counts for each unit of shown intensity, the count of darkness, the misfit, dB, the noise's share at 0."""
+def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float]:
+    """Return counts for each unit of shown intensity, the count of darkness, and the misfit, dB."""
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
     if cut > MOST_CUT:
@@ -368,4 +366,4 @@ def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tup
         raise FrameError(f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure")
     misfit = np.std(found - line.intercept - line.slope * expected) / line.slope
     misfit_db = misfit * np.std(LOGARITHMIC.shown(-np.log1p(-share))) / np.std(expected)
-    return float(line.slope), float(line.intercept), float(misfit_db), cut
+    return float(line.slope), float(line.intercept), float(misfit_db)

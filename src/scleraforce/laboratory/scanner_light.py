@@ -188,7 +188,7 @@ STEEPEST_RAD = 0.35  # of the surface: beyond, the light's way through the wall 
 MOST_LEVEL_ERROR_DB, MOST_SHARE = 1.5, 0.3
 LEAST_SEEN_DB = 1.0  # over the noise: the layer's end must be brighter than that, to be one
 NO_INNER = "the wall's inner boundary is not seen"
-BLURRED = "what lies below the wall is no even layer, or too dark"
+BLURRED = "the layer below the wall is uneven or too dark"
 NO_END = "the layer below the wall fades into the noise before it ends"
 
 
@@ -562,7 +562,10 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
     level_db = np.nan_to_num(level_db - np.nanmedian(level_db))
     deviation = robust_spread(np.abs(level_db))
     peaks, _ = find_peaks(level_db, height=max(LINE_DB, LINE_SDS * deviation), distance=REACH)
-    found = [_fitted_line(eye, rows, _mirrored(level_db), int(peak)) for peak in peaks]
+    mirrored = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])  # light over the mean noise, of a median level
+    median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * mirrored) / 2.0) - MEDIAN_DB
+    light = np.interp(level_db, median_db, mirrored)
+    found = [_fitted_line(eye, rows, light, int(peak)) for peak in peaks]
     return tuple(line for line in found if line is not None)
 
 
@@ -582,14 +585,6 @@ def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int
         level_db=float(10.0 * np.log10(value[1])),
         thickness_m=width_m,
     )
-
-
-def _mirrored(level_db: Trace) -> Trace:
-    """Return the light of mirrors over the mean noise, from the median's level over the noise's."""
-    light = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])
-    median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * light) / 2.0) - MEDIAN_DB
-    mirrored: Trace = np.interp(level_db, median_db, light)
-    return mirrored
 
 
 def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:

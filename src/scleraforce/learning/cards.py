@@ -95,7 +95,7 @@ def reader_card(study: Study, record: Mapping[str, Any]) -> str:
         "no even spheres at rest (ellipsoids, a cornea in view, walls that grow thicker)": f"{reader.uneven_share:.0%} "
         "of the samples",
         "size 1, no tilt, no rotation": f"{reader.plain_share:.0%} of the samples",
-        "errors of the boundaries": f"{reader.boundary_errors:g} times those of the segmentation on rendered frames",
+        "errors of the boundaries": f"{reader.boundary_errors:g} times the segmentation's on rendered frames",
         "stated values are missing": f"modulus {reader.modulus_missing_fraction:.0%}, "
         f"IOP {reader.iop_missing_fraction:.0%}, thickness {reader.thickness_missing_fraction:.0%}, "
         f"gap {reader.gap_missing_fraction:.0%}, polar angle {reader.polar_missing_fraction:.0%}, "
@@ -122,7 +122,7 @@ reduced basis: their points are off by at most {from_si(errors["curves_m"], "um"
         {
             "What it learned from": f"""{samples["training"]} computed slices, each seen once; \
 {samples["validation"]} others to validate. All are computed with
-finite strain (compressible neo-Hookean sphere, axisymmetric about the needle, moved by what the base beside it does): \
+finite strain (compressible neo-Hookean sphere, axisymmetric about the needle, moved with the base beside it): \
 no real eye. Library SHA-256
 `{record["provenance"]["library_sha256"]}`.
 

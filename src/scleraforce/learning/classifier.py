@@ -202,7 +202,7 @@ def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Map
     return onnx_bytes(_Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False)
 
 
-# Sums in another order differ in the last bit, so the number of threads is part of what makes a run repeatable.
+# Sums in another order differ in the last bit, so a run is repeatable with an equal number of threads only.
 CLASSIFIER_THREADS = 2
 
 

@@ -84,9 +84,9 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
-    network, training_loss = descend_reader(
-        replace(study, reader=replace(reader, epochs=1, samples_per_epoch=CHUNK)), [samples]
-    )
+    few = replace(study, reader=replace(reader, epochs=1, samples_per_epoch=CHUNK))
+    fitted = descend_reader(few, [samples])
+    network = fitted.network
     slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
     with torch.inference_mode():
         inputs, (forces, places) = network.features(slices), network(slices, torch.from_numpy(samples.given))
@@ -96,7 +96,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
         **_sample_items("validation", source.chunk(VALIDATION_CHUNK, 50)),
         "seen boundaries": item(seen, 1e-5),  # the pressure of a sealed eye is found within 1e-5
         "network inputs": item(inputs, SINGLE),
-        "training loss": item(training_loss, DESCENT),
+        "training loss": item(fitted.training_loss, DESCENT),
         "trained forces": item(forces, DESCENT),
         "trained places": item(places, DESCENT),
     }

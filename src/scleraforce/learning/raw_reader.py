@@ -21,7 +21,6 @@ from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
 from scleraforce.learning.reader import (
-    ReaderMetrics,
     ReaderNetwork,
     ReadForces,
     answers_of,
@@ -262,7 +261,7 @@ class RawSource:
 
 
 def window_columns(window: FrameWindow) -> SliceStudy:
-    """Return a slice whose columns are those of a window."""
+    """Return a slice with the columns of a window."""
     return SliceStudy(columns=window.columns, rows=window.rows, pixel_m=window.column_m)
 
 
@@ -324,8 +323,8 @@ def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_al
     return loss + reader_loss(mixtures, places, force, place_mm)
 
 
-def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> ReaderMetrics:
-    """Compare a network's answers with the truth of `[raw_reader] validation_frames` new frames."""
+def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> dict[str, Any]:
+    """Return `metrics` of `model.json`, of `[raw_reader] validation_frames` new frames."""
     parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
     with torch.inference_mode():
         read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.descent import READER_THREADS, drawn_ahead, onnx_bytes, repeatable, torch, trained
+from scleraforce.learning.descent import READER_THREADS, Fitted, drawn_ahead, onnx_bytes, repeatable, torch, trained
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import (
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
 KERNEL, STRIDE = 5, 2
 GIVEN_UNITS = 32
-COMPONENTS = 3  # of the mixture that the force is told by
+COMPONENTS = 3  # of the mixture that describes the force
 SHARPNESS = (-6.0, 1.0)  # least and largest logarithm of a component's scale, over the range of the histogram
 FAR = 1e4  # stands for the ends of the line, over the range of the histogram
 TYPICAL_WALL = 0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
@@ -186,34 +186,9 @@ class Answers:
     lateral_m: Floats
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReaderMetrics:
-    """The agreement of answers with the truth.
-
-    `accuracy` and `interval` (95 %, Wilson) of the classes, `mae_n` of the median, `coverage` of the 90 % intervals,
-    `lateral_mae_m` of the contact's place; `confusion` has a row for each true class.
-    """
-
-    accuracy: float
-    interval: tuple[float, float]
-    mae_n: float
-    coverage: float
-    lateral_mae_m: float
-    confusion: tuple[tuple[int, ...], ...]
-
-
-@dataclass(frozen=True)
-class FittedReader:
-    """A trained network, the mean loss of each epoch, and its metrics on new samples."""
-
-    network: ReaderNetwork
-    training_loss: tuple[float, ...]
-    metrics: ReaderMetrics
-
-
 def fit_reader(
     study: Study, source: Source, workers: int, progress: Callable[[int], object] | None = None
-) -> FittedReader:
+) -> Fitted[ReaderNetwork]:
     """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
 
     `workers` processes draw samples from `source`; `progress` is called with 1 after each epoch.
@@ -221,15 +196,12 @@ def fit_reader(
     reader = study.reader
     chunks = range(reader.epochs * _chunks(reader))
     with closing(drawn_ahead(source.chunk, chunks, workers)) as drawn:
-        network, training_loss = descend_reader(study, drawn, progress)
-    with repeatable(reader.seed, READER_THREADS):
-        unseen = concatenated(validation_chunks(source.chunk, reader.validation_samples, CHUNK))
-        return FittedReader(network, training_loss, measure(network, unseen, study))
+        return descend_reader(study, drawn, progress)
 
 
 def descend_reader(
     study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
-) -> tuple[ReaderNetwork, tuple[float, ...]]:
+) -> Fitted[ReaderNetwork]:
     """Train a new network on the chunks of all epochs, in order; return it with the mean loss of each epoch's samples.
 
     Losses are taken before the samples are learned from; no sample is seen twice.
@@ -246,7 +218,7 @@ def descend_reader(
         fused=True,
         progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
     )
-    return network, tuple(np.reshape(losses, (reader.epochs, chunks)).mean(axis=1).tolist())
+    return Fitted(network, tuple(np.reshape(losses, (reader.epochs, chunks)).mean(axis=1).tolist()))
 
 
 def _chunks(reader: ReaderStudy) -> int:
@@ -263,13 +235,24 @@ def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy)
         yield reader_loss(mixtures, places, force[index], place_mm[index]), len(index)
 
 
-def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
-    """Compare a network's answers with the truth."""
+def measure_reader(network: ReaderNetwork, source: Source, study: Study) -> dict[str, Any]:
+    """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
+    with repeatable(study.reader.seed, READER_THREADS):
+        unseen = concatenated(validation_chunks(source.chunk, study.reader.validation_samples, CHUNK))
+        return measure(network, unseen, study)
+
+
+def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> dict[str, Any]:
+    """Compare a network's answers with the truth (`compared`)."""
     return compared(answer(network, samples, study.reader), samples.force_n, samples.lateral_m, study)
 
 
-def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study) -> ReaderMetrics:
-    """Compare answers with the true forces (sample,), N, and places of the contact (sample,), m."""
+def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study) -> dict[str, Any]:
+    """Return `metrics` of `model.json` from answers, the true forces (sample,), N, and places of the contact, m.
+
+    Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are the classes'; the mean error is
+    the median's, the coverage the 90 % intervals'.
+    """
     median_n, (low_n, high_n) = answers.forces.median_n, answers.forces.interval_n.T
     classify = study.classes.classify
     confusion = confusion_matrix(
@@ -278,14 +261,14 @@ def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study)
         len(study.classes.bounds_n) + 1,
     )
     share = accuracy(confusion)
-    return ReaderMetrics(
-        accuracy=share.value,
-        interval=share.interval,
-        mae_n=float(np.abs(median_n - force_n).mean()),
-        coverage=float(((force_n >= low_n) & (force_n <= high_n)).mean()),
-        lateral_mae_m=float(np.abs(answers.lateral_m - lateral_m).mean()),
-        confusion=tuple(tuple(row) for row in confusion.tolist()),
-    )
+    return {
+        "validation_accuracy": share.value,
+        "validation_interval": share.interval,
+        "validation_confusion": confusion.tolist(),
+        "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
+        "coverage": float(((force_n >= low_n) & (force_n <= high_n)).mean()),
+        "lateral_mae_mm": from_si(float(np.abs(answers.lateral_m - lateral_m).mean()), "mm"),
+    }
 
 
 def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Answers:

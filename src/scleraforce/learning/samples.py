@@ -27,10 +27,10 @@ Samples = TypeVar("Samples", bound="DataclassInstance")
 
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
-CALIBRATED_SD = 0.06  # relative: a modulus that is told as surer than this was calibrated on the eye itself
+CALIBRATED_SD = 0.06  # relative: a modulus given with less was calibrated on the eye itself
 PRESSURE_TOLERANCE = 1e-5  # relative, of that under the needle: arrays and compiled loops draw alike
 TISSUES = 8  # stiffenings of tissue that does: what lies between them is learned
-TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
+TRUNCATED_SD = 2.5  # a given modulus is never farther off than this
 TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from hashlib import sha256
 from io import BytesIO
@@ -33,42 +33,7 @@ Progress = Callable[[int], object] | None
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 
 
-@dataclass(frozen=True)
-class Trained:
-    """A training's result; `candidates`: of the grid search (empty without one)."""
-
-    validation_accuracy: float
-    validation_interval: tuple[float, float]
-    network: NetworkStudy
-    curves: classifier.Curves
-    candidates: tuple[classifier.Candidate, ...] = ()
-
-
-@dataclass(frozen=True)
-class TrainedReader:
-    """A training's metrics on its validation samples, its number of epochs and of samples."""
-
-    metrics: reader.ReaderMetrics
-    epochs: int
-    samples: int
-
-
-@dataclass(frozen=True)
-class TrainedRawReader:
-    """A training's metrics on its validation frames, its number of batches and of frames."""
-
-    metrics: reader.ReaderMetrics
-    batches: int
-    frames: int
-
-
-@dataclass(frozen=True)
-class TrainedFinder:
-    """A training's metrics on unseen scenes, its number of batches and of scenes."""
-
-    metrics: wall_finder.FinderMetrics
-    batches: int
-    scenes: int
+Record = dict[str, Any]  # `model.json`
 
 
 def train_classifier(
@@ -79,8 +44,8 @@ def train_classifier(
     progress: Progress = None,
     youngs_modulus_pa: float | None = None,
     workers: int | None = None,
-) -> Trained:
-    """Train the classifier on a data set and write its model folder."""
+) -> Record:
+    """Train the classifier on a data set and write its model folder; return what `model.json` keeps of it."""
     check_place(out)
     modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
     study = replace(dataset.study, network=network or dataset.study.network)
@@ -106,7 +71,7 @@ def train_classifier(
     answers = stored.probabilities(validation.slices).argmax(axis=1)
     confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), classes)
     reached = accuracy(confusion)
-    record = {
+    record: Record = {
         "kind": "classifier",
         "provenance": provenance,
         "samples": {"training": len(training), "validation": len(validation)},
@@ -123,7 +88,7 @@ def train_classifier(
     }
     card = cards.classifier_card(study, record, (len(training), len(validation)), recall(confusion))
     write_folder(out, classifier.classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
-    return Trained(reached.value, reached.interval, study.network, fitted.curves, candidates)
+    return record
 
 
 def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifier.Samples, classifier.Samples]:
@@ -147,24 +112,25 @@ def train_reader(
     workers: int | None = None,
     progress: Progress = None,
     measured: Progress = None,
-) -> TrainedReader:
+) -> Record:
     """Train the reader on a library and write its model folder."""
     check_place(out)
     _check_library(library, study)
     own, (content, errors) = study.reader, _stored_library(library)
     stored = load_library(LIBRARY_FILE, content)
     marks = fingerprint.reader_fingerprint(study, stored)
-    fitted = reader.fit_reader(study, Source.of(library, own, study.slice), workers or _other_cores(), progress)
+    source = Source.of(library, own, study.slice)
+    fitted = reader.fit_reader(study, source, workers or _other_cores(), progress)
     provenance = _library_provenance("reader", study, own.seed, content)
     graph = reader.reader_bytes(fitted.network, study.slice, provenance)
     samples = own.epochs * _whole_chunks(study)
-    record: dict[str, Any] = {
+    record: Record = {
         "kind": "reader",
         "default": DEFAULT_METHOD,
         "provenance": provenance,
         "samples": {"training": samples, "validation": own.validation_samples},
         "epochs": own.epochs,
-        "metrics": _metrics_record(fitted.metrics),
+        "metrics": reader.measure_reader(fitted.network, source, study),
         "curves": {"training_loss": fitted.training_loss},
         "library": asdict(errors),
     }
@@ -179,7 +145,7 @@ def train_reader(
         marks |= fingerprint.interval_fingerprint(study, stored, graph)
     record["fingerprint"] = marks
     write_folder(out, graph, format_study(study), cards.reader_card(study, record), record, {LIBRARY_FILE: content})
-    return TrainedReader(fitted.metrics, own.epochs, samples)
+    return record
 
 
 def train_raw_reader(
@@ -190,7 +156,7 @@ def train_raw_reader(
     progress: Progress = None,
     learned: Progress = None,
     measured: Progress = None,
-) -> TrainedRawReader:
+) -> Record:
     """Train the raw reader on a library and write its model folder.
 
     Arguments and errors as of `train_reader`; `learned` is called with 1 after each batch of raw frames.
@@ -206,12 +172,12 @@ def train_raw_reader(
     samples = {
         "slices": raw.slice_epochs * _whole_chunks(study), "training": frames, "validation": raw.validation_frames,
     }  # fmt: skip
-    record: dict[str, Any] = {
+    record: Record = {
         "kind": RawReader.kind,
         "provenance": provenance,
         "samples": samples,
         "batches": raw.batches,
-        "metrics": _metrics_record(metrics),
+        "metrics": metrics,
         "curves": {"training_loss": fitted.training_loss},
     }
     if raw.interval_eyes:
@@ -223,10 +189,10 @@ def train_raw_reader(
             measured,
         )
     write_folder(out, graph, format_study(study), cards.raw_reader_card(study, record), record)
-    return TrainedRawReader(metrics, raw.batches, frames)
+    return record
 
 
-def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> TrainedFinder:
+def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> Record:
     """Train the wall finder on drawn scenes and write its model folder.
 
     `workers` are processes, or a cluster's, that draw (by default one for each other usable core); `progress` is called
@@ -242,17 +208,17 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
     metrics = wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
     scenes = finder.batches * finder.batch_size
-    record = {
+    record: Record = {
         "kind": WALL_FINDER,
         "provenance": provenance,
         "scenes": {"training": scenes, "validation": finder.validation_scenes},
         "batches": finder.batches,
-        "metrics": asdict(metrics),
+        "metrics": metrics,
         "curves": {"training_loss": fitted.training_loss},
         "fingerprint": fingerprint.finder_fingerprint(study),
     }
     write_folder(out, graph, format_study(study), cards.finder_card(study, record), record)
-    return TrainedFinder(metrics, finder.batches, scenes)
+    return record
 
 
 def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -> dict[str, str]:
@@ -307,15 +273,3 @@ def _other_cores() -> int:
 def _whole_chunks(study: Study) -> int:
     """Return the samples of an epoch of slices: whole chunks of them are drawn."""
     return -(-study.reader.samples_per_epoch // CHUNK) * CHUNK
-
-
-def _metrics_record(metrics: reader.ReaderMetrics) -> dict[str, Any]:
-    """Return `metrics` of `model.json`."""
-    return {
-        "validation_accuracy": metrics.accuracy,
-        "validation_interval": metrics.interval,
-        "validation_confusion": metrics.confusion,
-        "mae_mn": from_si(metrics.mae_n, "mn"),
-        "coverage": metrics.coverage,
-        "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
-    }

@@ -241,7 +241,7 @@ def calibrated(
     ]
     found = search(library, partial(_with_tissue, eye.told, taken, wanted, labelled.zero_covariance, study))
     if found is None:
-        raise CalibrationError("the library does not have the eye as it was told")
+        raise CalibrationError("the library does not have the eye with its stated values")
     stiffening, (known, used) = found
     told_force = {place for place in order[:used] if forces_n[place] > least_n}
     left = tuple(frame for place, frame in enumerate(frames) if place not in told_force)
@@ -313,7 +313,7 @@ def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
     return largest_n
 
 
-STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
+STREAM = 2**30  # of random numbers: the samples' streams are below, the validation's above
 AHEAD = 2  # eyes for each process that are drawn or wait
 OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces
 MOST_CHOSEN = 5  # of these frames
