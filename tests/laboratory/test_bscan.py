@@ -9,6 +9,7 @@ import pytest
 from analytic_frames import STEEL
 from hypothesis import given, settings, strategies as st
 from scipy import stats
+
 from scleraforce.laboratory.bscan import column_crossings, draw_shaft, render_bscan
 from scleraforce.laboratory.light import (
     NO_LIGHT_DB,

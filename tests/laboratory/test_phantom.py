@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from effects import contents
+
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes

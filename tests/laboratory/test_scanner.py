@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
+
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan, scanner_light
 from scleraforce.laboratory.light import Line, Shadow

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+
 from scleraforce.errors import StudyError
 from scleraforce.laboratory.scenes import Scene, draw_scene, judged_columns, seen_columns
 from scleraforce.study import (

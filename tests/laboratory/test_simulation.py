@@ -6,6 +6,7 @@ import cv2
 import meshio
 import numpy as np
 import pytest
+
 from scleraforce.errors import InputError
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye, write_vtu, write_xdmf
 from scleraforce.mechanics.contact import Contact

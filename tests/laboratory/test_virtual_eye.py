@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from effects import contents
+
 from reference_walls import cut_section
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError

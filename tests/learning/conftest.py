@@ -4,6 +4,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+
 from scleraforce.learning.classifier import Samples
 from scleraforce.study import NetworkStudy
 

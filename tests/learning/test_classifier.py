@@ -11,6 +11,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.learning.classifier import (

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library
 from effects import contents
+from small_models import SMALL_STUDY
+from workers import NEEDS_DASK, Cluster
+
 from scleraforce.cluster import cluster_workers
 from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
 from scleraforce.laboratory.phantom import write_phantom
@@ -17,8 +20,6 @@ from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.wall_finder import fit_wall_finder
 from scleraforce.study import DatasetGroup, MeshStudy, NetworkStudy, OctStudy, Study
-from small_models import SMALL_STUDY
-from workers import NEEDS_DASK, Cluster
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow]
 

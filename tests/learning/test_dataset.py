@@ -16,8 +16,11 @@ from analytic_library import analytic_library
 from effects import contents
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
-from reference_walls import cut_section
 from scipy import stats
+from small_models import rehash_store
+from small_recordings import calibration_text
+
+from reference_walls import cut_section
 from scleraforce.errors import DatasetError, InputError, SolverError, StudyError
 from scleraforce.learning.dataset import (
     DTYPES,
@@ -49,8 +52,6 @@ from scleraforce.study import (
     format_study,
     parse_study,
 )
-from small_models import rehash_store
-from small_recordings import calibration_text
 
 
 def with_dataset(**changes):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from scleraforce.learning.fingerprint import (
     Fingerprint,
     classifier_fingerprint,

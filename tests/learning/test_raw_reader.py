@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from analytic_library import analytic_library
+
 from scleraforce.cli.main import run
 from scleraforce.known import Known, Modulus
 from scleraforce.learning.descent import drawn_ahead

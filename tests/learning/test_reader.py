@@ -10,6 +10,7 @@ import onnxruntime
 import pytest
 import torch
 from analytic_library import analytic_library, solve_analytic
+
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.learning.reader import (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library, bulging, made_up_library
 from library_arrays import reached_tips
+
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.descent import drawn_ahead

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from analytic_library import analytic_library, made_up_library, without_rests
+from small_recordings import LOGGED_INFO
+
 from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import boundary_statistics
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
@@ -45,7 +47,6 @@ from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import LibraryStudy, Range, ReaderStudy, SliceStudy, Study
-from small_recordings import LOGGED_INFO
 
 RADIUS_M = np.array([12e-3])
 EXACT = Study(

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from small_models import SMALL_STUDY
+
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.train import train_wall_finder
@@ -25,7 +27,6 @@ from scleraforce.models import network_session, run_network
 from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
 from scleraforce.study import Study, parse_study, study_hash
-from small_models import SMALL_STUDY
 
 FINDER = SMALL_STUDY.wall_finder
 JUDGED = torch.ones(1, 4, dtype=torch.bool)
