@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.openigtlink import Image
 from scleraforce.processes import no_interrupts
 from scleraforce.replay.scanner_client import SCANNER_DEVICE, Unstamped
-from scleraforce.service.watchdog import MONITOR_PRIORITY
+from scleraforce.service.watchdog import LOOK_S, MONITOR_PRIORITY
 
 from .monitors import cores, pin
 
@@ -41,7 +41,7 @@ def small_monitor() -> Iterator[Small]:
     """Run the small monitor with its watchdog; end both."""
     with no_interrupts():
         process = subprocess.Popen(
-            [sys.executable, SUPPORT / "small_monitor.py"],
+            [sys.executable, SUPPORT / "small_monitor.py", str(LOOK_S)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

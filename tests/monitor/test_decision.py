@@ -812,6 +812,9 @@ def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
         ("silence_s", -1.0),
         ("reaction_s", float("inf")),
         ("frozen_frames", 1),
+        ("rate_frames", 3),
+        ("lag_drift", -1e-4),
+        ("scale_tolerance", 0.0),
         ("size", (0, 512)),
     ):
         with pytest.raises(InputError, match=r"monitor: "):

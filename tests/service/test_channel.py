@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from math import inf, nan
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -101,8 +101,6 @@ MESSAGES: list[CompanionMessage] = [
         class_bounds_n=(5e-3, 30e-3), model="reader", eye="",
     ),
 ]  # fmt: skip
-# A wrong value for each type of field.
-WRONG: list[Any] = [None, True, 1, 1.5, "1", b"1", [], [1], [[]], {}, {"a": 1}]
 
 
 def test_each_message_arrives_as_it_was_sent() -> None:
@@ -123,14 +121,6 @@ def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path
     assert decode_message(encode_message(settings)) == settings
 
 
-def test_a_message_that_is_cut_anywhere_is_refused() -> None:
-    for message in MESSAGES:
-        data = encode_message(message)
-        for length in range(len(data)):
-            with pytest.raises(MessageError):
-                decode_message(data[:length])
-
-
 def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
     for message in MESSAGES:
         record = msgspec.msgpack.decode(encode_message(message))
@@ -141,42 +131,11 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
             decode_message(msgspec.msgpack.encode(record | {"more": 1}))
 
 
-def test_any_value_in_a_field_is_read_or_refused() -> None:
-    """A value that is read is encoded to a message that decodes to the same."""
-    for message in MESSAGES:
-        record = msgspec.msgpack.decode(encode_message(message))
-        for path in places(record):
-            for wrong in WRONG:
-                with suppress(MessageError):
-                    read = decode_message(msgspec.msgpack.encode(changed(record, path, wrong)))
-                    assert decode_message(encode_message(read)) == read
-
-
 def test_a_value_of_another_type_is_refused_by_its_field() -> None:
-    for name, wrong in {"at_s": "1", "number": 1.5, "state": None, "frame": True, "verdict": []}.items():
-        record = msgspec.msgpack.decode(encode_message(Decided(entry=READ_ENTRY)))
-        with pytest.raises(MessageError, match=rf"entry\.{name}"):
-            decode_message(msgspec.msgpack.encode(changed(record, ["entry", name], wrong)))
-    record["entry"]["state"] = "OK"
-    with pytest.raises(MessageError, match="state"):
-        decode_message(msgspec.msgpack.encode(record))
-
-
-def places(record: Any) -> list[list[Any]]:
-    """The path to each value in an object, but to the object."""
-    if not isinstance(record, (dict, list)):
-        return []
-    entries = list(record.items()) if isinstance(record, dict) else list(enumerate(record))
-    return [[key, *rest] for key, value in entries for rest in ([], *places(value))]
-
-
-def changed(record: Any, path: list[Any], value: Any) -> Any:
-    """The object with another value in one place."""
-    if not path:
-        return value
-    copied = record.copy()
-    copied[path[0]] = changed(record[path[0]], path[1:], value)
-    return copied
+    record = msgspec.msgpack.decode(encode_message(Decided(entry=READ_ENTRY)))
+    for name, wrong in {"at_s": "1", "number": 1.5, "state": "OK", "frame": True, "verdict": []}.items():
+        with pytest.raises(MessageError, match=name):
+            decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))
 
 
 def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:

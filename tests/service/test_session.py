@@ -249,6 +249,6 @@ def test_what_is_told_again_has_no_number_of_its_own_and_no_frame() -> None:
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
     first = session.entry("tick", clock.now_s)
-    again = session.entry_again(clock.now_s)
+    again = session.entry("again", clock.now_s)
     assert again == replace(first, event="again")
     assert session.entry("tick", clock.now_s).number == first.number + 1

@@ -1,6 +1,6 @@
 """The limits beyond which the monitor withdraws, and one verdict or frame judged by itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 
 from scleraforce.errors import InputError
@@ -8,29 +8,8 @@ from scleraforce.monitor.events import FrameRead, Verdict
 from scleraforce.monitor.transitions import Cause
 from scleraforce.units import from_si
 
-COUNTS = (
-    "withdraw_class",
-    "unusable_frames",
-    "unusable_opinions",
-    "frozen_frames",
-    "shown_frames",
-    "rate_frames",
-    "fresh_frames",
-)
-POSITIVE = (
-    "bound_n",
-    "contact_n",
-    "reaction_s",
-    "silence_s",
-    "catch_up_s",
-    "loss_in_row_s",
-    "loss_in_window_s",
-    "loss_window_s",
-    "scale_tolerance",
-    "opinion_s",
-    "lifted_s",
-    "lag_s",
-)
+LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1
+MAY_BE_ZERO = ("rate_deviations", "lag_drift")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,14 +52,11 @@ class MonitorLimits:
     opinion_s: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in COUNTS:
-            _check(name, getattr(self, name), 1)
-        for name in POSITIVE:
-            _check(name, getattr(self, name), 0, strictly=True)
-        _check("rate_deviations", self.rate_deviations, 0)
-        _check("lag_drift", self.lag_drift, 0)
-        _check("rate_frames", self.rate_frames, 4)
-        _check("frozen_frames", self.frozen_frames, 2)
+        for field in fields(self):
+            if field.type is int:
+                _check(field.name, getattr(self, field.name), LEAST.get(field.name, 1))
+            elif field.type is float:
+                _check(field.name, getattr(self, field.name), 0, strictly=field.name not in MAY_BE_ZERO)
         if self.contact_n >= self.bound_n:
             raise InputError(f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}")
         for value in (*(self.size or ()), *(self.scale_m or ())):

@@ -24,7 +24,6 @@ from scleraforce.service.messages import (
     Entry,
     ListensAt,
     MonitorEnds,
-    OpinionAsked,
     OpinionGiven,
     Outline,
     ResetAsked,
@@ -191,10 +190,6 @@ class Companions:
             rows = _rows(wall.outer_row), _rows(wall.inner_row)
             self.send(CONSOLE, Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
 
-    def ask_opinion(self, number: int, order: int, now_s: float) -> None:
-        """Ask for a second opinion on a frame in the ring."""
-        self.send(OPINION, OpinionAsked(number=number, order=order), now_s)
-
     def send(self, name: str, message: CompanionMessage, now_s: float) -> bool:
         """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""
         if name == BLACK_BOX:
@@ -228,7 +223,12 @@ class Companions:
                     case SelfReport(detail=detail):
                         self._faults[name] = detail
                     case Alive(faults=faults):
-                        self._take_alive(name, faults, now_s)
+                        self._heard_of.add(name)
+                        if name == BLACK_BOX:
+                            self._alive_until_s = now_s + SILENT_S
+                        self._faults.pop(name, None)
+                        if faults:
+                            self._faults[name] = "; ".join(faults)
                     case _ if isinstance(message, SENDS[name]):
                         yield message
                     case _:
@@ -237,16 +237,6 @@ class Companions:
             self._garbled.setdefault(name, f"it does not keep to the protocol: {fault}")
         except ChannelClosedError:
             self._dead.add(name)
-
-    def _take_alive(self, name: str, faults: tuple[str, ...], now_s: float) -> None:
-        """Take a companion's sign of life with its present faults, which replace earlier ones."""
-        self._heard_of.add(name)
-        if name == BLACK_BOX:
-            self._alive_until_s = now_s + SILENT_S
-        if faults:
-            self._faults[name] = "; ".join(faults)
-        else:
-            self._faults.pop(name, None)
 
     def dead(self, name: str) -> bool:
         """Return whether a companion has ended, which closes its channel."""

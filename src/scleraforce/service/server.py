@@ -29,7 +29,7 @@ from scleraforce.service.clients import (
     reading_messages,
     status_message,
 )
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, Companions, Guard
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
     READING_DEVICE,
@@ -40,6 +40,7 @@ from scleraforce.service.messages import (
     ForceHeard,
     ListensAt,
     Note,
+    OpinionAsked,
     OpinionGiven,
     Rates,
     ResetAnswered,
@@ -260,7 +261,7 @@ class Server:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
         if session.answer is not None:
-            self._companions.ask_opinion(frame.number, frame.order, now_s)
+            self._companions.send(OPINION, OpinionAsked(number=frame.number, order=frame.order), now_s)
             if session.answer.segmentation is not None:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)
 
@@ -322,7 +323,7 @@ class Server:
         rates = Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
         self._companions.send(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.send(CONSOLE, Decided(entry=self.session.entry_again(now_s)), now_s)
+            self._companions.send(CONSOLE, Decided(entry=self.session.entry("again", now_s)), now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()

@@ -264,15 +264,11 @@ class Session:
         return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
-        """Return the last decision as a new entry, with the reading if it was made on a frame."""
-        self._entries += 1
-        return self._entry(event, at_s, frame, latency_s)
+        """Return the last decision as a new entry, with the reading if it was made on a frame.
 
-    def entry_again(self, at_s: float) -> Entry:
-        """Return the last decision once more, with its number and no frame, for a receiver that may have missed it."""
-        return self._entry("again", at_s)
-
-    def _entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
+        The event "again" repeats the decision with its number, for a receiver that may have missed it.
+        """
+        self._entries += event != "again"
         answer = self.answer if frame else None
         decision = self.decision
         return Entry(

@@ -43,6 +43,9 @@ WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it 
 READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
+START = Entry(
+    number=0, time_s=0.0, at_s=0.0, event="start", state="NOT_READY", code=13, sub_code=0, cause=None, message=""
+)  # shown before the first decision
 READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
 
 
@@ -130,7 +133,7 @@ class Board:
     def __init__(self, now_s: float) -> None:
         self._entry_s = self._outline_s = self._frame_s = now_s
         self._heard_s: float | None = None
-        self._entry: Entry | None = None
+        self._entry = START
         self._reading: tuple[int, Entry] | None = None  # the last one on a frame, with its number
         self._outline: Outline | None = None
         self._rates: Rates | None = None
@@ -161,7 +164,7 @@ class Board:
                 self._latencies.append((now_s, entry.latency_ms))
             while self._latencies and now_s - self._latencies[0][0] > LATENCY_S:
                 self._latencies.popleft()
-        return before is None or (before.state, before.cause) != (entry.state, entry.cause)
+        return before is START or (before.state, before.cause) != (entry.state, entry.cause)
 
     def end(self) -> None:
         """Note that the monitor has ended or died."""
@@ -173,7 +176,7 @@ class Board:
             return "ended"
         if self._heard_s is None:
             return "starting"
-        watching = self._entry is not None and self._entry.state == "WATCHING"
+        watching = self._entry.state == "WATCHING"
         silent = now_s - self._heard_s > SILENT_S or (watching and now_s - self._entry_s > WATCHING_SILENT_S)
         return "silent" if silent else "answers"
 
@@ -194,15 +197,6 @@ class Board:
 
     def _decision(self) -> dict[str, Any]:
         entry = self._entry
-        if entry is None:
-            return {
-                "state": "NOT_READY",
-                "cause": None,
-                "detail": "",
-                "sentence": "",
-                "present": "",
-                "withdrawn_s": None,
-            }
         return {
             "state": entry.state,
             "cause": entry.cause,

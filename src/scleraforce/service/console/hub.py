@@ -10,7 +10,6 @@ from time import monotonic
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
 from scleraforce.service.channel import Channel, ChannelClosedError
@@ -117,10 +116,6 @@ class Pictures:
         pixels = self._ring.get(frame)
         if pixels is None:
             return None
-        self._made = (frame, most_pixels), self._picture(frame, pixels, outline, most_pixels)
-        return self._made[1]
-
-    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Outline | None, most_pixels: int) -> bytes:
         white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
         self._white = max(white, FADING * self._white, 1.0)
         rows, columns = (min(length, most_pixels) for length in pixels.shape)
@@ -129,7 +124,8 @@ class Pictures:
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
         lines = {"step": outline.step, "outer": outline.outer, "inner": outline.inner} if outline else None
         header = json.dumps({"frame": frame, "rows": rows, "columns": columns, "outline": lines}).encode()
-        return len(header).to_bytes(4, "little") + header + shown.tobytes()
+        self._made = (frame, most_pixels), len(header).to_bytes(4, "little") + header + shown.tobytes()
+        return self._made[1]
 
 
 @dataclass(eq=False)
