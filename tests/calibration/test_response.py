@@ -76,7 +76,7 @@ def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(lab
     true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]
     at = np.linspace(-6e-3, 6e-3, 200)
     for boundary in (0, 1):
-        np.testing.assert_allclose(np.interp(at, *between[boundary].T), np.interp(at, *true[boundary].T), atol=10e-6)
+        np.testing.assert_allclose(np.interp(at, *between[boundary].T), np.interp(at, *true[boundary].T), atol=2e-6)
 
 
 def test_lagrange_weights_reproduce_a_parabola() -> None:

@@ -17,6 +17,7 @@ from scleraforce.known import (
     Known,
     KnownGlobe,
     Modulus,
+    completed,
     correlation_of,
     known_globe,
     known_of_recording,
@@ -242,3 +243,12 @@ def test_the_most_correlated_eye_is_read_again_and_has_a_prior_to_draw_from(tmp_
     own = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
     precision = prior_of(Known(modulus=own, globe=read), ReaderStudy()).calibrated
     assert np.linalg.inv(np.linalg.cholesky(precision)).max() == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
+    stated, number = known_globe("sealed", 0.02 * PER_UL, "logarithmic"), known_globe("sealed", 0.03 * PER_UL)
+    assert completed(Known(globe=known_globe("sealed")), Known(globe=stated)).globe == stated
+    assert completed(Known(globe=number), Known(globe=stated)).globe == replace(number, law="logarithmic")
+    assert completed(Known(globe=OPEN), Known(globe=stated)).globe is OPEN
+    assert completed(Known(), Known(globe=stated)).globe is stated
+    assert completed(Known(globe=OPEN), Known()).globe is OPEN

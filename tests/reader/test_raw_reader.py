@@ -20,7 +20,7 @@ from scleraforce.models import network_session
 from scleraforce.reader import RawReader, load_force_reader, load_model
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import IntervalFactors
-from scleraforce.reader.networks import ForceNetwork
+from scleraforce.reader.networks import GIVEN, ForceNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.reduced import FrameWindow
@@ -97,8 +97,10 @@ def test_eyes_outside_the_training_are_refused(reader, frame, known: Known, word
     assert answer.reason == reader.refusal(known) or "thick" in (answer.reason or "")
 
 
-def test_a_gap_below_the_slice_readers_is_read(reader) -> None:
+def test_a_gap_below_the_slice_readers_is_read_on_the_scale_of_the_training(reader, folder) -> None:
     assert reader.refusal(replace(KNOWN, gap_m=0.1e-3)) is None
+    given, *_ = network(folder)._inputs(replace(KNOWN, gap_m=0.0))
+    assert given[0, GIVEN.index("gap")] == -1.0
 
 
 def test_frames_that_are_stretched_otherwise_than_the_trainings_are_refused(reader, frame) -> None:

@@ -394,13 +394,22 @@ def begin(
 
 
 def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float = 0.0) -> EyeSession:
-    """Return the eye after one more frame."""
-    eye = session.filter
+    """Return the eye after one more frame; one of little force shows where it lies, but nothing of its modulus."""
+    eye, state = session.filter, session.state
     if isinstance(eye.model, LibraryEye):
         boundaries = without_form(eye.model, boundaries, eye.study)
-    if force_n <= eye.study.min_force_n:
-        return _refer(session, boundaries, force_n)
-    return _update(session, boundaries, force_n, since_start_s)
+    if force_n > eye.study.min_force_n:
+        covariance = session.zero_covariance
+        frame = FrameInput(boundaries, force_n=force_n, since_start_s=since_start_s, zero_covariance=covariance)
+        found = assimilate(eye, state, frame)
+        return replace(session, state=state if isinstance(found, Skipped) else found.state, last=found)
+    if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
+        prior = frame_prior(state.belief, eye.study)
+        sought = session.mean_pa, prior, rigidity_after(eye, state)
+        fit = register(eye.model, boundaries, max(force_n, 0.0), *sought)
+        state = replace(state, belief=updated_belief(state.belief, prior, fit))
+    reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
+    return replace(session, state=state, last=Skipped(reason))
 
 
 def known_after(session: EyeSession) -> Known:
@@ -414,24 +423,3 @@ def known_after(session: EyeSession) -> Known:
     modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
     globe = known_globe_after(session.filter, session.state)
     return replace(known_of_constants(constants, modulus), thickness_m=thickness_m, globe=globe)
-
-
-def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:
-    """Return the eye after a frame that bears enough force to show its modulus; arguments of `step`."""
-    frame = FrameInput(
-        boundaries, force_n=force_n, since_start_s=since_start_s, zero_covariance=session.zero_covariance
-    )
-    found = assimilate(session.filter, session.state, frame)
-    return replace(session, state=session.state if isinstance(found, Skipped) else found.state, last=found)
-
-
-def _refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSession:
-    """Return the eye after a frame that shows where it lies, but nothing of its modulus; arguments of `step`."""
-    eye, state = session.filter, session.state
-    if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
-        prior = frame_prior(state.belief, eye.study)
-        sought = session.mean_pa, prior, rigidity_after(eye, state)
-        fit = register(eye.model, boundaries, max(force_n, 0.0), *sought)
-        state = replace(state, belief=updated_belief(state.belief, prior, fit))
-    reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
-    return replace(session, state=state, last=Skipped(reason))
