@@ -6,9 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from scleraforce.errors import FrameError, RecordingError
-from scleraforce.recording.folder import read_recording
+from scleraforce.recording.folder import Scanner, read_recording, read_scaled_frame
 from scleraforce.recording.tables import FORCE_COLUMNS
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
@@ -246,3 +247,14 @@ def test_another_word_for_the_globe_is_refused(folder):
     change(folder / "recording.toml", "[oct]", 'globe = "closed"\n[oct]')
     with pytest.raises(RecordingError, match=r"eye\.globe: 'closed' is not one of open, sealed"):
         read_recording(folder)
+
+
+def test_options_take_precedence_over_recording_toml_and_that_over_the_file(folder):
+    path, tags = folder / "frames" / "c.tif", {"resolution": (1000.0, 1000.0), "resolutionunit": "CENTIMETER"}
+    tifffile.imwrite(path, np.full((16, 32), 7, np.uint16), metadata=None, **tags)
+    frame = read_scaled_frame(path, Scanner(depth_m=3e-3), (Scanner(refractive_index=1.3), "assumed"))
+    assert (frame.depth_m.value, frame.depth_m.source) == (3e-3, "option")
+    assert (frame.width_m.value, frame.width_m.source) == (15e-3, "recording.toml")
+    (folder / "recording.toml").unlink()
+    frame = read_scaled_frame(path, Scanner(), (Scanner(width_m=1e-3), "assumed"))
+    assert (frame.width_m.value, frame.width_m.source) == (pytest.approx(32 * 1e-5), "file")
