@@ -51,13 +51,11 @@ def test_phantom_frames() -> None:
         assert check(frame).usable
 
 
-@pytest.mark.slow
 def test_frames_of_bytes() -> None:
     for frame in draw_frames(6):
         check((frame >> 4).astype(np.uint8))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [-35.0, 0.0, 20.0])
 def test_frames_with_a_needle(angle_deg: float) -> None:
     shaft = replace(STEEL, diameter_m=0.3e-3, angle_rad=radians(angle_deg))
@@ -68,7 +66,6 @@ def test_frames_with_a_needle(angle_deg: float) -> None:
     assert check(render_bscan(placed, STUDY.oct, drawn, rng, needle).frame).needle
 
 
-@pytest.mark.slow
 def test_frames_with_a_conjunctiva() -> None:
     phantom = replace(STUDY.phantom, conjunctiva_thickness_m=fixed(150e-6))
     for seed in range(3):
@@ -79,7 +76,6 @@ def test_frames_with_a_conjunctiva() -> None:
         check(render_bscan(placed, STUDY.oct, optics, rng).frame)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "columns"), [(512, 512), (300, 700), (1024, 64), (400, 191), (383, 192), (777, 1001)])
 def test_another_scanner(rows: int, columns: int) -> None:
     scanner = OctStudy(width_m=9e-3, depth_m=5e-3, rows=rows, columns=columns, refractive_index=1.38)
@@ -104,7 +100,6 @@ def hostile_frames() -> Iterator[Pixels]:
     yield frame[:, ::2]
 
 
-@pytest.mark.slow
 def test_hostile_frames() -> None:
     for frame in hostile_frames():
         check(frame)
@@ -127,7 +122,6 @@ def test_random_images(seed: int, rows: int, columns: int, layers: int) -> None:
     check(frame.astype(np.uint16))
 
 
-@pytest.mark.slow
 def test_frames_of_changing_size_leave_nothing_behind() -> None:
     frame = draw_frames(1)[0]
     first = check(frame)
