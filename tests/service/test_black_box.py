@@ -15,6 +15,7 @@ import scleraforce.service.black_box as module
 import scleraforce.service.decision_log as log_sync
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames
+from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service.black_box import BlackBox
 from scleraforce.service.channel import Channel, Child, encode_message
 from scleraforce.service.decision_log import DecisionLog, Journal, read_log
@@ -361,8 +362,27 @@ def test_a_session_that_the_disk_cannot_follow_loses_frames_and_says_how_many(tm
         monitor.decide(turns=0)
     monitor.end()
     assert [int(entry.file[:7]) for entry in read_recording(tmp_path / "rec").frames] == list(range(26, 36))
-    assert any("the disk does not keep up" in note for note in monitor.notes())
+    assert sum("the disk does not keep up" in note for note in monitor.notes()) == 1
     assert monitor.notes()[-1].endswith("; 25 were lost")
+
+
+def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypatch):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for _ in range(5):
+        monitor.decide()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(RecordingWriter, "add", full)
+        monitor.decide()
+    for _ in range(5):
+        monitor.decide()
+    assert [fault.detail for fault in monitor.heard(SelfReport)] == ["session: [Errno 28] No space left on device"]
+    monitor.end()
+    assert len(read_recording(tmp_path / "rec").frames) == 5
+    assert sum("recorded 5 frames" in note for note in monitor.notes()) == 1
 
 
 def test_a_folder_that_exists_is_never_written_into(tmp_path):

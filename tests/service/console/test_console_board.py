@@ -80,6 +80,7 @@ def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None
         True,
     ]
     assert not board.take(RATES, 0.05)
+    assert Board(0.0).take(Decided(entry=entry(0.01, "NOT_READY")), 0.01), "the first decision is urgent"
 
 
 def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> None:
