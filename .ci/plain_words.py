@@ -21,6 +21,8 @@ CLEAN = (
     *("src/scleraforce/checked_store.py", "src/scleraforce/cluster.py", "src/scleraforce/compiled.py"),
     *("src/scleraforce/errors.py", "src/scleraforce/plain_json.py", "src/scleraforce/plain_text.py"),
     *("src/scleraforce/processes.py", "src/scleraforce/units.py", "src/scleraforce/whole_files.py"),
+    *("src/scleraforce/__init__.py", "src/scleraforce/cli", "src/scleraforce/notebook", "src/scleraforce/replay"),
+    *("tests/notebook", "tests/replay"),
 )
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {

@@ -195,7 +195,7 @@ def withdraws_at(number: int):
     return decide
 
 
-def test_a_withdrawal_is_told_with_its_frame_cause_reading_and_true_force(tmp_path, capsys) -> None:
+def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(tmp_path, capsys) -> None:
     path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
     _, result = played(path, capsys, decide=withdraws_at(12))
     found = result["withdrawal"]
@@ -225,10 +225,10 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-1].endswith(f"after it was sent: {said}")
 
 
-def test_a_withdrawal_comes_before_the_first_frame_with_an_answer_or_after_the_last_frame(tmp_path) -> None:
+def test_a_withdrawal_is_before_the_first_frame_at_an_answer_or_after_the_last_frame(tmp_path) -> None:
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=5))
     log = AnswerLog()
-    log.hear(0.0, STATUS_DEVICE, Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN; reset to go on"))
+    log.hear(0.0, STATUS_DEVICE, Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN"))
     before = _Show(recording, log, None, quiet=True)._change_record(log.first_doubt(0.0, (3,)))
     assert (before["frame"], before["file"]) == (None, None)
     change = {"frame": 7, "file": "0006.png", "answers_frame": False}

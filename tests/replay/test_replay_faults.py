@@ -180,7 +180,7 @@ def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) 
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_goes_on(recording, version: int) -> None:
+def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(recording, version: int) -> None:
     for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
         monitor, report = injected(recording, name, version)
         wrong = [event for event in monitor.received if isinstance(event, BadChecksum | Malformed)]
@@ -254,7 +254,7 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, na
 def test_half_a_frame_is_followed_by_nothing(recording) -> None:
     monitor, report = injected(recording, "half", 2)
     assert len(images(monitor)) == 30
-    assert report.delay_s is None  # the connection stands: this monitor sees nothing
+    assert report.delay_s is None  # the connection stays: this monitor sees nothing
 
 
 def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_withdrawal(recording) -> None:

@@ -45,7 +45,7 @@ def recording(tmp_path_factory) -> Recording:
 def injected(recording: Recording, name: str, version: int) -> FaultReport:
     log = AnswerLog()
     with (
-        serving(clock=None, catch_up_s=0.1) as port,  # a flood is none where there is time for all of it
+        serving(clock=None, catch_up_s=0.1) as port,  # 100 frames are not a flood for a server with time to catch up
         closing(ScannerClient("127.0.0.1", port, log.hear, observed=True)) as client,
     ):
         player = Player(recording, client, log, version=version)

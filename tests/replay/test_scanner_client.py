@@ -119,7 +119,7 @@ def wait_for_peer(monitor: FakeMonitor) -> None:
         time.sleep(0.001)
 
 
-def test_what_is_no_openigtlink_is_an_error() -> None:
+def test_a_peer_that_does_not_speak_openigtlink_is_an_error() -> None:
     with fake_monitor() as monitor:
         monitor.answers = False
         client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
