@@ -1,7 +1,7 @@
-"""What the documentation says is true: its commands run and print what it shows, its Python is run by doctest.
+"""The documentation is true: its commands run and print what it shows, its Python is run by doctest.
 
-A `console` block has lines `$ command`, each followed by what it prints; `...` stands for anything. The blocks of a
-page run in order in one temporary folder. `make` targets are looked up only: CI runs them.
+A `console` block has lines `$ command`, each followed by its output; `...` stands for anything. The blocks of a page
+run in order in one temporary folder. `make` targets are only looked up: CI runs them.
 """
 
 import doctest
@@ -12,6 +12,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +21,7 @@ import pytest
 from small_recordings import write_notebook_folder
 
 import scleraforce
+from requirements_trace import STATED, trace_page
 from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
@@ -27,7 +29,7 @@ PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 LONG_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
 SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|linear_sections|FiniteWall|adaptive_bound_n)\(")
-# Whose examples train and solve.
+# Modules whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}
 FENCE = re.compile(r"^```([\w{}-]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -44,7 +46,7 @@ PUBLIC_MODULES = sorted({getattr(scleraforce, name).__module__ for name in PUBLI
 
 @dataclass(frozen=True)
 class Example:
-    """A command and what it is said to print."""
+    """A command and its output on the page."""
 
     command: str
     output: str
@@ -84,12 +86,12 @@ WRITTEN = re.compile(r"(?:--(?:out|html|plot|black-box)[ =]|(?<![0-9&]) > )([^\s
 
 
 def ignored(name: str) -> bool:
-    """Whether git ignores a file of this name in the project's folder."""
+    """Return True if git ignores a file of this name in the project's folder."""
     return subprocess.run(["git", "check-ignore", "-q", name], cwd=ROOT, check=False).returncode == 0
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
-def test_what_the_examples_of_the_readme_write_is_ignored_by_git() -> None:
+def test_files_that_the_examples_of_the_readme_write_are_ignored_by_git() -> None:
     commands = [example.command for example in examples(ROOT / "README.md")]
     names = {name.split("/")[0] for command in commands for name in WRITTEN.findall(command)}
     assert {"eye-a", "modulus.json", "answers.html", "browse.html"} <= names
@@ -124,26 +126,20 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
         assert [path.name for path in tmp_path.iterdir() if path.name != "docs" and not ignored(path.name)] == []
 
 
-def test_every_make_target_and_link_of_a_page_exists() -> None:
-    for page in PAGES:
-        check_targets_and_links(page)
-
-
-def check_targets_and_links(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
-    for example in examples(page):
-        if example.command.startswith("make "):
-            assert example.command.split()[1] in targets
-    for link in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text):
-        if "://" not in link:
-            assert (page.parent / link).exists(), f"{page.name} links to {link}, which is not there"
-
-
-def test_every_block_of_a_page_has_a_language_that_is_checked_here() -> None:
-    for page in PAGES:
-        unknown = {name for name, _ in FENCE.findall(page.read_text(encoding="utf-8"))} - LANGUAGES
-        assert not unknown, f"{page}: blocks in {unknown}"
+def test_every_make_target_link_language_and_toml_of_a_page_exists() -> None:
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
+    for page in (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"):
+        text = page.read_text(encoding="utf-8")
+        links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text)
+        missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+        assert not missing, f"{page.name} links to {missing}, which do not exist"
+        if page in PAGES:
+            called = {example.command.split()[1] for example in examples(page) if example.command.startswith("make ")}
+            assert called <= targets, page
+            unknown = {name for name, _ in FENCE.findall(text)} - LANGUAGES
+            assert not unknown, f"{page}: blocks in {unknown}"
+            for body in blocks(page, "toml"):
+                tomllib.loads(body)
 
 
 def run_python(page: Path) -> None:
@@ -176,7 +172,7 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
 
 @pytest.fixture(scope="module")
 def notebook_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the examples of the public functions read."""
+    """Inputs of the examples of the public functions."""
     folder = tmp_path_factory.mktemp("notebook")
     write_notebook_folder(folder)
     return folder
@@ -192,18 +188,12 @@ def test_the_examples_in_docstrings_are_true() -> None:
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name) for name in PUBLIC_MODULES],
 )
-def test_the_examples_of_what_is_public_are_true(
+def test_the_examples_of_the_public_functions_are_true(
     name: str, notebook_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(notebook_folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(notebook_folder / "cache"))
     assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
-
-
-def test_the_toml_of_the_pages_is_toml() -> None:
-    for page in PAGES:
-        for body in blocks(page, "toml"):
-            tomllib.loads(body)
 
 
 def test_make_help_lists_every_target_that_is_a_task() -> None:
@@ -218,3 +208,150 @@ def test_the_readme_shows_every_command() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     for name in COMMANDS:
         assert f"scleraforce {name}" in readme, f"README.md does not show `scleraforce {name}`"
+
+
+TEXTS = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted(PACKAGE.rglob("*.py")),
+    *sorted((ROOT / "benchmarks").rglob("*.py")),
+]
+FOLDERS = (ROOT, PACKAGE, PACKAGE.parent, ROOT / "benchmarks")  # in which `package/module.py` may be
+FILE = re.compile(r"(?<![\w./])(\w+(?:/\w+)+\.py)\b")
+# `recording.toml` is a file; pages and docstrings have eyes, recordings and data sets as variables, too.
+VARIABLES = {"eye", "recording", "dataset"}
+ENDINGS = {"toml", "npz", "json", "csv", "zarr", "md", "py", "onnx"}
+PACKAGES = {path.stem for path in PACKAGE.iterdir() if path.suffix in {"", ".py"} and path.stem[0] != "_"}
+DOTTED = re.compile(
+    rf"\bscleraforce((?:\.[A-Za-z_]\w*)+)|`((?:{'|'.join(sorted(PACKAGES - VARIABLES))})(?:\.[A-Za-z_]\w*)+)"
+)
+
+
+@cache
+def exists(dotted: str) -> bool:
+    """Return True if a module below `scleraforce`, or a name in one, can be imported."""
+    found: object = scleraforce
+    for name in dotted.split("."):
+        if hasattr(found, "__path__") and find_spec(f"{found.__name__}.{name}"):
+            found = import_module(f"{found.__name__}.{name}")
+        elif hasattr(found, name):
+            found = getattr(found, name)
+        else:
+            return False
+    return True
+
+
+def named(text: str) -> list[str]:
+    found = [(below or "").lstrip(".") or within for below, within in DOTTED.findall(text)]
+    return [name for name in found if name.split(".")[-1] not in ENDINGS]
+
+
+def test_every_module_that_a_text_names_exists() -> None:
+    missing: dict[str, list[str]] = {}
+    for path in TEXTS:
+        text = path.read_text(encoding="utf-8")
+        found = [name for name in FILE.findall(text) if not any((folder / name).is_file() for folder in FOLDERS)]
+        found += [name for name in named(text) if not exists(name)]
+        if found:
+            missing[str(path.relative_to(ROOT))] = found
+    assert not missing, f"named, but missing: {missing}"
+
+
+def test_a_name_that_does_not_exist_would_be_found() -> None:
+    assert exists("reader.model")
+    assert exists("reader.model.LiveReader")
+    assert not exists("imaging.segmentation")
+    assert not exists("reader.life")
+    assert named("`reader.life` and scleraforce.gone, `recording.toml`") == ["reader.life", "gone"]
+
+
+FIT, PAPERS = "The reader's fit (default), the eye's E", "The paper's: linear, E of the population"
+QUOTED = ("right class, %", "force error, mN", "intervals hold, %", "class 2 read as 0")
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def figures() -> dict[str, dict[str, dict[str, str]]]:
+    """Return the tables of docs/figures.md: method -> group -> heading -> cell, without goals."""
+    found: dict[str, dict[str, dict[str, str]]] = {}
+    rows, head = {}, []
+    for line in (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").splitlines():
+        if title := re.fullmatch(r"\*\*(.+)\*\*", line):
+            rows, head = found.setdefault(title[1], {}), []
+        elif not line and head:  # the end of a table
+            rows, head = {}, []
+        elif line.startswith("| ") and not line.startswith("| ---"):
+            head = head or cells(line)
+            rows[cells(line)[0]] = dict(zip(head, (re.sub(r" \(.*", "", cell) for cell in cells(line)), strict=False))
+    return found
+
+
+def test_the_readme_quotes_the_figures_of_the_page() -> None:
+    fit, paper = figures()[FIT], figures()[PAPERS]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    quoted = {
+        row[0].split(":")[0]: row[1:] for row in map(cells, readme) if len(row) == 6 and row[0].split(":")[0] in fit
+    }
+    assert len(quoted) >= 3
+    for group, (right, error, held, harmless, papers) in quoted.items():
+        stated = [right.removesuffix(" %"), error.removesuffix(" mN"), held.removesuffix(" %"), harmless]
+        assert stated == [fit[group][column] for column in QUOTED], group
+        assert papers.removesuffix(" %") == paper[group][QUOTED[0]], group
+
+
+HAZARDS = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
+HAZARD_HEAD = [
+    "", "hazard", "foreseeable sequence of events", "hazardous situation", "what the software does", "verified by",
+    "what is left",
+]  # fmt: skip
+HAZARD_ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")] for line in HAZARDS.splitlines() if line.startswith("| H")
+]
+REQUIREMENTS = tomllib.loads(STATED.read_text(encoding="utf-8"))["requirement"]
+
+
+def test_the_tables_have_the_columns_of_a_risk_file_and_no_empty_cell() -> None:
+    heads = [line for line in HAZARDS.splitlines() if line.startswith("| | hazard")]
+    assert heads
+    assert all([cell.strip() for cell in line.strip("|").split("|")] == HAZARD_HEAD for line in heads)
+    assert all(len(row) == len(HAZARD_HEAD) and all(row) for row in HAZARD_ROWS)
+    assert [row[0] for row in HAZARD_ROWS] == [f"H{number}" for number in range(1, len(HAZARD_ROWS) + 1)]
+
+
+def test_each_hazard_cites_requirements_and_each_requirement_belongs_to_one() -> None:
+    cited = [name for row in HAZARD_ROWS for name in row[HAZARD_HEAD.index("verified by")].split(", ")]
+    assert set(cited) == {requirement["id"] for requirement in REQUIREMENTS}
+    assert [one["id"] for one in REQUIREMENTS] == [f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)]
+
+
+def test_the_trace_is_of_todays_tests() -> None:
+    written = (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8")
+    assert written == trace_page(), "run `make trace`"
+
+
+def test_research_use_is_stated_first() -> None:
+    for page in ("hazards.md", "requirements.md"):
+        text = (ROOT / "docs" / page).read_text(encoding="utf-8").split("\n\n", 2)[1]
+        assert text.startswith("**Research use only: not a medical device, not for use on patients.**")
+
+
+def test_a_requirement_without_a_test_is_found(tmp_path: Path) -> None:
+    stated = tmp_path / "requirements.toml"
+    absent = "there is no such test"
+    faults = {
+        '["tests/monitor/test_decision.py::test_that_is_not_there"]': absent,
+        '["tests/nowhere.py::test_the_table_is_total"]': absent,
+        "[]": "R1: no test",
+    }
+    for tests, fault in faults.items():
+        stated.write_text(f'[[requirement]]\nid = "R1"\ntext = "..."\ntests = {tests}\n')
+        with pytest.raises(ValueError, match=fault):
+            trace_page(stated)
+
+
+def test_a_slow_test_is_marked_so() -> None:
+    page = trace_page()
+    assert re.search(r"::test_a_bound_that_adapts\w+` \*\(slow\)\*", page)
+    assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)

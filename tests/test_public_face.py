@@ -1,4 +1,4 @@
-"""The public names of `scleraforce`: all are documented and imported lazily."""
+"""The public API: all of it is documented, nothing is imported before it is used, and paths may be strings."""
 
 import ast
 import inspect
@@ -13,7 +13,15 @@ import pytest
 
 import scleraforce
 from scleraforce.errors import InputError, StudyError
-from scleraforce.study import parse_study
+from scleraforce.known.calibration_file import open_calibration, read_calibration
+from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.library.files import load_library
+from scleraforce.library.store import open_library
+from scleraforce.reader import load_classifier, load_force_reader, load_model
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.images import read_frame, read_frame_image
+from scleraforce.service.decision_log import DecisionLog, read_log
+from scleraforce.study import parse_study, read_study
 
 ROOT = Path(scleraforce.__file__).parent
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
@@ -22,7 +30,7 @@ HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "ma
 
 
 def loaded_after(code: str) -> set[str]:
-    """Return the heavy packages, and our own modules, that a fresh interpreter has after running some code."""
+    """The heavy packages, and our own modules, that a fresh interpreter has after running some code."""
     show = f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or m.startswith('scleraforce')])"
     return set(
         subprocess.run(
@@ -57,11 +65,8 @@ def test_the_page_documents_exactly_the_public_names() -> None:
     assert sorted(rows) == sorted(PUBLIC)
 
 
-def test_dir_lists_exactly_the_public_names() -> None:
+def test_type_checkers_python_and_dir_find_the_same_names() -> None:
     assert dir(scleraforce) == sorted(scleraforce.__all__)
-
-
-def test_type_checkers_and_python_find_the_same_things() -> None:
     tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
     typed = {
         alias.name: node.module
@@ -75,9 +80,9 @@ def test_type_checkers_and_python_find_the_same_things() -> None:
     assert (ROOT / "py.typed").exists()
 
 
-def test_no_public_name_is_that_of_a_package() -> None:
+def test_no_public_name_is_the_name_of_a_package() -> None:
     packages = {path.stem for path in ROOT.iterdir()}
-    assert not packages & set(PUBLIC), "importing the package would put it in the place of the function"
+    assert not packages & set(PUBLIC), "an import of the package would replace the function"
 
 
 def test_an_unknown_name_is_an_attribute_error_that_says_where_to_look() -> None:
@@ -131,3 +136,28 @@ def test_a_reader_is_not_trained_on_a_study_that_its_library_does_not_know(tmp_p
         scleraforce.train(analytic_library(), tmp_path / "out", STRAPS)
     with pytest.raises(InputError, match="search"):
         scleraforce.train(analytic_library(), tmp_path / "out", search=True)
+
+
+READERS = (
+    load_classifier, load_force_reader, load_library, load_model, open_calibration, open_dataset, open_library,
+    read_calibration, read_frame, read_frame_image, read_population_modulus, read_recording, read_study,
+)  # fmt: skip
+
+
+def test_a_path_that_is_a_string_and_does_not_exist_is_one_clear_line(tmp_path: Path) -> None:
+    missing = str(tmp_path / "nothing")
+    for read in READERS:
+        faults = []
+        for path in (missing, Path(missing)):
+            with pytest.raises(InputError, match="nothing") as fault:
+                read(path)  # type: ignore[operator]  # of various types
+            faults.append(str(fault.value))
+        assert faults[0] == faults[1], read
+        assert "\n" not in faults[0], read
+
+
+def test_a_decision_log_is_read_by_a_string(tmp_path: Path) -> None:
+    log = DecisionLog(tmp_path / "log")
+    log.append({"kind": "note", "text": "said"})
+    log.close()
+    assert [part.record["text"] for part in read_log(str(tmp_path / "log")) if part.record] == ["said"]

@@ -26,7 +26,7 @@ def draw() -> Figure:
         )  # fmt: skip
         calibration = sf.calibrate(recording, frames=3)
         evaluation = sf.evaluate(sf.load_model("default"), recording, calibration)
-    return draw_read_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
+    return draw_read_forces(evaluation)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""What an installation has, lacks and can do: packages, the machine, small runs with known results."""
+"""Checks of an installation: packages, the machine, and small runs with known results."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -34,13 +35,9 @@ from scleraforce.units import from_si
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one thing.
+    """One check: its name, its state, the result in a few words, and a remedy if it is not ok.
 
-    Attributes:
-        name: of the thing.
-        state: "missing" is what one can do without, "failed" what one cannot.
-        found: in a few words.
-        remedy: what to do where it is not "ok"; may be empty.
+    "missing" things are optional; "failed" ones are not.
     """
 
     name: str
@@ -54,39 +51,31 @@ FOR_DEVELOPERS = {"dev", "docs"}
 
 
 def packages() -> Iterator[Finding]:
-    """Yield what was found of the required packages together, then of each extra."""
+    """Check the required packages together, then each extra."""
     stated = [Requirement(line) for line in requires(DISTRIBUTION) or ()]
     needed = [requirement for requirement in stated if _wanted(requirement, "")]
-    lacking = [words for requirement in needed if (words := _lacking(requirement))]
-    if lacking:
-        yield Finding("packages", "failed", ", ".join(lacking), f"pip install --upgrade {DISTRIBUTION}")
-    else:
-        yield Finding("packages", "ok", ", ".join(f"{one.name} {version(one.name)}" for one in needed))
-    for extra in sorted({name for requirement in stated for name in _extras(requirement)} - FOR_DEVELOPERS):
+    yield _installed("packages", needed, "failed", f"pip install --upgrade {DISTRIBUTION}")
+    extras = {extra for requirement in stated for extra in re.findall(r'extra == "([^"]+)', str(requirement.marker))}
+    for extra in sorted(extras - FOR_DEVELOPERS):
         of_extra = [requirement for requirement in stated if requirement not in needed and _wanted(requirement, extra)]
-        lacking = [words for requirement in of_extra if (words := _lacking(requirement))]
-        name, remedy = f"extra [{extra}]", f"pip install '{DISTRIBUTION}[{extra}]'"
-        if lacking:
-            yield Finding(name, "missing", ", ".join(lacking), remedy)
-        else:
-            yield Finding(name, "ok", ", ".join(f"{one.name} {version(one.name)}" for one in of_extra))
+        yield _installed(f"extra [{extra}]", of_extra, "missing", f"pip install '{DISTRIBUTION}[{extra}]'")
 
 
 def _wanted(requirement: Requirement, extra: str) -> bool:
-    """Whether a package is needed here with an extra; "" is none."""
+    """Return True if this system needs a package with an extra; "": with no extra."""
     return requirement.marker is None or requirement.marker.evaluate({"extra": extra})
 
 
-def _extras(requirement: Requirement) -> list[str]:
-    """Return the extras that a requirement's marker names."""
-    if requirement.marker is None:
-        return []
-    words = str(requirement.marker).split('extra == "')[1:]
-    return [word.split('"')[0] for word in words]
+def _installed(
+    name: str, wanted: Sequence[Requirement], otherwise: Literal["missing", "failed"], remedy: str
+) -> Finding:
+    faults = [fault for requirement in wanted if (fault := _fault(requirement))]
+    if faults:
+        return Finding(name, otherwise, ", ".join(faults), remedy)
+    return Finding(name, "ok", ", ".join(f"{requirement.name} {version(requirement.name)}" for requirement in wanted))
 
 
-def _lacking(requirement: Requirement) -> str:
-    """Return what is wrong with a package; nothing where it is there and new enough."""
+def _fault(requirement: Requirement) -> str:
     try:
         found = version(requirement.name)
     except PackageNotFoundError:
@@ -100,75 +89,46 @@ REAL_TIME = (
     "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; "
     "sys.exit(not run_in_real_time(MONITOR_PRIORITY))"
 )
-LIMITS = "/etc/security/limits.conf"
 
 
 def machine() -> Iterator[Finding]:
-    """Yield what was found of the machine."""
-    yield _cores(available_cores())
-    yield _memory(_memory_bytes())
-    yield _graphics()
-    yield _real_time()
-    yield _kept(user_cache_path("scleraforce"))
-
-
-def _cores(count: int) -> Finding:
-    if count < LEAST_CORES:
-        return Finding("cores", "missing", f"{count}", "the monitor wants two: one for itself, one for what checks it")
-    return Finding("cores", "ok", f"{count} that this process may use")
-
-
-def _memory(found: int | None) -> Finding:
-    if found is None:
-        return Finding("memory", "ok", "not known on this system")
-    words = f"{found / GIB:.0f} GiB"
-    if found < LEAST_MEMORY_GIB * GIB:
-        return Finding("memory", "missing", words, f"libraries and training take up to {LEAST_MEMORY_GIB} GiB")
-    return Finding("memory", "ok", words)
-
-
-def _memory_bytes() -> int | None:
-    """Return the machine's memory; None where the system does not say."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return None
-
-
-def _graphics() -> Finding:
-    """Return which GPUs there are: none is used, and users ask."""
-    asked = shutil.which("nvidia-smi")
-    if asked is None:
-        return Finding("GPU", "ok", "no NVIDIA driver; none is needed, all is computed on the CPU")
-    words = [asked, "--query-gpu=name", "--format=csv,noheader"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    names = ", ".join(done.stdout.splitlines()) or "none answers"
-    return Finding("GPU", "ok", f"{names}; not used, all is computed on the CPU")
-
-
-def _real_time() -> Finding:
-    """Try real-time priority in a process of its own."""
-    if not sys.platform.startswith("linux"):
-        return Finding("real time", "missing", f"not on {sys.platform}", "the monitor runs on Linux only")
-    done = subprocess.run([sys.executable, "-c", REAL_TIME], capture_output=True, check=False)
-    if done.returncode:
-        remedy = f"for the monitor: a line `USER - rtprio 20` in {LIMITS}, then log in again"
-        return Finding("real time", "missing", "no right to SCHED_FIFO", remedy)
-    return Finding("real time", "ok", "SCHED_FIFO is allowed")
-
-
-def _kept(folder: Path) -> Finding:
-    """Look whether libraries can be kept in the user's cache."""
+    """Check cores, memory, real-time priority, and the user's cache, which stores libraries."""
+    cores, memory = available_cores(), _memory_bytes()
+    remedy = "the monitor wants two: one for itself, one for what checks it"
+    yield _enough("cores", f"{cores} that this process may use", cores >= LEAST_CORES, remedy)
+    words = "not known on this system" if memory is None else f"{memory / GIB:.0f} GiB"
+    remedy = f"libraries and training take up to {LEAST_MEMORY_GIB} GiB"
+    yield _enough("memory", words, memory is None or memory >= LEAST_MEMORY_GIB * GIB, remedy)
+    if sys.platform.startswith("linux"):  # tried in a process of its own
+        allowed = subprocess.run([sys.executable, "-c", REAL_TIME], capture_output=True, check=False).returncode == 0
+        words = "SCHED_FIFO is allowed" if allowed else "no right to SCHED_FIFO"
+        remedy = "for the monitor: a line `USER - rtprio 20` in /etc/security/limits.conf, then log in again"
+        yield _enough("real time", words, allowed, remedy)
+    else:
+        yield Finding("real time", "missing", f"not on {sys.platform}", "the monitor runs on Linux only")
+    folder = user_cache_path("scleraforce")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):
             free = shutil.disk_usage(folder).free
     except OSError as fault:
-        return Finding("cache", "failed", f"{folder}: {fault.strerror}", "set XDG_CACHE_HOME to a folder of yours")
-    words = f"{folder}, {free / GIB:.0f} GiB free"
-    if free < LEAST_DISK_GIB * GIB:
-        return Finding("cache", "missing", words, f"make room: libraries and data sets take up to {LEAST_DISK_GIB} GiB")
-    return Finding("cache", "ok", words)
+        remedy = "set XDG_CACHE_HOME to a folder of yours"
+        yield Finding("cache", "failed", f"{folder}: {fault.strerror}", remedy)
+    else:
+        remedy = f"make room: libraries and data sets take up to {LEAST_DISK_GIB} GiB"
+        yield _enough("cache", f"{folder}, {free / GIB:.0f} GiB free", free >= LEAST_DISK_GIB * GIB, remedy)
+
+
+def _enough(name: str, found: str, enough: bool, remedy: str) -> Finding:
+    return Finding(name, "ok", found) if enough else Finding(name, "missing", found, remedy)
+
+
+def _memory_bytes() -> int | None:
+    """Return the machine's memory; None on systems without this figure."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
 
 
 SOLVE, READ, TRAIN = "a solve", "a reading", "a training"
@@ -180,7 +140,7 @@ AGAIN = "install anew in a fresh environment; if it stays, report it with the ou
 
 
 def tried(name: str) -> Finding:
-    """Return what became of a trial, and how long it took; whatever it raises is a finding, too."""
+    """Run a trial; whatever it raises is a finding, too."""
     start = perf_counter()
     try:
         found = TRIALS[name]()
@@ -190,7 +150,7 @@ def tried(name: str) -> Finding:
 
 
 def compile_loops() -> None:
-    """Run what frames and load paths need once, so that no later process has to compile it."""
+    """Compile the loops of frames and load paths, for all later processes."""
     _path()
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):
@@ -199,7 +159,7 @@ def compile_loops() -> None:
 
 
 def _solve() -> Finding:
-    """Follow a load path and compare it with the library of the shipped reader, which other machines have solved."""
+    """Follow a load path and compare it with the bundled reader's library, which other machines have solved."""
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     expected = float(_reader().library.forces(*walls, np.array([TIP_M]))[0])
     solved = float(_path().force_ratio_m2[-1])
@@ -221,7 +181,7 @@ def _read() -> Finding:
 
 
 def _train() -> Finding:
-    """Train a reader for one short epoch: it is worth nothing, but all that trains has run."""
+    """Train a reader for one short epoch: it is worth nothing, but all training code has run."""
     try:
         from scleraforce.learning.train import train_reader
     except InputError as fault:
@@ -243,7 +203,7 @@ def _reader() -> ForceReader:
 
 @cache
 def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
-    """Draw a frame of the wall of the load path; return what is known of its eye, too."""
+    """Return a frame of the wall of the load path, its scale, and what is known of its eye."""
     study, path, rng = Study(), _path(), np.random.default_rng(0)
     section = Pose(lateral_m=0.0, depth_m=DEPTH_M, tilt_rad=0.0).place(cut_surfaces(path.curves_sbnc[-1], GAP_M))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame

@@ -185,7 +185,7 @@ def test_torn_parts_of_a_log_are_counted(tmp_path: Path, capsys: Captured) -> No
 
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
-    "empty": "empty: give a study, library, data set, model (one that ships: default, paper, wall-finder), recording,",
+    "empty": "empty: give a study, library, data set, model (or a bundled one: default, paper, wall-finder)",
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --calibration modulus.json": "--calibration: only used with --html",
@@ -229,7 +229,7 @@ def test_a_whole_record_that_is_not_a_decision_is_named_with_its_place(tmp_path:
 def test_a_pipe_in_a_log_is_refused_and_not_waited_for(tmp_path: Path, capsys: Captured) -> None:
     os.mkfifo(write_log(tmp_path) / "log" / "decisions-000002.jsonl")
     assert run(["show", str(tmp_path)]) == 2
-    assert "decisions-000002.jsonl: no regular file" in capsys.readouterr().err
+    assert "decisions-000002.jsonl: not a regular file" in capsys.readouterr().err
 
 
 def test_the_curves_of_a_training_are_drawn_as_far_as_they_are_numbers(things: Path, tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from playwright.sync_api import Page
 from small_recordings import changed, looked_at_frames
 
 from scleraforce.reader.evaluate import Evaluation
-from scleraforce.report import browser as browser_page
-from scleraforce.report.browser import write_browser_html
+from scleraforce.report import evaluation_page
+from scleraforce.report.evaluation_page import write_browser_html
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
 
@@ -63,7 +63,7 @@ def test_the_page_fetches_nothing_and_no_word_of_a_frame_is_markup(tmp_path: Pat
 def test_of_a_long_recording_misread_frames_keep_their_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(browser_page, "MOST_PICTURES", 2)
+    monkeypatch.setattr(evaluation_page, "MOST_PICTURES", 2)
     frames = data_of(written(tmp_path))["frames"]
     assert [frame["picture"] is not None for frame in frames] == [False, True, True, False]
 

@@ -1,54 +1,53 @@
 """The figures show the numbers that they were given."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
+from foreign_files import with_log
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from small_recordings import calibration_of_a_sealed_eye, frame_answer, refused_frame
+from small_recordings import (
+    calibration_of_a_sealed_eye,
+    frame_answer,
+    looked_at_frames,
+    refused_frame,
+    write_small_recording,
+)
 
 from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
+from scleraforce.errors import InputError
 from scleraforce.known import SEALED
 from scleraforce.laboratory.light import Pose
 from scleraforce.mechanics.contact import Section
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.labels import Trial
 from scleraforce.report.calibration_figures import draw_observed_points
-from scleraforce.report.files import CLASS_COLOURS, data_uri
-from scleraforce.report.force_figures import draw_force_log, draw_read_forces, draw_training_curves, draw_trial_forces
-from scleraforce.report.slice_figures import (
-    ComputedWall,
-    FrameWithWalls,
+from scleraforce.report.files import CLASS_COLOURS, write_figure
+from scleraforce.report.force_figures import draw_read_forces, draw_trial_forces
+from scleraforce.report.frame_figures import (
     SlicePair,
     dice,
+    draw_computed_walls,
     draw_montage,
     draw_segmentation,
     draw_slice_pairs,
     laid_on_surface,
-    plot_walls,
 )
+from scleraforce.report.model_figures import draw_curves
+from scleraforce.report.recording_figures import draw_log, draw_preview
 
 
-def lines(figure: Figure) -> dict[str, np.ndarray]:
-    return {str(line.get_label()): np.column_stack(line.get_data()) for line in figure.axes[0].lines}
-
-
-def test_a_force_log_is_drawn_in_millinewtons_with_its_labels_at_the_imaging_times() -> None:
-    time_s = np.linspace(0.0, 10.0, 2001)
-    figure = draw_force_log(time_s, 0.01 * time_s, 0.02 * time_s, [2.0, 5.0, 9.0], [0.04, None, 0.18], (0.005, 0.03))
-    drawn = lines(figure)
-    np.testing.assert_allclose(drawn["as logged"][:, 1], 10.0 * drawn["as logged"][:, 0])
-    np.testing.assert_allclose(drawn["filtered"][:, 1], 20.0 * drawn["filtered"][:, 0])
-    np.testing.assert_allclose(drawn["label (mean over 2 s)"], [[2.0, 40.0], [9.0, 180.0]])
-    assert figure.axes[0].get_ylabel() == "contact force [mN]"
-
-
-def test_a_long_log_is_thinned_and_not_cut() -> None:
-    time_s = np.linspace(0.0, 600.0, 120_001)
-    drawn = lines(draw_force_log(time_s, time_s, time_s, [], [], (0.005, 0.03)))["filtered"]
-    assert len(drawn) < 7000
-    assert drawn[-1, 0] == pytest.approx(600.0, abs=0.2)
+def evaluation_of(frames: Sequence[FrameAnswer]) -> Evaluation:
+    return Evaluation(
+        model="model", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6, frames=tuple(frames)
+    )
 
 
 def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -> None:
@@ -57,7 +56,7 @@ def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -
         frame_answer(eye="eye 1", file="1.png", predicted=2, probabilities=(0.0, 0.3, 0.7)),
         refused_frame(eye="eye 2", file="2.png", measured_force_n=0.050, target=2),
     ]
-    axes = draw_trial_forces(frames, (0.005, 0.03), 0.06).axes[0]
+    axes = draw_trial_forces(evaluation_of(frames)).axes[0]
     points = [line for line in axes.lines if line.get_marker() in ("o", "s", "^") and line.get_color() != "none"]
     colours = {(line.get_xdata()[0], line.get_ydata()[0]): line.get_color() for line in points}
     assert colours == {(1, 10.0): CLASS_COLOURS[1], (2, 20.0): CLASS_COLOURS[2], (3, 50.0): "white"}
@@ -74,17 +73,16 @@ def test_dice_of_equal_disjoint_and_empty_images() -> None:
     assert dice(0 * one, 0 * one) == 1.0
 
 
-def test_the_overlay_colours_what_only_one_slice_has() -> None:
+def test_the_overlay_colours_what_only_one_slice_has(tmp_path: Path) -> None:
     measured, simulated = np.zeros((2, 4, 14), dtype=np.uint8)
     measured[1, :7] = 255
     simulated[1, 3:] = 255
-    frame = np.zeros((32, 32), dtype=np.uint16)
-    pairs = [SlicePair("a", k, frame, (0.015, 0.004), measured, simulated, 1e-3) for k in range(3)]
-    figure = draw_slice_pairs(pairs)
+    figure = draw_slice_pairs([SlicePair(look, measured, simulated, 1e-3) for look in looked_at_frames(tmp_path, 3)])
     overlay = np.asarray(figure.axes[9].images[0].get_array())
     assert len({tuple(overlay[1, column]) for column in (0, 5, 13)}) == 3
     assert tuple(overlay[0, 0]) == (1.0, 1.0, 1.0)
     assert figure.axes[9].get_title(loc="left") == f"Dice {dice(measured, simulated):.3f}"
+    assert figure.axes[4].images[0].get_extent() == [0.0, 14.0, 4.0, 0.0]
     assert len(figure.axes) == 12
 
 
@@ -95,30 +93,22 @@ def test_a_montage_names_force_and_thickness() -> None:
     assert len(titles) == 12
 
 
-def test_boundaries_are_drawn_in_millimetres() -> None:
-    frame = np.zeros((40, 100), dtype=np.uint16)
-    rows = np.full(100, 9.5)
-    figure = draw_segmentation(frame, np.zeros((40, 100), np.uint8), rows, rows + 10.0, (0.010, 0.004))
-    outer, inner = (np.column_stack(line.get_data()) for line in figure.axes[1].lines)
-    np.testing.assert_allclose(outer[:, 1], 1.0)
-    np.testing.assert_allclose(inner[:, 1], 2.0)
-    np.testing.assert_allclose(outer[[0, -1], 0], [0.05, 9.95])
+def test_boundaries_are_drawn_in_millimetres(tmp_path: Path) -> None:
+    (look,) = looked_at_frames(tmp_path, 1)  # 256 rows, 4 mm deep, and 300 columns, 15 mm wide
+    figure = draw_segmentation(look)
+    for line, row in zip(figure.axes[1].lines, (look.found.outer_row, look.found.inner_row), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), (row + 0.5) * 4.0 / 256)
+        np.testing.assert_allclose(np.array(line.get_xdata())[[0, -1]], [0.025, 14.975])
 
 
-def test_training_curves_have_one_point_an_epoch() -> None:
-    figure = draw_training_curves([1.0, 0.5], [0.9, 0.3], [0.4, 0.6], [0.5, 0.8])
+def test_training_curves_have_one_point_an_epoch_and_a_panel_a_quantity() -> None:
+    curves = {"training_loss": [1.0, 0.5], "validation_loss": [0.9, 0.3], "validation_accuracy": [0.5, 0.8]}
+    figure = draw_curves(curves, "epoch")
     loss, accuracy = figure.axes
     assert [line.get_ydata().tolist() for line in loss.lines] == [[1.0, 0.5], [0.9, 0.3]]
-    assert [line.get_ydata().tolist() for line in accuracy.lines] == [[0.4, 0.6], [0.5, 0.8]]
+    assert [line.get_ydata().tolist() for line in accuracy.lines] == [[0.5, 0.8]]
     assert loss.lines[0].get_xdata().tolist() == [1, 2]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["png", "svg"])
-def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
-    first, second = (data_uri(draw_training_curves([1.0, 0.5], [0.9, 0.3], [0.4, 0.6], [0.5, 0.8]), kind) for _ in "ab")
-    assert first == second
-    assert first.startswith("data:image/")
+    assert (loss.get_yscale(), accuracy.get_yscale()) == ("log", "linear")
 
 
 def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
@@ -128,7 +118,7 @@ def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
         frame_answer(file="1.png", measured_force_n=0.040, target=2, probabilities=(0.0, 0.6, 0.4), **read),
         refused_frame(file="2.png", measured_force_n=0.050, target=2),
     ]
-    axes = draw_read_forces(frames, (0.005, 0.03), 0.06).axes[0]
+    axes = draw_read_forces(evaluation_of(frames)).axes[0]
     places = {label: [] for label in ("read", "misread", "not usable")}
     for line in axes.lines:
         if line.get_label() in places:
@@ -171,10 +161,9 @@ def test_where_no_surface_is_seen_the_wall_stays_in_the_middle() -> None:
     assert laid.outer == pytest.approx(wall().outer + np.array([WIDTH_M / 2, 0.0]))
 
 
-def test_each_frame_is_drawn_bare_and_with_all_its_walls() -> None:
-    walls = tuple(ComputedWall(name, wall().shifted(WIDTH_M / 2, 0.3e-3)) for name in ("finite strain", "linear"))
-    frame = np.zeros((64, 64), dtype=np.uint16)
-    figure = plot_walls([FrameWithWalls(title, frame, (WIDTH_M, 4e-3), walls) for title in ("a", "b", "c")])
+def test_each_frame_is_drawn_bare_and_with_all_its_walls(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 3)
+    figure = draw_computed_walls(looks, {name: [wall()] * 3 for name in ("finite strain", "linear")})
     assert len(figure.axes) == 6
     assert [len(axes.get_lines()) for axes in figure.axes] == [0, 0, 0, 4, 4, 4]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite strain", "linear"]
@@ -209,3 +198,76 @@ def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> Non
     lateral_mm, depth_mm = predicted.T
     off_mm = [np.abs(np.interp(lateral_mm, *curve.T) - depth_mm) for curve in curves]
     assert np.minimum(*off_mm).max() < 1e-3
+
+
+def test_frames_and_bars_are_as_wide_and_deep_as_they_say(tmp_path: Path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=3, log=False))  # 8 mm x 3 mm
+    figure = draw_preview(recording, 3)
+    figure.draw_without_rendering()
+    assert len(figure.axes) == 3
+    for axes, entry in zip(figure.axes, recording.frames, strict=True):
+        image = axes.images[0]
+        assert image.get_extent() == [0.0, 8.0, 3.0, 0.0]
+        np.testing.assert_array_equal(image.get_array(), recording.frame(entry))
+        across, down = axes.lines
+        assert np.ptp(across.get_xdata()) == pytest.approx(2.0)
+        assert np.ptp(down.get_ydata()) == pytest.approx(1.0)
+        assert [text.get_text() for text in axes.texts] == ["2 mm", "1 mm deep"]
+        inches = axes.get_window_extent().size / figure.dpi
+        assert inches[0] / inches[1] == pytest.approx(8.0 / 3.0, rel=0.02)
+        assert entry.file in axes.get_title(loc="left")
+
+
+@pytest.fixture
+def logged(tmp_path: Path) -> Recording:
+    return read_recording(with_log(write_small_recording(tmp_path / "r", frames=12)))
+
+
+def drawn_log(recording: Recording, trials: Sequence[Trial] = ()) -> Axes:
+    axes = Figure().subplots()
+    draw_log(axes, recording, trials)
+    return axes
+
+
+def test_a_force_log_is_drawn_in_millinewtons_with_the_times_of_all_frames_and_labels_by_class(
+    logged: Recording,
+) -> None:
+    labels = ((1.0, 0.04, 2), (1.05, None, None), (1.1, 0.01, 1))
+    trials = [Trial(file="a.png", time_s=at, measured_force_n=force, target=target) for at, force, target in labels]
+    axes = drawn_log(logged, trials)
+    raw, filtered, first, second = axes.lines
+    np.testing.assert_allclose(np.ptp(raw.get_ydata()), 1e3 * np.ptp(logged.forces.force_n("fz")))
+    off = raw.get_ydata() + 1e3 * logged.forces.force_n("fz")  # contact_sign is -1
+    np.testing.assert_allclose(off, off[0])
+    assert np.mean(raw.get_ydata()) == pytest.approx(np.mean(filtered.get_ydata()))
+    assert filtered.get_ydata().max() == pytest.approx(10.0, abs=0.5)
+    marks = [segment[0][0] for segment in axes.collections[0].get_segments()]
+    assert marks == pytest.approx([frame.time_s for frame in logged.frames])
+    assert [np.column_stack(line.get_data()).tolist() for line in (first, second)] == [[[1.1, 10.0]], [[1.0, 40.0]]]
+
+
+def test_a_long_log_is_thinned_and_not_cut(logged: Recording) -> None:
+    assert logged.forces is not None
+    time_s = np.linspace(0.0, 600.0, 60_001)
+    log = replace(logged.forces, time_s=time_s, wrench_sc=np.zeros((60_001, 6)))
+    filtered = drawn_log(replace(logged, forces=log)).lines[1]
+    assert len(filtered.get_xdata()) < 7000
+    assert filtered.get_xdata()[-1] == pytest.approx(600.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")])
+def test_a_figure_is_what_its_name_says_and_the_same_each_time(tmp_path: Path, ending: str, start: bytes) -> None:
+    for name in ("one", "two"):
+        figure = Figure()
+        figure.subplots().plot([0, 1], [1, 0], label="line")
+        write_figure(figure, tmp_path / f"{name}{ending}")
+    content = (tmp_path / f"one{ending}").read_bytes()
+    assert content.startswith(start)
+    assert content == (tmp_path / f"two{ending}").read_bytes()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_an_ending_that_is_not_a_picture_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.xlsx.*\.png, \.svg, \.pdf"):
+        write_figure(Figure(), tmp_path / "a.xlsx")
+    assert not list(tmp_path.iterdir())

@@ -23,7 +23,6 @@ def test_a_virtual_session_is_pushed_calibrated_read_and_shown(tmp_path: Path, c
     assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(0.3e6, rel=0.1)
     assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
     assert told["mae_mn"] < 1.0
-    assert told["seconds"] < 60.0
 
 
 def test_a_session_that_ends_early_leaves_nothing(tmp_path: Path, monkeypatch, capsys) -> None:

@@ -9,7 +9,9 @@ from small_recordings import calibration_of_a_sealed_eye, frame_answer
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
 from scleraforce.report.html import NOTHING
-from scleraforce.reproduction.sections import _comparison, _coverage_words, _held, _table_2
+from scleraforce.reproduction.bent_page import _comparison, _coverage_words, _held
+from scleraforce.reproduction.page import modulus_table
+from scleraforce.study import Study
 
 
 def rows_of(html: str) -> dict[str, list[str]]:
@@ -22,11 +24,11 @@ def test_the_rigidity_of_a_sealed_eye_has_a_row_and_an_eye_of_which_e_alone_was_
     sealed = calibration.eyes["mine"]
     alone = {"names": sealed.names[:1], "means": sealed.means[:1], "sds": sealed.sds[:1], "discrepancy": None}
     plain = replace(sealed, id="plain", **alone)
-    both = rows_of(_table_2(replace(calibration, eyes={"mine": sealed, "plain": plain})))
+    both = rows_of(modulus_table(replace(calibration, eyes={"mine": sealed, "plain": plain}), Study()))
     found, nothing = both["found with it"]
     assert found.startswith("thickness 651 ± 12 µm; k 0.031 ± 0.001 mmHg^(1/3)/µl; forces 13 ± 3 % above")
     assert nothing == NOTHING
-    assert "found with it" not in rows_of(_table_2(replace(calibration, eyes={"plain": plain})))
+    assert "found with it" not in rows_of(modulus_table(replace(calibration, eyes={"plain": plain}), Study()))
 
 
 def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:

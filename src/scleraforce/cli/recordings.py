@@ -93,7 +93,7 @@ def calibrate(
     # Imported here: calibration takes longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.calibration.result import calibration_as_json
-    from scleraforce.report.shown.calibration import calibration_lines
+    from scleraforce.report.shown_recordings import calibration_lines
 
     found = sf.calibrate(
         recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given

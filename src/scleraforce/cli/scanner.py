@@ -136,14 +136,13 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
 
     from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, oct_of, study_text
     from scleraforce.report.files import write_figure
-    from scleraforce.report.model_figures import FramePair, draw_scanner
+    from scleraforce.report.frame_figures import draw_scanner
 
     frame = measured.frames[0]
     drawn = drawn_alike(frame, measured.phantom(), np.random.default_rng(SEED))
     size = oct_of(frame.eye)
     text = study_text(measured, [str(path) for path in frames], datetime.now(UTC).date().isoformat(), __version__)
-    pair = FramePair(frame.eye.pixels, drawn, (size.width_m, size.depth_m), frame.eye.top)
-    write_figure(draw_scanner(pair), picture)
+    write_figure(draw_scanner(frame.eye.pixels, drawn, (size.width_m, size.depth_m), frame.eye.top), picture)
     write_whole(text, out)
     return histogram_overlap(frame.eye.pixels, drawn, frame.eye.top)
 

@@ -18,7 +18,7 @@ from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
     from scleraforce.recording.export import Row
-    from scleraforce.report.shown.kinds import Thing
+    from scleraforce.report.shown import Thing
 
 TABLES = (".csv", ".json")
 ENDINGS = (*TABLES, ".mcap", ".nrrd")
@@ -52,7 +52,7 @@ def show(
     """
     # Imported here: figures take longer to import than the help to print.
     from scleraforce.report.files import write_figure
-    from scleraforce.report.shown.kinds import thing_at
+    from scleraforce.report.shown import thing_at
 
     if html is not None and model is None:
         raise InputError("--html: shows what a model reads; give --model, like default")
@@ -76,7 +76,7 @@ def show(
 def _write_page(recording: Path, html: Path, model: Path, calibration: Path | None, finder: Path | None) -> None:
     """Read every frame and write the page that browses them."""
     import scleraforce as sf
-    from scleraforce.report.browser import write_browser_html
+    from scleraforce.report.evaluation_page import write_browser_html
 
     reader = sf.load_model(model, wall_finder=finder)
     frames = len(sf.read_recording(recording).frames)

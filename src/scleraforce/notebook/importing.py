@@ -188,7 +188,10 @@ def write_imported(
         (part / IMPORT_RECORD).write_text(record_text(done, answers, __version__), encoding="utf-8")
         recording = written(part, out)
         _check_unit(recording, done)
-        _write_preview(recording)
+        from scleraforce.report.files import write_figure
+        from scleraforce.report.recording_figures import draw_preview
+
+        write_figure(draw_preview(recording), recording.path / PREVIEW)
     return done
 
 
@@ -233,12 +236,3 @@ def _check_unit(recording: Recording, done: Import) -> None:
     path = next(path for path, kind in done.gathered.files if kind in ("log", "bag"))
     read = ", ".join(column.answer() for column in done.gathered.columns) or "forces of a bag are in N"
     raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")
-
-
-def _write_preview(recording: Recording) -> None:
-    from scleraforce.report.files import write_figure
-    from scleraforce.report.frames import SHOWN_FRAMES, FirstFrame, draw_preview
-
-    shown = recording.frames[:SHOWN_FRAMES]
-    frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in shown]
-    write_figure(draw_preview(recording, frames), recording.path / PREVIEW)

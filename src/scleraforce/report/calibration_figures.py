@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import FrameStep, predicted_points, rigidity_after
+from scleraforce.calibration.assimilation import EyeFilter, FrameStep, predicted_points, rigidity_after
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.registration import BY_POLAR, place_section
 from scleraforce.calibration.result import Calibration, EyeCalibration, found_words
+from scleraforce.recording.pixels import Pixels
 from scleraforce.report.files import BLUE, RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
@@ -18,12 +18,7 @@ EYES_IN_A_ROW = 3
 
 @styled
 def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None) -> Figure:
-    """Draw mean and band (one and two standard deviations) of E over the frames, from the prior on (Fig. 5).
-
-    Args:
-        eye: with its frames.
-        truth_pa: the modulus of a virtual eye, drawn as a line.
-    """
+    """Draw mean and band (one and two standard deviations) of E over the frames (Fig. 5), and a virtual eye's E."""
     figure = Figure(figsize=inches(170, 62))
     whole, close = figure.subplots(1, 2)
     _draw_over_frames(whole, eye, truth_pa)
@@ -38,24 +33,20 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
 
 
 @styled
-def draw_observed_points(
-    eye: EyeCalibration, frame: NDArray[np.uint16], index: int, width_m: float, depth_m: float
-) -> Figure:
-    """Draw observed and predicted points over a raw frame, at the prior's modulus and at the final one (Fig. 4 b, c).
+def draw_observed_points(eye: EyeCalibration, frame: Pixels, index: int, width_m: float, depth_m: float) -> Figure:
+    """Draw the points of one of an eye's steps over its raw frame, at the prior's and at the final modulus (Fig. 4).
 
-    Args:
-        eye: just calibrated (a file keeps no points).
-        frame: the raw frame (row, column).
-        index: which of the eye's steps it belongs to.
-        width_m: of the frame.
-        depth_m: of the frame.
+    The eye must come from `calibrate_recordings`: the file of a calibration has no points.
     """
     figure = Figure(figsize=inches(170, 52))
+    if eye.filter is None or not eye.steps:
+        raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    moduli = {"first": eye.filter.study.prior_mean_pa, "final": eye.mean_pa}
     extent = (from_si(-width_m / 2, "mm"), from_si(width_m / 2, "mm"), from_si(depth_m, "mm"), 0.0)
-    for axes, (title, modulus_pa) in zip(panels, _first_and_last(eye), strict=True):
+    for axes, (title, modulus_pa) in zip(panels, moduli.items(), strict=True):
         axes.imshow(frame, cmap=SCAN_COLOURS, aspect="auto", extent=extent)
-        _draw_points(axes, eye, eye.steps[index], modulus_pa)
+        _draw_points(axes, eye.filter, eye.steps[index], modulus_pa)
         axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
         axes.set_xlabel("lateral [mm]")
         axes.set_xlim(extent[:2])
@@ -72,18 +63,14 @@ def draw_calibration(calibration: Calibration) -> Figure:
     columns = min(len(eyes), EYES_IN_A_ROW)
     rows = -(-len(eyes) // columns)
     figure = Figure(figsize=inches(max(85 * columns, 110), 100 * rows))
-    panels = figure.subplots(2 * rows, columns, squeeze=False)
-    for spare in panels.ravel():
-        spare.set_visible(False)
+    grid = figure.add_gridspec(2 * rows, columns)
     for place, eye in enumerate(eyes):
         row, column = divmod(place, columns)
-        above, below = panels[2 * row, column], panels[2 * row + 1, column]
-        above.set_visible(True)
-        below.set_visible(True)
+        above, below = (figure.add_subplot(grid[2 * row + line, column]) for line in (0, 1))
         _draw_over_frames(above, eye, None)
         modulus = f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
         above.set_title("\n".join((modulus, *found_words(eye))))
-        _draw_by_force(below, eye, BLUE, "o")
+        _draw_by_force(below, eye)
         below.axhline(from_si(eye.mean_pa, "mpa"), color=RED, linewidth=0.8)
     return figure
 
@@ -109,12 +96,12 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     axes.legend(loc="best")
 
 
-def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) -> None:
+def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
     alone = [
         (from_si(f.force_n, "mn"), from_si(f.own_modulus_pa, "mpa")) for f in eye.used if f.own_modulus_pa is not None
     ]
     if alone:
-        axes.plot(*zip(*alone, strict=True), marker, color=colour, markersize=3.5, label=f"{eye.id}, each frame alone")
+        axes.plot(*zip(*alone, strict=True), "o", color=BLUE, markersize=3.5)
     axes.set_xlabel("force [mN]")
     axes.set_ylabel("E [MPa]")
     axes.set_xlim(left=0.0)
@@ -122,17 +109,10 @@ def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) ->
     axes.set_ylim(0.0, max(1.15 * top, axes.get_ylim()[1]))
 
 
-def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, float]]:
-    if eye.filter is None or not eye.steps:
-        raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
-    return ("first", eye.filter.study.prior_mean_pa), ("final", eye.mean_pa)
-
-
-def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: float) -> None:
-    assert eye.filter is not None  # checked by _first_and_last
-    depth_m = predicted_points(eye.filter, step, modulus_pa)
-    model, polar_rad = eye.filter.model, float(step.registered.nuisance[BY_POLAR])
-    rigidity = rigidity_after(eye.filter, step.state)
+def _draw_points(axes: Axes, eye: EyeFilter, step: FrameStep, modulus_pa: float) -> None:
+    depth_m = predicted_points(eye, step, modulus_pa)
+    model, polar_rad = eye.model, float(step.registered.nuisance[BY_POLAR])
+    rigidity = rigidity_after(eye, step.state)
     curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad, rigidity)])[0]
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(*from_si(curve, "mm").T, color=RED, linewidth=0.5, scalex=False, scaley=False)

@@ -1,30 +1,47 @@
-"""The page of `evaluate --html`: a model's answers to recordings (the paper's Table 3 and Fig. 10)."""
+"""Pages of an evaluation: all answers (the paper's Table 3 and Fig. 10), and a recording frame by frame.
 
-from collections.abc import Sequence
+The page of one recording (`show --html`) is one file; its script fetches nothing. A picture takes 40 KB, so that in a
+long recording only some frames have one.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from importlib.resources import files
 from math import isnan
 from pathlib import Path
+from typing import Any
 
-from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
-from scleraforce.report.files import data_uri, write_page
+from scleraforce.recording.folder import read_recording
 from scleraforce.report.force_figures import draw_read_forces, draw_trial_forces
-from scleraforce.report.frames import AnsweredFrame, frame_pictures
+from scleraforce.report.frames import WALL_COLOURS, AnsweredFrame, frame_pictures, shown_frames, wall_picture
 from scleraforce.report.html import (
     NOTHING,
     Html,
     bullets,
     cards,
+    class_names,
     confusion_table,
+    embedded,
     figure,
     frame_table,
     made_line,
     page,
     paragraph,
     section,
+    write_page,
 )
 from scleraforce.units import from_si
 
+BROWSER_WIDTH = 560  # pixels of a picture
+MOST_PICTURES = 1000  # what a browser opens at once: 40 MB
+BROWSER = files("scleraforce.report").joinpath("browser")
+KEYS = (
+    "Left and right arrow: one frame; page up and down: ten; home and end: first and last; space: play. The curve "
+    "shows all frames; click in it to go to one. Grey: the measured force. Dots with bars: the read force with "
+    "its 90 % interval; a cross at the top: not usable."
+)
 NAMES_REMARK = (
     "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "
     "a class, how many were recognised), precision column-wise (of the answers of a class, how many were right); the "
@@ -40,27 +57,24 @@ def write_evaluation_html(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write an evaluation as one self-contained page.
-
-    Args:
-        evaluation: the answers and what was measured.
-        looks: the frames to show (`shown_frames`), looked at again.
-        path: the file to write.
-        made_at: what the page gives as its date.
-        overwrite: whether an existing file may be replaced.
+    """Write an evaluation as one self-contained page, with pictures of some frames.
 
     Raises:
-        InputError: the file exists already, or cannot be written.
+        InputError: the file exists already and `overwrite` is not given, or it cannot be written.
     """
     limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
     pictures = [frame_pictures(evaluation, looks)] if looks else []
-    sections = [_result(evaluation), *limits, *pictures, _frames(evaluation)]
+    tables = [
+        frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name], name)
+        for name in dict.fromkeys(frame.recording for frame in evaluation.frames)
+    ]
+    sections = [_result(evaluation), *limits, *pictures, section("Every frame", *tables)]
     title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
     write_page(page(title, _lead(evaluation), made_line(made_at), *sections), path, overwrite=overwrite)
 
 
 def _lead(evaluation: Evaluation) -> str:
-    """Say which model it was, and with which moduli it read the eyes."""
+    """Name the model and the moduli with which it read the eyes."""
     if not evaluation.reads_force:
         modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
@@ -89,7 +103,7 @@ def evaluation_cards(evaluation: Evaluation) -> Html:
 
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
-    """Return how far the forces are off; nothing where none was read."""
+    """Return the errors of the forces; nothing if no force was read."""
     logged, true = evaluation.coverage, evaluation.true_coverage
     if not logged.total:
         return []
@@ -106,22 +120,20 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
 
 def read_forces_figure(evaluation: Evaluation) -> Html:
     """Return the read forces with their intervals over the measured ones."""
-    drawn = draw_read_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
     caption = (
         "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed "
-        "and named; those that are not usable stand at the upper edge and count as class 2."
+        "and named; unusable trials are at the upper edge and count as class 2."
     )
-    return figure(data_uri(drawn, "svg"), "read force of each trial over its measured force", caption)
+    return figure(draw_read_forces(evaluation), "read force of each trial over its measured force", caption)
 
 
 def forces_figure(evaluation: Evaluation) -> Html:
     """Return the measured forces with the class bounds and the misread trials (Fig. 10)."""
-    drawn = draw_trial_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
     caption = (
         "Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what was "
         "read; misread trials are ringed. Each trial has the name of its frame where there is room."
     )
-    return figure(data_uri(drawn, "svg"), "measured force of each trial against the class bounds", caption)
+    return figure(draw_trial_forces(evaluation), "measured force of each trial against the class bounds", caption)
 
 
 def _result(evaluation: Evaluation) -> Html:
@@ -133,17 +145,76 @@ def _result(evaluation: Evaluation) -> Html:
     return section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
 
 
-def _frames(evaluation: Evaluation) -> Html:
-    blocks = [
-        frame_table(evaluation, [f for f in evaluation.frames if f.recording == recording], recording)
-        for recording in dict.fromkeys(frame.recording for frame in evaluation.frames)
-    ]
-    return section("Every frame", *blocks)
-
-
 def _percent(value: float) -> str:
     return NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
 
 
 def _of(hits: int, total: int) -> str:
     return f"{hits} of {total} trials"
+
+
+def write_browser_html(
+    evaluation: Evaluation,
+    path: Path,
+    made_at: datetime,
+    progress: Callable[[int], object],
+) -> None:
+    """Write the page that browses one recording, with the wall that was read; `progress` counts frames.
+
+    Raises:
+        InputError: the file exists already or cannot be written, or a frame cannot be read again.
+    """
+    name = evaluation.frames[0].recording
+    data = {
+        "classes": class_names(evaluation.bounds_n),
+        "bounds_mn": [from_si(bound, "mn") for bound in evaluation.bounds_n],
+        "frames": list(_frames(evaluation, progress)),
+    }
+    markup = Html(BROWSER.joinpath("browser.html").read_text(encoding="utf-8"))
+    script = BROWSER.joinpath("browser.js").read_text(encoding="utf-8")
+    style = BROWSER.joinpath("browser.css").read_text(encoding="utf-8")
+    limits = [section("What limits the readings", bullets(evaluation.notes))] if evaluation.notes else []
+    content = page(
+        f"Recording {evaluation.frames[0].eye}",
+        f"{name}, read by {evaluation.model}.",
+        made_line(made_at),
+        Html(markup + embedded("frames", data)),
+        section("How to read it", paragraph(KEYS), paragraph(WALL_COLOURS)),
+        *limits,
+        style=style,
+        script=script,
+    )
+    write_page(content, path)
+
+
+def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:
+    """Yield the data of each frame for the script; one frame is in memory at a time."""
+    recording = read_recording(evaluation.frames[0].recording)
+    pictured = {answer.file for answer in shown_frames(evaluation.frames, MOST_PICTURES)}
+    for entry, answer in zip(recording.frames, evaluation.frames, strict=True):
+        picture = None
+        if entry.file in pictured:
+            look = AnsweredFrame(answer, recording, recording.frame(entry))
+            picture = wall_picture(look.frame, look.found, look.extent_m, BROWSER_WIDTH)
+        yield {"time_s": entry.time_s, "picture": picture, **_answered(answer)}
+        progress(1)
+
+
+def _answered(answer: FrameAnswer) -> dict[str, Any]:
+    return {
+        "file": answer.file,
+        "measured_mn": from_si(answer.measured_force_n, "mn"),
+        "read_mn": from_si(answer.answer.force_n, "mn"),
+        "interval_mn": None
+        if answer.answer.interval_n is None
+        else [from_si(end, "mn") for end in answer.answer.interval_n],
+        "predicted": answer.answer.predicted,
+        "target": answer.target,
+        "usable": answer.answer.usable,
+        "reason": answer.answer.reason,
+        "remarks": [
+            *answer.answer.warnings,
+            *(["Young's modulus was calibrated on this frame"] if answer.calibration else []),
+            *([f"left out of metrics: {answer.excluded}"] if answer.excluded else []),
+        ],
+    }

@@ -1,20 +1,22 @@
-"""How figures look, and how figures and pages are written."""
+"""The common style of figures, and functions that draw an image and write a figure."""
 
 import base64
 from collections.abc import Callable
 from functools import wraps
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, ParamSpec
+from typing import Any, Literal, ParamSpec
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, Locator, NullFormatter
+from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.whole_files import renamed_when_whole, write_whole
-
-if TYPE_CHECKING:
-    from scleraforce.report.html import Html
+from scleraforce.units import from_si
+from scleraforce.whole_files import renamed_when_whole
 
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
 CLASS_COLOURS = (BLUE, AMBER, RED)
@@ -23,42 +25,14 @@ CLASS_MARKERS = ("o", "s", "^")
 SCAN_COLOURS = "gray"
 
 Kind = Literal["png", "svg", "pdf"]
+FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
 UNDATED: dict[Kind, dict[str, str | None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
 }
 
-STYLE: dict[str, object] = {
-    "axes.edgecolor": BLACK,
-    "axes.grid": False,
-    "axes.labelcolor": BLACK,
-    "axes.labelsize": 8,
-    "axes.linewidth": 0.6,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 8,
-    "figure.constrained_layout.use": True,
-    "figure.dpi": 200,
-    "font.family": "DejaVu Sans",
-    "font.size": 7.5,
-    "image.interpolation": "antialiased",
-    "legend.fontsize": 7.5,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "pdf.fonttype": 42,  # letters that journals can search and edit
-    "savefig.facecolor": "white",
-    "svg.fonttype": "path",
-    "svg.hashsalt": "scleraforce",
-    "text.parse_math": False,  # a frame may be called `$\\frac$.png`; formulas ask for it
-    "xtick.direction": "out",
-    "xtick.labelsize": 7.5,
-    "xtick.major.width": 0.6,
-    "ytick.labelsize": 7.5,
-    "ytick.major.width": 0.6,
-}
-
+STYLE = files("scleraforce.report").joinpath("figures.mplstyle")
 Arguments = ParamSpec("Arguments")
 
 
@@ -67,7 +41,7 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
     @wraps(draw)
     def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib types the keys as literals
+        with mpl.rc_context(fname=str(STYLE)):
             return draw(*args, **kwargs)
 
     return drawn
@@ -78,32 +52,27 @@ def inches(width_mm: float, height_mm: float) -> tuple[float, float]:
     return width_mm / 25.4, height_mm / 25.4
 
 
-def save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
-    """Write a figure under the common style, without a date: the same figure gives the same bytes."""
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # as above
-        figure.savefig(target, format=kind, metadata=UNDATED[kind])
+def show_image(axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any) -> None:
+    """Draw an image (row, column) to scale, in mm from its upper left corner; `extent_m` is its width and depth."""
+    extent = (0.0, from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm"), 0.0)
+    axes.imshow(image, **{"cmap": SCAN_COLOURS, "extent": extent, **options})
+
+
+def log_scale(axes: Axes, ticks: Locator | None = None) -> None:
+    """Make the vertical axis logarithmic, with plain numbers."""
+    axes.set_yscale("log")
+    if ticks is not None:
+        axes.yaxis.set_major_locator(ticks)
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def data_uri(figure: Figure, kind: Literal["png", "svg"] = "png") -> str:
-    """Return a figure as text that stands in a page's `src`: line art as SVG, images as PNG."""
+    """Return a figure as the `src` of an image in a page: line art as SVG, images as PNG."""
     content = BytesIO()
-    save(figure, content, kind)
+    _save(figure, content, kind)
     media = "image/svg+xml" if kind == "svg" else "image/png"
     return f"data:{media};base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
-
-
-FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
-
-
-def write_page(content: "Html", path: Path, *, overwrite: bool = False) -> None:
-    """Write a page.
-
-    Raises:
-        InputError: the file exists and may not be overwritten, or its folder cannot be written to.
-    """
-    if path.exists() and not overwrite:
-        raise InputError(f"{path}: exists already; remove it or choose another name")
-    write_whole(content, path)
 
 
 def write_figure(figure: Figure, path: Path) -> None:
@@ -114,14 +83,20 @@ def write_figure(figure: Figure, path: Path) -> None:
     """
     kind = check_figure_path(path)
     with renamed_when_whole(path) as part:
-        save(figure, part, kind)
+        _save(figure, part, kind)
+
+
+def _save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
+    """Write a figure under the common style, without a date: the same figure gives the same bytes."""
+    with mpl.rc_context(fname=str(STYLE)):
+        figure.savefig(target, format=kind, metadata=UNDATED[kind])
 
 
 def check_figure_path(path: Path) -> Kind:
-    """Return which kind of file a figure's name asks for by its ending; known before there is a figure.
+    """Return a figure's format by the ending of its name.
 
     Raises:
-        InputError: it is none of .png, .svg, .pdf.
+        InputError: the ending is not .png, .svg or .pdf.
     """
     if path.suffix.lower() not in FIGURE_KINDS:
         raise InputError(f"{path}: give a name that ends in {', '.join(FIGURE_KINDS)}")

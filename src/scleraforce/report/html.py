@@ -8,18 +8,23 @@ from html import escape
 from importlib.metadata import version
 from importlib.resources import files
 from math import isnan
-from typing import Any, NewType
+from pathlib import Path
+from typing import Any, Literal, NewType
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scleraforce import __version__
+from scleraforce.errors import InputError
 from scleraforce.plain_json import finite
 from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import Proportion, precision, recall
+from scleraforce.report.files import data_uri
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
+from scleraforce.whole_files import write_whole
 
 Html = NewType("Html", str)
 
@@ -30,7 +35,7 @@ STYLE_SHEET = files("scleraforce.report").joinpath("page.css").read_text(encodin
 
 
 def text(content: object) -> Html:
-    """Return a value as escaped text; what is HTML already stays as it is only through the other functions."""
+    """Return a value as escaped text."""
     return Html(escape(str(content)))
 
 
@@ -58,15 +63,10 @@ def table(
     prose: bool = False,
     remarks: bool = False,
 ) -> Html:
-    """Return a table; the first column names the rows. Where a screen is too narrow for columns, rows become blocks.
+    """Return a table; the first column names the rows, which become blocks on a narrow screen.
 
-    Args:
-        head: the columns' titles.
-        rows: the cells.
-        caption: what the table shows.
-        marked: cells (row, column) that stand out.
-        prose: whether the cells hold sentences, to be set flush left.
-        remarks: whether those of the last column do.
+    Cells (row, column) in `marked` are highlighted. Cells of sentences, in `prose` all, with `remarks` the last
+    column, are flush left.
     """
     classes = dict.fromkeys(marked, "marked")
     if remarks:
@@ -99,24 +99,19 @@ def _class(*names: str) -> str:
     return f' class="{chosen}"' if chosen else ""
 
 
-def figure(source: str, alternative: str, caption: str) -> Html:
-    """Return an image (its data URI) with a caption; `alternative` says what it shows to who cannot see it."""
+def figure(drawn: Figure, alternative: str, caption: str, kind: Literal["png", "svg"] = "svg") -> Html:
+    """Return a figure with a caption; `alternative` describes it in words. Images are PNG, line art is SVG."""
     return Html(
-        f'<figure><img src="{escape(source)}" alt="{escape(alternative)}">'
+        f'<figure><img src="{data_uri(drawn, kind)}" alt="{escape(alternative)}">'
         f"<figcaption>{text(caption)}</figcaption></figure>"
     )
 
 
 def gallery(pictures: Iterable[tuple[str, str, str]], marked: Iterable[int] = ()) -> Html:
-    """Return small pictures side by side.
-
-    Args:
-        pictures: the data URI of each, its name, and what is to be said of it.
-        marked: numbers of the pictures that stand out.
-    """
-    stand_out = set(marked)
+    """Return small pictures (data URI, name, description) side by side; the numbers in `marked` are highlighted."""
+    highlighted = set(marked)
     items = (
-        f"<figure{_class('marked' if number in stand_out else '')}>"
+        f"<figure{_class('marked' if number in highlighted else '')}>"
         f'<img src="{escape(source)}" alt="{escape(f"{name}: {words}")}">'
         f"<figcaption><b>{text(name)}</b> {text(words)}</figcaption></figure>"
         for number, (source, name, words) in enumerate(pictures)
@@ -151,16 +146,7 @@ def embedded(name: str, data: Mapping[str, Any]) -> Html:
 
 
 def page(title: str, lead: str, stamp: str, *sections: Html, style: str = "", script: str = "") -> Html:
-    """Return a whole page.
-
-    Args:
-        title: its heading.
-        lead: what it is about, in a sentence or two.
-        stamp: what made it, and when.
-        sections: what follows.
-        style: rules beside those of every page.
-        script: what runs when the page is there.
-    """
+    """Return a whole page: heading, a sentence or two, version and date, sections; `script` runs at its end."""
     steered = f"<script>\n{script}</script>" if script else ""
     return Html(
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -169,6 +155,17 @@ def page(title: str, lead: str, stamp: str, *sections: Html, style: str = "", sc
         f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p>"
         f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + f"</main>{steered}</body></html>\n"
     )
+
+
+def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
+    """Write a page.
+
+    Raises:
+        InputError: the file exists and must not be overwritten, or its folder cannot be written to.
+    """
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; remove it or choose another name")
+    write_whole(content, path)
 
 
 NOTHING = "\N{EN DASH}"  # in a cell that has no value
@@ -198,7 +195,7 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
 
 
 def confusion_table(confusion: NDArray[np.int64], bounds_n: Sequence[float], caption: str) -> Html:
-    """Return a confusion matrix, rows targets, with recall and precision; misread trials stand out."""
+    """Return a confusion matrix, rows targets, with recall and precision; misread trials are highlighted."""
     names = class_names(bounds_n)
     rows = [
         [f"target {name}", *counts.tolist(), share(found)]
@@ -211,12 +208,10 @@ def confusion_table(confusion: NDArray[np.int64], bounds_n: Sequence[float], cap
 
 
 def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: str) -> Html:
-    """Return one row a frame: what was measured, what was read, and the remarks.
-
-    Where the frames are of several eyes, each is named with its eye.
-    """
+    """Return a row for each frame: measured and read force, and remarks; of several eyes, with the eye's name."""
     several = len({frame.eye for frame in frames}) > 1
     with_force = evaluation.reads_force
+    classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,
@@ -224,13 +219,16 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
             NOTHING if frame.target is None else frame.target,
             frame.answer.predicted,
             *(_read_force(frame) if with_force else []),
-            *_probabilities(frame, len(evaluation.bounds_n) + 1),
+            *(
+                [NOTHING] * len(classes)
+                if frame.answer.probabilities is None
+                else [f"{p:.3f}" for p in frame.answer.probabilities]
+            ),
             _remark(frame),
         ]
         for frame in frames
     ]
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
-    classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
     return table(head, rows, caption, wrong, remarks=True)
@@ -239,10 +237,8 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
 def _measured(frame: FrameAnswer) -> str:
     if frame.measured_force_n is None:
         return NOTHING
-    force = f"{from_si(frame.measured_force_n, 'mn'):.1f}"
-    if frame.measured_force_sd_n is None:
-        return force
-    return f"{force}{NO_BREAK}±{NO_BREAK}{from_si(frame.measured_force_sd_n, 'mn'):.1f}"
+    force, sd_n = f"{from_si(frame.measured_force_n, 'mn'):.1f}", frame.measured_force_sd_n
+    return force if sd_n is None else f"{force}{NO_BREAK}±{NO_BREAK}{from_si(sd_n, 'mn'):.1f}"
 
 
 def _read_force(frame: FrameAnswer) -> list[str]:
@@ -252,20 +248,15 @@ def _read_force(frame: FrameAnswer) -> list[str]:
     return [f"{from_si(frame.answer.force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
 
 
-def _probabilities(frame: FrameAnswer, classes: int) -> list[str]:
-    if frame.answer.probabilities is None:
-        return [NOTHING] * classes
-    return [f"{probability:.3f}" for probability in frame.answer.probabilities]
-
-
 def _remark(frame: FrameAnswer) -> str:
-    answer = frame.answer
-    remarks = [] if answer.usable else [f"not usable ({answer.reason})" if answer.reason else "not usable"]
+    remarks = (
+        [] if frame.answer.usable else [f"not usable ({frame.answer.reason})" if frame.answer.reason else "not usable"]
+    )
     if frame.calibration:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
         remarks.append(f"not counted: {frame.excluded}")
-    remarks += answer.warnings
+    remarks += frame.answer.warnings
     return "; ".join(remarks)
 
 
@@ -298,7 +289,7 @@ def made_line(made_at: datetime) -> str:
 
 
 def provenance_table(study: Study, reader: Reader) -> Html:
-    """Return study hash, seeds, model and data set hashes, and the versions of what computes."""
+    """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
     provenance = reader.provenance
     rows: list[list[object]] = [
         ["study, SHA-256", study_hash(study)],
@@ -311,5 +302,5 @@ def provenance_table(study: Study, reader: Reader) -> Html:
     ]
     rows += [[name, version(name)] for name in PACKAGES]
     return table(
-        ["", "value"], rows, "What this run depends on; the same study and versions give the same result.", prose=True
+        ["", "value"], rows, "Inputs of this run; the same study and versions give the same result.", prose=True
     )

@@ -1,7 +1,6 @@
-"""Figures of the models: the mesh, the paper's schematics, a scanner."""
+"""Figures of the models: the deformed mesh, sketches of the eye and of the network, the curves of a training."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import cos, degrees, radians, sin
 
 import numpy as np
@@ -10,14 +9,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Polygon
-from matplotlib.ticker import FormatStrFormatter, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matplotlib types all but its toolkits
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.simulation import SimulatedEye
-from scleraforce.recording.pixels import Pixels
-from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, styled
+from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, log_scale, styled
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -37,7 +35,8 @@ FACE_OUTLINES = (
 @styled
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
-    figure = _figure(170, 65)
+    figure = Figure(figsize=inches(170, 65))
+    figure.set_layout_engine("none")  # the automatic layout leaves three-dimensional axes small
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
@@ -46,22 +45,11 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     axes.set_xlabel("lateral [mm]")
     axes.set_ylabel("depth [mm]")
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
-    figure.suptitle(_caption(eye), x=0.02, ha="left", fontsize=8)
-    return figure
-
-
-def _figure(width_mm: float, height_mm: float) -> Figure:
-    """Make a figure whose axes are placed by hand: the automatic layout leaves three-dimensional ones small."""
-    figure = Figure(figsize=inches(width_mm, height_mm))
-    figure.set_layout_engine("none")
-    return figure
-
-
-def _caption(eye: SimulatedEye) -> str:
     wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
     polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"
     force, dent = f"{from_si(eye.force_n, 'mn'):g} mN", f"{from_si(eye.tip_m, 'mm'):.2f} mm"
-    return f"{wall}, {force} at {polar}: the contact sinks in by {dent}"
+    figure.suptitle(f"{wall}, {force} at {polar}: the contact sinks in by {dent}", x=0.02, ha="left", fontsize=8)
+    return figure
 
 
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
@@ -74,7 +62,9 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     colours = ScalarMappable(scale, DISPLACEMENT_COLOURS)
     faces = Poly3DCollection(moved[outlines], facecolors=colours.to_rgba(amount), edgecolors="white", linewidths=0.15)
     axes.add_collection3d(faces)
-    _draw_needle(axes, eye)
+    normal, length = eye.contact.normal, eye.mesh.radius_m - eye.tip_m
+    ends = from_si(np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm")
+    axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
     radius = from_si(eye.mesh.radius_m, "mm")
     axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
     axes.set_box_aspect((2, 2, 1), zoom=1.38)
@@ -82,14 +72,6 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes.set_axis_off()
     bar = figure.add_axes((0.25 * width, 0.17, 0.5 * width, 0.025))
     figure.colorbar(colours, cax=bar, orientation="horizontal", label="displacement [mm]").outline.set_visible(False)
-
-
-def _draw_needle(axes: Axes3D, eye: SimulatedEye) -> None:
-    """Draw the needle's axis down to the sunken contact."""
-    normal = eye.contact.normal
-    tip = (eye.mesh.radius_m - eye.tip_m) * normal
-    ends = from_si(np.stack([tip, tip + NEEDLE_LENGTH_M * normal]), "mm")
-    axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
 
 
 def behind_needle(eye: SimulatedEye) -> NDArray[np.bool_]:
@@ -140,14 +122,7 @@ def draw_model(study: Study) -> Figure:
 
 @styled
 def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequence[str], dropout: float) -> Figure:
-    """Draw the layers from the slice to the classes.
-
-    Args:
-        pixels: of a slice, (columns, rows).
-        hidden: neurons of each hidden layer.
-        classes: names of the outputs.
-        dropout: fraction of the hidden neurons that is left out while training.
-    """
+    """Draw the layers from a slice of (columns, rows) over hidden layers with dropout to the named classes."""
     columns, rows = pixels
     layers = [
         (f"slice\n{columns} x {rows}\npixels", BLACK),
@@ -225,39 +200,23 @@ def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
     axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=CLASS_INKS[1], va="bottom")
 
 
-BINS = 128
-WIDTH_MM, HISTOGRAM_MM, MOST_MM = 170.0, 42.0, 90.0  # of the page, of the histograms, of the frames' height
-
-
-@dataclass(frozen=True, eq=False)
-class FramePair:
-    """A real frame and one that was drawn like it, (row, column), of `extent_m` (width, depth), counts up to `top`."""
-
-    real: Pixels
-    drawn: Pixels
-    extent_m: tuple[float, float]
-    top: int
-
-
 @styled
-def draw_scanner(pair: FramePair) -> Figure:
-    """Draw both frames on one grey scale, side by side, and below them their histograms."""
-    width_mm, depth_mm = (float(from_si(length, "mm")) for length in pair.extent_m)
-    frame_mm = min(MOST_MM, (WIDTH_MM / 2 - 8.0) * depth_mm / width_mm)
-    figure = Figure(figsize=inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
-    grid = figure.add_gridspec(2, 2, height_ratios=[frame_mm + 10.0, HISTOGRAM_MM])
-    for column, (title, frame) in enumerate((("Real", pair.real), ("Drawn", pair.drawn))):
-        axes = figure.add_subplot(grid[0, column])
-        axes.imshow(frame, cmap=SCAN_COLOURS, vmin=0, vmax=pair.top, extent=(0.0, width_mm, depth_mm, 0.0))
-        axes.set(title=title, xlabel="lateral, mm", ylabel="depth, mm" if not column else "")
-    axes = figure.add_subplot(grid[1, :])
-    edges = np.linspace(0, pair.top + 1, min(BINS, pair.top + 1) + 1)
-    for name, frame, colour, line in (("real", pair.real, BLACK, "-"), ("drawn", pair.drawn, AMBER, "--")):
-        share = np.histogram(frame, edges)[0] / frame.size
-        axes.plot((edges[1:] + edges[:-1]) / 2, from_si(share, "percent"), color=colour, linestyle=line, label=name)
-    axes.set(xlabel="count", ylabel="share of the pixels, %", title="Histograms", xlim=(0, pair.top))
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.legend()
+def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
+    """Draw the curves of a training, a panel for each quantity: training dashed, validation solid.
+
+    Curves are named `training_loss`, `validation_loss` and so on. A classifier's training figures are measured under
+    dropout, so that its validation may be better.
+    """
+    names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
+    figure = Figure(figsize=inches(170 if len(names) > 1 else 110, 60))
+    for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=True):
+        for part, colour, line in (("training", RED, (0, (4, 2))), ("validation", BLUE, "-")):
+            values = curves.get(f"{part}_{name}", ())
+            if values:
+                axes.plot(range(1, len(values) + 1), values, color=colour, linestyle=line, label=part)
+        axes.set(xlabel=steps, ylabel=name.replace("_", " "))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.legend(loc="best")
+        if name == "loss" and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0:
+            log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
     return figure

@@ -1,4 +1,4 @@
-"""A first look: a small virtual session from the push to the page, with the reader that ships."""
+"""A first look: a small virtual session from the push to the page, with the bundled reader."""
 
 import shutil
 from collections.abc import Callable
@@ -39,7 +39,7 @@ BENT, CALIBRATION_DONE, FRAMES_READ = 0.5, 0.75, 0.8  # shares of the time
 
 @dataclass(frozen=True)
 class Demo:
-    """What the session left: its files, the modulus that the calibration found, Pa, and the answers."""
+    """Results of the session: its files, the calibrated modulus, Pa, and the answers."""
 
     recording: Path
     calibration: Path
@@ -49,12 +49,9 @@ class Demo:
 
 
 def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] | None = None) -> Demo:
-    """Push a virtual eye, calibrate on three of the frames, read the others, and write a page.
+    """Push a virtual eye, calibrate on three of the frames, read the others, and write a page with the date `made_at`.
 
-    Args:
-        out: the folder to make; where it cannot be finished, nothing stays.
-        made_at: what the page gives as its date.
-        progress: called with the share of the work that is done.
+    A failure removes the folder. `progress` is called with the finished share of the work.
 
     Raises:
         InputError: `out` exists or cannot be written.

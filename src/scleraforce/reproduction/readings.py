@@ -1,4 +1,4 @@
-"""How the trials of a reproduction are read beside the paper's way: walls that bend, and each eye left out.
+"""Readings of a reproduction beside the paper's own: walls that bend, and each eye left out of the mean modulus.
 
 The paper's 45 trials on walls that bend as real ones do: the eyes of the paper's design are computed in three
 dimensions at finite strain, under the same forces. Each is pushed three times before its trials, to find its modulus
@@ -53,13 +53,13 @@ def bent_trials(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...
 
 def bent_recordings(run: Run) -> list[Path]:
     """Return the recordings of the eyes, in the order of the design."""
-    return [run.bent.recordings / eye.id for eye, _ in bent_trials(run.study)]
+    return [run.bent_recordings / eye.id for eye, _ in bent_trials(run.study)]
 
 
 def bend_eyes(run: Run, progress: Progress) -> None:
     """Compute and image the eyes, an eye a process; `progress` counts eyes."""
-    run.bent.recordings.mkdir(parents=True)
-    prepare = partial(_prepared, run.study, run.bent.recordings)
+    run.bent_recordings.mkdir(parents=True)
+    prepare = partial(_prepared, run.study, run.bent_recordings)
     for _ in work_units(prepare, range(len(bent_trials(run.study))), run.workers):
         progress(1)
 
@@ -85,17 +85,20 @@ def run_library(run: Run, progress: Progress | None = None) -> Library:
 
 
 def calibrate_bent(run: Run, progress: Progress) -> None:
-    """Calibrate both ways; `progress` counts the frames of both."""
+    """Calibrate for the force reader and as the paper does; `progress` counts the frames of both."""
     opened = [read_recording(path) for path in bent_recordings(run)]
     before = [replace(one, frames=one.frames[: len(CALIBRATION_FORCES_N)]) for one in opened]  # the trials
-    by_reader = _calibrated(run, before, progress, run_library(run))
-    as_in_paper = _calibrated(run, opened[:CALIBRATED_EYES], progress, None)
-    run.bent.calibrations.mkdir(parents=True)
-    for calibration, path in ((by_reader, run.bent.finite_strain), (as_in_paper, run.bent.linear)):
+    by_reader = calibrate_for(run, before, progress, run_library(run))
+    as_in_paper = calibrate_for(run, opened[:CALIBRATED_EYES], progress, None)
+    run.bent_calibrations.mkdir(parents=True)
+    for calibration, path in ((by_reader, run.bent_finite_strain), (as_in_paper, run.bent_linear)):
         write_calibration(calibration_as_json(calibration), path)
 
 
-def _calibrated(run: Run, recordings: Sequence[Recording], progress: Progress, library: Library | None) -> Calibration:
+def calibrate_for(
+    run: Run, recordings: Sequence[Recording], progress: Progress, library: Library | None
+) -> Calibration:
+    """Calibrate recordings under a run's study; without a library at linear mechanics."""
     finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
     return calibrate_recordings(recordings, study, study_hash(study), library, progress=progress, finder=finder)
 
@@ -113,15 +116,15 @@ def interval_eyes(study: Study) -> int:
 
 def train_bent_model(run: Run, progress: Progress) -> None:
     """Train the paper's network for the linear modulus of these eyes, on the slices that are there (see `samples`)."""
-    modulus_pa = read_population_modulus(run.bent.linear).youngs_modulus_pa
-    train_classifier(open_dataset(run.dataset), run.bent.model, progress=progress, youngs_modulus_pa=modulus_pa)
+    modulus_pa = read_population_modulus(run.bent_linear).youngs_modulus_pa
+    train_classifier(open_dataset(run.dataset), run.bent_model, progress=progress, youngs_modulus_pa=modulus_pa)
 
 
 def read_bent(run: Run, progress: Progress) -> tuple[Evaluation, Evaluation]:
     """Return the answers of the paper's method and of the reader to the same trials; `progress` counts frames."""
-    paths, calibration = bent_recordings(run), read_calibration(run.bent.finite_strain)
+    paths, calibration = bent_recordings(run), read_calibration(run.bent_finite_strain)
     paper, reader = (
-        evaluate_recordings(load_model(path), paths, calibration, progress) for path in (run.bent.model, run.reader)
+        evaluate_recordings(load_model(path), paths, calibration, progress) for path in (run.bent_model, run.reader)
     )
     return paper, reader
 
@@ -143,11 +146,8 @@ def read_left_out(
 ) -> tuple[LeftOut, ...]:
     """Read the trials of each calibrated eye with a network for the mean modulus of the others.
 
-    Args:
-        dataset: the slices, simulated at `dataset.youngs_modulus_pa`.
-        calibration: the eyes.
-        evaluation: the trials, answered with the mean of all; an unusable frame keeps its answer.
-        progress: called with 1 after each epoch of each network.
+    `evaluation` has the trials, answered with the mean of all; an unusable frame keeps its answer. `progress` counts
+    the epochs of all networks.
     """
     network = replace(dataset.study.network, epochs=min(EPOCHS, dataset.study.network.epochs))
     results = []

@@ -1,8 +1,8 @@
 """The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
 
-Each stage leaves its result in the folder, and `reproduce.json` says which are finished, and by what code. A later run
-with the same study keeps what is finished and does the rest, so Ctrl-C loses one stage at most. Results of other code
-are not reused, nor are results of another reader.
+Each stage leaves its result in the folder; `reproduce.json` lists the finished stages and a hash of the code. A later
+run with the same study reuses what is finished and does the rest, so Ctrl-C loses one stage at most. Results of other
+code or of another reader are not reused.
 """
 
 import json
@@ -26,14 +26,14 @@ Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
-# What decides results that are kept. A hash, as this only serves to go on after Ctrl-C: an edit costs one run, a
+# Sources that decide the stored results. A hash is enough to continue after Ctrl-C: an edit costs one run, a
 # fingerprint (`learning.fingerprint`) would cost each run several seconds. The page is drawn in every run.
 SOURCES = (
     "calibration", "known", "laboratory", "learning", "library", "mechanics", "reader", "recording", "segmentation",
     "study",
     *(f"reproduction/{name}.py" for name in ("readings", "run", "stages")),
 )  # fmt: skip
-# What a reader is trained for. The bundled reader serves a study that has its values here.
+# Values that a reader is trained for. The bundled reader serves a study that has its values here.
 TRAINED_FOR = {
     "eye": ("radius_m", "poisson_ratio"),
     "needle": ("outer_diameter_m",),
@@ -41,99 +41,30 @@ TRAINED_FOR = {
 }
 
 
-@dataclass(frozen=True)
 class Run:
     """One reproduction: its folder, its study, the processes it may use, and the place of each result.
 
     `train`: train the force reader in this run, in place of reading with the bundled one.
     """
 
-    folder: Path
-    study: Study
-    workers: int
-    train: bool = False
-
-    @property
-    def recordings(self) -> Path:
-        """Folder of the virtual eyes' recordings."""
-        return self.folder / "recordings"
-
-    @property
-    def recordings_to_the_bounds(self) -> Path:
-        """Folder of the recordings of the same eyes with forces up to the bounds of the classes."""
-        return self.folder / "recordings-to-the-bounds"
-
-    @property
-    def calibration(self) -> Path:
-        """Young's modulus of the eyes, as `calibrate` writes it."""
-        return self.folder / "calibration.json"
-
-    @property
-    def dataset(self) -> Path:
-        """The simulated slices."""
-        return self.folder / "dataset"
-
-    @property
-    def model(self) -> Path:
-        """The trained network."""
-        return self.folder / "model"
-
-    @property
-    def left_out(self) -> Path:
-        """The answers with each eye left out of the mean modulus."""
-        return self.folder / "left_out.json"
-
-    @property
-    def bent(self) -> "_BentRun":
-        """What belongs to the eyes that bend at finite strain."""
-        return _BentRun(self.folder / "bent")
-
-    @property
-    def reader(self) -> Path:
-        """The force reader: the run's own, or the bundled one."""
-        return self.folder / "reader" if self.train else SHIPPED_READER
-
-    @property
-    def report(self) -> Path:
-        """The page."""
-        return self.folder / "report.html"
-
-    @property
-    def overview(self) -> Path:
-        """The result in one picture."""
-        return self.folder / "overview.png"
-
-
-@dataclass(frozen=True)
-class _BentRun:
-    """The part of a reproduction with the eyes that bend at finite strain: where each result lies."""
-
-    folder: Path
-
-    @property
-    def recordings(self) -> Path:
-        """Folder of the eyes' recordings."""
-        return self.folder / "recordings"
-
-    @property
-    def calibrations(self) -> Path:
-        """Folder of both calibrations."""
-        return self.folder / "calibrations"
-
-    @property
-    def linear(self) -> Path:
-        """Young's modulus of the eyes for linear mechanics, as the paper finds it."""
-        return self.calibrations / "linear.json"
-
-    @property
-    def finite_strain(self) -> Path:
-        """Young's modulus of the eyes for finite strain, from three frames of each."""
-        return self.calibrations / "finite-strain.json"
-
-    @property
-    def model(self) -> Path:
-        """The paper's network for the eyes' linear modulus."""
-        return self.folder / "model"
+    def __init__(self, folder: Path, study: Study, workers: int, train: bool = False) -> None:
+        self.folder, self.study, self.workers, self.train = folder, study, workers, train
+        self.recordings = folder / "recordings"  # of the virtual eyes
+        self.recordings_to_the_bounds = folder / "recordings-to-the-bounds"  # with forces up to the classes' bounds
+        self.calibration = folder / "calibration.json"
+        self.dataset = folder / "dataset"
+        self.model = folder / "model"  # the paper's network
+        self.left_out = folder / "left_out.json"  # the answers with each eye left out of the mean modulus
+        # The same for the eyes at finite strain: a calibration as the paper makes it, one on three frames of each eye,
+        # and the paper's network for the linear modulus.
+        self.bent_recordings = folder / "bent" / "recordings"
+        self.bent_calibrations = folder / "bent" / "calibrations"
+        self.bent_linear = self.bent_calibrations / "linear.json"
+        self.bent_finite_strain = self.bent_calibrations / "finite-strain.json"
+        self.bent_model = folder / "bent" / "model"
+        self.reader = folder / "reader" if train else SHIPPED_READER
+        self.report = folder / "report.html"
+        self.overview = folder / "overview.png"  # the result in one picture
 
 
 @dataclass(frozen=True)
@@ -146,7 +77,7 @@ class Stage:
 
     name: str
     length: Callable[[Run], int]
-    work: Callable[[Run, Progress], None]
+    work: Callable[[Run, Progress], object]
     leaves: Callable[[Run], Path] | None = None
     resumes: bool = False
     by_reader: bool = False
@@ -154,12 +85,6 @@ class Stage:
 
 def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
     """Make or continue the folder of a reproduction.
-
-    Args:
-        folder: a new one, or a former run's.
-        study: of all that is computed.
-        workers: processes.
-        train: train the force reader, in place of reading with the bundled one.
 
     Raises:
         InputError: the folder holds something else, or was made from another study.
@@ -183,16 +108,12 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
 def run_stages(
     run: Run, stages: tuple[Stage, ...], announce: Announce, tell: Callable[[str], object] = lambda _: None
 ) -> dict[str, float]:
-    """Do the stages that are not finished, in order; all of them where other code has made what is there.
+    """Do the unfinished stages in order, or all of them if other code made the results in the folder.
 
-    Args:
-        run: where and on what.
-        stages: what to do.
-        announce: opens a progress bar.
-        tell: called with a line for the user, where results of other code are removed.
+    `announce` opens a progress bar; `tell` is called with a line for the user if results of other code are removed.
 
     Returns:
-        Seconds of each stage; those of a finished stage are the ones that it took when it was done.
+        Seconds of each stage, for a finished stage from the run that did it.
     """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
@@ -282,10 +203,8 @@ def _check_bundled(study: Study) -> None:
         mine, its = getattr(study, section), getattr(bundled, section)
         for item in fields(mine):
             if (names is None or item.name in names) and getattr(mine, item.name) != getattr(its, item.name):
-                remedy = "give --train, which trains a reader for this study"
-                raise StudyError(
-                    f"study: {section}.{field_key(item)}: the bundled reader was trained for another value; {remedy}"
-                )
+                fault = "the bundled reader was trained for another value; --train trains one for this study"
+                raise StudyError(f"study: {section}.{field_key(item)}: {fault}")
 
 
 def framed_for_laboratory(study: Study) -> Study:

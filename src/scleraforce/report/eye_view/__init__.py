@@ -12,8 +12,7 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.simulation import SimulatedEye
-from scleraforce.report.files import data_uri, write_page
-from scleraforce.report.html import Html, cards, embedded, figure, made_line, page, paragraph, section
+from scleraforce.report.html import Html, cards, embedded, figure, made_line, page, paragraph, section, write_page
 from scleraforce.report.model_figures import DISPLACEMENT_COLOURS, behind_needle, draw_simulation, skin_outlines
 from scleraforce.units import from_si
 
@@ -42,7 +41,7 @@ def skin_of(points_nc: Floats, displacement_nc: Floats, cells_en: Integers) -> S
 
     Args:
         points_nc: nodes of the mesh (node, 3), m.
-        displacement_nc: of the nodes, likewise.
+        displacement_nc: displacement of the nodes (node, 3), m.
         cells_en: hexahedra (element, node) in VTK's order.
     """
     outlines = skin_outlines(cells_en)
@@ -142,7 +141,7 @@ def write_simulation_html(eye: SimulatedEye, path: Path, made_at: datetime) -> N
             (f"{from_si(eye.mesh.thickness_m, 'um'):.0f} µm", "wall", f"{len(eye.mesh.cells_en)} elements"),
         ]
     )
-    drawn = figure(data_uri(draw_simulation(eye)), "deformed mesh and slice", "The mesh, cut open, and the slice.")
+    drawn = figure(draw_simulation(eye), "deformed mesh and slice", "The mesh, cut open, and the slice.", "png")
     content = page(
         "One eye under one force",
         "The deformed wall of a simulated eye.",

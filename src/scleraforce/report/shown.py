@@ -1,0 +1,174 @@
+"""Descriptions of files and folders for `scleraforce show`: the kinds, how they are recognised, and a study.
+
+Libraries, data sets and models are in `shown_models`, recordings, calibrations and decision logs in
+`shown_recordings`: each is imported with the packages that it describes.
+"""
+
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from scleraforce.errors import InputError
+from scleraforce.models import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
+from scleraforce.plain_json import parse_json
+from scleraforce.report.model_figures import draw_model
+from scleraforce.study import Study, format_study, read_study, study_hash
+from scleraforce.units import HumanUnit, from_si
+from scleraforce.whole_files import KINDS, read_bytes
+
+KNOWN = (
+    f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
+    "decision log"
+)
+RECORDING_FILE = "recording.toml"
+LOG_FILES = "decisions-*.jsonl"
+STORE_FILE = "zarr.json"
+PARTS = {RECORDING_FILE: "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # files of folders
+ENDINGS = {".toml": "study", ".json": "calibration", ".jsonl": "decision log", ".npz": "library"}
+RANGE = {"min", "max"}  # a value, not a table of keys
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thing:
+    """A described file or folder.
+
+    `facts` are its JSON, whose names carry human units; `rows` are the same for people, a name and a sentence each;
+    `lines` are printed below them, a table for instance; `draw` makes its picture.
+    """
+
+    kind: str
+    facts: Mapping[str, Any]
+    rows: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...] = ()
+    draw: Callable[[], Figure]
+
+
+def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
+    """Return the range of some values in words.
+
+    >>> span([4e-4, 8e-4], "um", "µm")
+    '400 to 800 µm'
+    >>> span([4e-4], "um", "µm")
+    '400 µm'
+    """
+    ends = sorted({f"{from_si(value, unit):.4g}": value for value in values}.items(), key=lambda end: end[1])
+    words = ends[0][0] if len(ends) == 1 else f"{ends[0][0]} to {ends[-1][0]}"
+    return f"{words} {printed}"
+
+
+def thing_at(path: Path, model: Path | None = None) -> Thing:
+    """Return the description of a file, a folder or a bundled model.
+
+    Args:
+        path: its path or name.
+        model: the model whose limits are checked on a recording; by default the bundled reader.
+
+    Raises:
+        InputError: it does not exist, is of no known kind or cannot be read; or a model for another kind.
+    """
+    found = model_folder(path)
+    kind = _kind_of_folder(found) if found.is_dir() else _kind_of_file(found)
+    if kind is None:
+        raise InputError(f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}")
+    if model is not None and kind != "recording":
+        raise InputError(f"--model: {path} is a {kind}; a model reads recordings")
+    if kind == "study":
+        return show_study(found / STUDY_FILE if found.is_dir() else found)
+    module = "shown_models" if kind in ("library", "data set", "model") else "shown_recordings"
+    show = getattr(import_module(f"scleraforce.report.{module}"), f"show_{kind.replace(' ', '_')}")
+    thing: Thing = show(found) if model is None else show(found, model)
+    return thing
+
+
+def _kind_of_folder(path: Path) -> str | None:
+    if (path / RECORDING_FILE).exists():
+        return "recording"
+    if (path / RECORD_FILE).exists():
+        return "model"
+    if (path / STORE_FILE).exists():
+        return _kind_of_store(path / STORE_FILE)
+    if any(next(folder.glob(LOG_FILES), None) for folder in (path, path / "log")):
+        return "decision log"
+    return "study" if (path / STUDY_FILE).exists() else None
+
+
+def _kind_of_file(path: Path) -> str | None:
+    if path.name in PARTS and path.is_file():
+        raise InputError(f"{path}: a part of a {PARTS[path.name]}; give its folder, {path.parent}")
+    return ENDINGS.get(path.suffix.lower()) if path.is_file() else None
+
+
+def _kind_of_store(file: Path) -> str:
+    """Return the kind of a store by its schema, which is checked when the store is opened."""
+    try:
+        content = parse_json(read_bytes(file, KINDS["store metadata"]))
+    except ValueError as fault:
+        raise InputError(f"{file}: {fault}") from fault
+    attributes = content.get("attributes") if isinstance(content, dict) else None
+    schema = attributes.get("schema") if isinstance(attributes, dict) else None
+    return "data set" if str(schema).startswith("scleraforce-dataset") else "library"
+
+
+def show_study(path: Path) -> Thing:
+    """Describe a study file."""
+    study = read_study(path)
+    eye, needle, scan = study.eye, study.needle, study.oct
+    changed = changed_keys(study)
+    bounds_mn = [from_si(bound, "mn") for bound in study.classes.bounds_n]
+    images = sum(group.images for group in study.dataset.group)
+    rows = (
+        ("eye", f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of {span(eye.thickness_m.bounds, 'um', 'µm')}, "
+                f"{span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at {span([eye.iop_pa], 'mmhg', 'mmHg')}, "
+                f"globe {study.globe.kind}"),
+        ("needle", f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
+                   f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
+                   f"up to {from_si(needle.max_force_n, 'mn'):g} mN"),
+        ("scanner", f"{scan.columns} x {scan.rows} pixels of {scan.bits} bits over "
+                    f"{from_si(scan.width_m, 'mm'):g} x {from_si(scan.depth_m, 'mm'):g} mm"),
+        ("classes", f"bounds at {' and '.join(f'{bound:g}' for bound in bounds_mn)} mN"),
+        ("mechanics", study.mechanics.kind),
+        ("data set", f"{images} slices in {len(study.dataset.group)} groups, seed {study.dataset.seed}"),
+        ("SHA-256", study_hash(study)),
+        ("changed", f"{len(changed) or 'no'} keys, against the paper's study"),
+    )  # fmt: skip
+    lines = tuple(
+        f"  {key} = {_words(value)} (the paper's: {_words(paper)})" for key, (value, paper) in changed.items()
+    )
+    facts = {
+        "study_sha256": study_hash(study),
+        "mechanics": study.mechanics.kind,
+        "bounds_mn": bounds_mn,
+        "images": images,
+        "changed": {key: value for key, (value, _) in changed.items()},
+    }
+    return Thing(kind="study", facts=facts, rows=rows, lines=lines, draw=lambda: draw_model(study))
+
+
+def changed_keys(study: Study) -> dict[str, tuple[Any, Any]]:
+    r"""Return the keys in which a study differs from the paper's, with both values (None: no such key).
+
+    >>> from scleraforce.study import parse_study
+    >>> changed_keys(parse_study("[eye]\nradius_mm = 11.0"))
+    {'eye.radius_mm': (11.0, 12.0)}
+    """
+    own, paper = (dict(_keys(tomllib.loads(format_study(each)), "")) for each in (study, Study()))
+    return {key: (own.get(key), paper.get(key)) for key in {**own, **paper} if own.get(key) != paper.get(key)}
+
+
+def _keys(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict) and value.keys() != RANGE:
+            yield from _keys(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _words(value: Any) -> str:
+    if value is None:
+        return "missing"
+    return f"{value['min']} to {value['max']}" if isinstance(value, dict) else str(value)

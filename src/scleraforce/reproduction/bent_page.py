@@ -1,0 +1,235 @@
+"""The section of the page of `reproduce` on walls that bend: the paper's method beside the force reader."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+from statistics import mean, median
+
+import numpy as np
+
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.mechanics.contact import Section
+from scleraforce.models import model_name
+from scleraforce.reader import load_model
+from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.metrics import (
+    SHARED_ERROR,
+    ForceTrial,
+    band_of,
+    coverage,
+    coverage_by_eye,
+    held_by_eye,
+    mean_absolute_error,
+)
+from scleraforce.recording.folder import Recording
+from scleraforce.report.evaluation_page import read_forces_figure
+from scleraforce.report.frame_figures import draw_computed_walls
+from scleraforce.report.frames import AnsweredFrame, look_at_all
+from scleraforce.report.html import (
+    NOTHING,
+    Html,
+    confusion_table,
+    figure,
+    frame_table,
+    paragraph,
+    section,
+    share,
+    table,
+)
+from scleraforce.reproduction.readings import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
+from scleraforce.reproduction.run import Run
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
+
+
+def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+    """Return the comparison of the paper's method and the force reader on the same frames; `drawn` counts figures."""
+    forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
+    words = (
+        "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
+        "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
+        f"reads them with a network for the mean linear modulus of {CALIBRATED_EYES} of them, calibrated on all their "
+        "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
+        f"found on three pushes of {forces} mN before the trials, which do not count. {reader_words(run)}"
+    )
+    return section(
+        "Walls that bend: the paper's method and the force reader",
+        paragraph(words),
+        _comparison(paper, reader),
+        *_coverage_words(reader),
+        _moduli(run),
+        drawn(read_forces_figure(reader)),
+        confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
+        confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
+        *_misread(paper, "the paper's method"),
+        *_misread(reader, "the force reader"),
+        drawn(_walls_figure(run, reader)),
+    )
+
+
+def reader_words(run: Run) -> str:
+    """Return a sentence that names the force reader of a run."""
+    if run.train:
+        return "The reader was trained in this run."
+    made_by = load_model(run.reader).provenance["scleraforce"]
+    return (
+        f"It is the bundled reader, {model_name(run.reader)!r}, with its library (made by scleraforce {made_by}); "
+        "this run trained the paper's classifiers alone. `reproduce --train` trains a reader, too."
+    )
+
+
+def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
+    both, true = (paper, reader), reader.true_forces
+    rows: list[list[object]] = [
+        ["trials read right", *(share(one.accuracy) for one in both)],
+        ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(share(one.recall[-1]) for one in both)],
+        ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
+        ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
+        ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],
+        ["the same against the true force", NOTHING, _number(from_si(mean_absolute_error(true), "mn"))],
+        ["labels that agree with their 90 % interval", *(_held(one.forces) for one in both)],
+        ["true forces within their 90 % interval", NOTHING, _held(true)],
+    ]
+    caption = (
+        f"The same {len(reader.scored)} trials, read with the two methods; in brackets the 95 % Wilson interval, for "
+        "coverage the interval over other such eyes (bootstrap over eyes). Forces are from the force log, whose labels "
+        "are noisy and drift over the minutes of a recording; that error counts where labels are compared with "
+        "intervals. The true forces of virtual eyes are known, too."
+    )
+    return table(["", "the paper's method", "the force reader"], rows, caption)
+
+
+def _held(trials: Sequence[ForceTrial]) -> str:
+    """Return the share of forces in their intervals, with its band over other such eyes."""
+    band = band_of(trials)
+    return NOTHING if band is None else f"{coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
+
+
+def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
+    """Explain the difference between the shares of labels and of true forces within the intervals."""
+    logged, true = reader.forces, reader.true_forces
+    if not logged:
+        return ()
+    off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
+    reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
+    words = (
+        "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
+        f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
+        "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
+        f"{reach_mn:.2f} mN to either side in the median. They agree with {coverage(logged).value:.2f} of the labels, "
+        f"whose own error counts ({from_si(reader.label_sd_n, 'mn'):.2f} mN, median standard deviation), and hold "
+        f"{coverage(true).value:.2f} of the true forces: {held_by_eye(true)}. {SHARED_ERROR} {_worst_eye(reader)}"
+        "The paper's method reads no force, so it has no intervals."
+    )
+    return (paragraph(words),)
+
+
+def _worst_eye(reader: Evaluation) -> str:
+    """Return the mean relative error, and the calibration's labels, of the eye with least coverage; '' if all hold."""
+    shares = coverage_by_eye(reader.true_forces)
+    worst = min(shares, key=lambda eye: shares[eye].value)
+    if shares[worst].hits == shares[worst].total:
+        return ""
+    off = mean(trial.read_n / trial.measured_n - 1.0 for trial in reader.true_forces if trial.eye == worst)
+    frames = [frame for frame in reader.frames if frame.eye == worst and frame.calibration]
+    labels_mn = [
+        from_si(frame.measured_force_n - frame.true_force_n, "mn")
+        for frame in frames
+        if frame.measured_force_n is not None and frame.true_force_n is not None
+    ]
+    labels = f", after labels of {mean(labels_mn):+.2f} mN in the mean of its calibration" if labels_mn else ""
+    return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
+
+
+def _moduli(run: Run) -> Html:
+    """Return the modulus of each eye by each mechanics, beside the true one."""
+    linear, finite = (read_calibration(path).eyes for path in (run.bent_linear, run.bent_finite_strain))
+    eyes = {eye.id: eye.youngs_modulus_pa for eye, _ in bent_trials(run.study)}
+    off = {
+        name: (finite[name].mean_pa - true_pa) / finite[name].sd_pa for name, true_pa in eyes.items() if name in finite
+    }
+    posteriors = [
+        {name: f"{from_si(eye.mean_pa, 'mpa'):.3f} ± {from_si(eye.sd_pa, 'mpa'):.3f}" for name, eye in found.items()}
+        for found in (linear, finite)
+    ]
+    rows: list[list[object]] = [
+        ["true", *(f"{from_si(true_pa, 'mpa'):.3f}" for true_pa in eyes.values())],
+        ["linear, all frames", *(posteriors[0].get(name, NOTHING) for name in eyes)],
+        ["finite strain, three frames", *(posteriors[1].get(name, NOTHING) for name in eyes)],
+        ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else NOTHING for name in eyes)],
+    ]
+    caption = (
+        "Young's modulus in MPa: mean and standard deviation of the posterior. An error of 1.6 standard deviations or "
+        "more is one of ten; all readings of its eye share it."
+    )
+    return table(["", *eyes], rows, caption)
+
+
+def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
+    misread = [frame for frame in evaluation.scored if frame.misread]
+    if not misread:
+        return (paragraph(f"No trial was misread by {name}."),)
+    return (frame_table(evaluation, misread, f"Trials misread by {name}."),)
+
+
+def _walls_figure(run: Run, reader: Evaluation) -> Html:
+    """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
+    first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
+    nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
+    looks = look_at_all(list(dict.fromkeys(nearest)))
+    forces_n = [max(look.answer.measured_force_n or 0.0, 0.0) for look in looks]
+    linear, finite = (_stated_eye(run, path, looks[0]) for path in (run.bent_linear, run.bent_finite_strain))
+    computed = {
+        "finite strain": _finite_sections(run_library(run), finite, forces_n),
+        "linear": linear_sections(linear, run.study)(forces_n),
+    }
+    caption = (
+        f"Frames of {linear.id} and the sections computed for their measured forces, each mechanics with the "
+        "modulus that it found for this eye. Only their place in the frame is fitted."
+    )
+    drawn = draw_computed_walls(looks, computed)
+    return figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
+
+
+def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
+    """Return the eye that a frame's recording states, with the modulus of a calibration."""
+    modulus_pa = read_calibration(calibration).eyes[look.answer.eye].mean_pa
+    eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
+    return eye_of(look.recording, replace(run.study, eye=eye))
+
+
+def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float]) -> list[Section]:
+    """Return the library's sections of an eye; beyond its largest force, its last state."""
+    E = eye.youngs_modulus_pa
+    library = library.for_contact(eye.polar_rad)
+    thickness_m, iop_ratio = np.full(len(forces_n), eye.thickness_m), np.full(len(forces_n), eye.iop_pa / E)
+    ratios = np.minimum(np.array(forces_n) / E, library.largest_force_ratio(thickness_m, iop_ratio))
+    walls = library.curves(thickness_m, iop_ratio, ratios).curves_sbnc.astype(np.float64)
+    return [cut_surfaces(wall, eye.gap_m, eye.tilt_rad) for wall in walls]
+
+
+def _number(value: float) -> str:
+    return NOTHING if isnan(value) else f"{value:.2f}"
+
+
+def eye_of(recording: Recording, study: Study) -> PhantomEye:
+    """Return the eye that a recording states, with the study's Young's modulus."""
+    info = recording.info
+    low, high = study.needle.polar_angle_rad.bounds
+    return PhantomEye(
+        id=info.eye.id,
+        thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad or 0.0,
+        tilt_rad=info.oct.plane_tilt_rad,
+    )
