@@ -220,7 +220,10 @@ def test_frames_and_bars_are_as_wide_and_deep_as_they_say(tmp_path: Path) -> Non
 
 @pytest.fixture
 def logged(tmp_path: Path) -> Recording:
-    return read_recording(with_log(write_small_recording(tmp_path / "r", frames=12)))
+    """A recording whose sensor has a zero of 50 mN."""
+    recording = read_recording(with_log(write_small_recording(tmp_path / "r", frames=12)))
+    assert recording.forces is not None
+    return replace(recording, forces=replace(recording.forces, wrench_sc=recording.forces.wrench_sc + 0.05))
 
 
 def drawn_log(recording: Recording, trials: Sequence[Trial] = ()) -> Axes:
