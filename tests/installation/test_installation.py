@@ -1,5 +1,7 @@
 """Checks of an installation: packages, the machine, small runs with known results."""
 
+import os
+import re
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError
@@ -8,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import scleraforce
 from scleraforce import installation
 from scleraforce.installation import TRIALS, Finding, tried
 
@@ -147,3 +150,15 @@ def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() ->
     assert "pip install 'scleraforce[train]'" in first
     assert "state='ok'" in second
     assert set(TRIALS) == {"a solve", "a reading", "a training"}
+
+
+@pytest.mark.slow
+def test_an_installation_compiles_every_loop(tmp_path: Path) -> None:
+    """Each function that is compiled has its index in an empty cache afterwards."""
+    command = "from scleraforce.installation import compile_loops; compile_loops()"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", command], env=environment, check=True, capture_output=True)
+    kept = {file.name.split("-")[0] for file in tmp_path.rglob("*.nbi")}
+    for source in Path(scleraforce.__file__).parent.rglob("*.py"):
+        for name in re.findall(r"^@compiled\ndef (\w+)", source.read_text(encoding="utf-8"), re.M):
+            assert f"{source.stem}.{name}" in kept
