@@ -163,7 +163,7 @@ def compile_loops() -> None:
     fill_sections([wall], [SliceWindow(left_m=0.0, top_m=0.0, columns=2, rows=2, pixel_m=1.0)])
     globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
-    iop_ratio_under_force(_reader().library, *walls, np.array([0.01 / MODULUS_PA]), globe)
+    iop_ratio_under_force(_reader().library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):
