@@ -92,11 +92,19 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
     assert doubt(found, seen) == ""
 
 
-def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(shipped: WallFinder) -> None:
-    frame = image(wall_section(4.2e-3, surface_m=0.4e-3))
-    alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
+@pytest.mark.parametrize("dent_m", [5e-3, 6e-3])
+def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(dent_m: float, shipped: WallFinder) -> None:
+    """The network sees a wall in some columns of the gap, and both methods agree elsewhere."""
+    rng, scale = np.random.default_rng(2), PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
+    lateral_m, depth_m = (np.arange(300) - 149.5) * scale.lateral_m, (np.arange(256)[:, None] + 0.5) * scale.depth_m
+    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
+    wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
+    frame = np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
+    alone, checked = find_wall(frame, scale), find_wall(frame, scale, finder=shipped)
     assert checked.usable, checked.reason
     gap = np.isnan(alone.outer_row)
-    inside = np.flatnonzero(~gap)
-    assert gap[inside[0] : inside[-1]].any()
-    np.testing.assert_array_equal(np.isnan(checked.outer_row)[inside[0] : inside[-1]], gap[inside[0] : inside[-1]])
+    inside = slice(*np.flatnonzero(~gap)[[0, -1]])
+    assert gap[inside].any()
+    seen = shipped.find(frame)
+    assert seen.there[gap[seen.frame_column]].any()
+    np.testing.assert_array_equal(np.isnan(checked.outer_row)[inside], gap[inside])
