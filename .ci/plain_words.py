@@ -25,6 +25,8 @@ CLEAN = (
     *("src/scleraforce/processes.py", "src/scleraforce/units.py", "src/scleraforce/whole_files.py"),
     *("src/scleraforce/__init__.py", "src/scleraforce/cli", "src/scleraforce/notebook", "src/scleraforce/replay"),
     *("tests/notebook", "tests/replay"),
+    *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library/store.py"),
+    *("src/scleraforce/library/files.py", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
 )
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {

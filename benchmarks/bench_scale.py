@@ -23,7 +23,7 @@ from time import perf_counter
 import numpy as np
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.learning.dataset import complete_dataset, create_dataset, plan_dataset, write_dataset_unit
+from scleraforce.learning.dataset import create_dataset, plan_dataset
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
@@ -125,15 +125,15 @@ def writing_s(study: Study) -> tuple[float, float]:
     images[:, size[0] // 4 : size[0] // 2] = 255
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "dataset"
-        create_dataset(path, study, study.eye.youngs_modulus_pa, None, plan)
+        store = create_dataset(path, study, study.eye.youngs_modulus_pa, None, plan)
 
         def write() -> None:
             for unit in range(plan.units):
                 samples = plan.unit(unit)
-                write_dataset_unit(path, plan, study, unit, images[: samples.stop - samples.start])
+                store.write(unit, {"slices": images[: samples.stop - samples.start]})
 
         written_s = _seconds(write)
-        return written_s / plan.units, _seconds(lambda: complete_dataset(path, plan, study)) / plan.units
+        return written_s / plan.units, _seconds(store.finish) / plan.units
 
 
 def scheduling_s() -> float | None:

@@ -12,9 +12,10 @@ import json
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
+from itertools import zip_longest
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -58,19 +59,14 @@ class StoredArray:
         return prod(self.chunks) * np.dtype(self.dtype).itemsize
 
     @property
-    def max_file_size(self) -> int:
-        """The largest size of a chunk's file."""
-        return max(MIB, 2 * self.chunk_size)
-
-    @property
-    def grid(self) -> tuple[int, ...]:
-        """Number of chunks along each axis."""
-        return tuple(-(-size // chunk) for size, chunk in zip(self.shape, self.chunks, strict=True))
-
-    @property
     def places(self) -> Iterable[tuple[int, ...]]:
         """Indices of all chunks, the last fastest."""
-        return np.ndindex(self.grid)
+        return np.ndindex(*(-(-size // chunk) for size, chunk in zip(self.shape, self.chunks, strict=True)))
+
+    def part(self, index: tuple[int, ...]) -> tuple[slice, ...]:
+        """Return the part of the array in a chunk; missing indices are 0."""
+        along = zip_longest(index, self.chunks, self.shape, fillvalue=0)
+        return tuple(slice(n * chunk, min((n + 1) * chunk, size)) for n, chunk, size in along)
 
     def file(self, index: tuple[int, ...]) -> str:
         """Return the file of a chunk within the store; missing indices are 0.
@@ -131,18 +127,21 @@ class StoredArray:
         return metadata
 
 
-@dataclass(frozen=True)
-class CheckedStore:
+@dataclass(frozen=True, kw_only=True)
+class StoreKind:
     """One kind of store: its names in messages, its required metadata, and the command that makes it.
 
-    `same` attributes must not change when a run continues another one; `others` says, by the beginning of a schema,
-    what other stores are for.
+    `recipe` is the attribute with the text that a store is made from; beside it is the text's SHA-256. `same`
+    attributes must not change when a run continues another one; `others` says, by the beginning of a schema, what other
+    stores are for; `parts` is the noun of its units.
     """
 
     noun: str
     command: str
     verb: str
+    parts: str
     schema: str
+    recipe: str
     required: frozenset[str]
     same: tuple[str, ...]
     others: Mapping[str, str]
@@ -152,7 +151,7 @@ class CheckedStore:
         """Return the metadata of a store, complete or not."""
         if not path.is_dir():
             raise self.error(f"{path}: no such {self.noun}; `scleraforce {self.command} --out {path}` makes one")
-        record = self._json(path / METADATA_FILE)
+        record = self.json(path)
         attributes = record.get("attributes") if isinstance(record, dict) else None
         if not isinstance(attributes, dict) or record.get("node_type") != "group":
             raise self.error(f"{path}: not a {self.noun} of scleraforce")
@@ -166,127 +165,161 @@ class CheckedStore:
         return attributes
 
     def complete_attributes(self, path: Path) -> dict[str, Any]:
-        """Return the metadata of a store that is complete."""
+        """Return the metadata of a store that is complete, and whose recipe is the one that it was made from."""
         attributes = self.attributes(path)
         if attributes["complete"] is not True:
             raise self.error(f"{path}: not complete; the same `scleraforce {self.command}` completes it")
+        text = attributes[self.recipe]
+        # Of the text as it was written: a later version may know more keys, and format the same study differently.
+        if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes[f"{self.recipe}_hash"]:
+            raise self.error(
+                f"{path}: its {self.recipe} does not match its hash: the store is damaged; {self.verb} it again"
+            )
         return attributes
 
-    def begin(
-        self,
-        path: Path,
-        attributes: Mapping[str, Any],
-        arrays: Iterable[StoredArray],
-        known: Mapping[str, NDArray[Any]],
-    ) -> None:
-        """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
-        with self.writing(path):
-            if _occupied(path):
-                group = self._continued(path, attributes)
-            else:
-                path.mkdir(parents=True, exist_ok=True)
-                described = {"schema": self.schema, "complete": False, **attributes}
-                group = zarr.create_group(path.absolute(), zarr_format=3, attributes=described)
-            for array in arrays:
-                if array.name in known:
-                    array.create(group)[:] = known[array.name]
-                elif array.name not in group:
-                    array.create(group)
-
-    def write(self, path: Path, array: StoredArray, part: Any, values: NDArray[Any]) -> None:
-        """Write a part of an array: whole chunks."""
-        with self.writing(path):
-            found = zarr.open_array(path.absolute() / array.name, mode="r+", zarr_format=3)
-            found.with_config({"write_empty_chunks": True})[part] = values  # what is missing is not done yet
-
-    def finish(self, path: Path, arrays: Sequence[StoredArray], missing: int, parts: str) -> None:
-        """Mark a store without `missing` units as complete, with the hashes of its chunks; clear temporary files."""
-        if missing:
-            raise self.error(f"{path}: {missing} of {parts} are missing; {self.verb} it again")
-        hashes = {array.name: [sha256(self._chunk(path, array, at)).hexdigest() for at in array.places]
-                  for array in arrays}  # fmt: skip
-        with self.writing(path):
-            for leftover in path.rglob("*.partial"):
-                leftover.unlink(missing_ok=True)
-            group = zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
-            group.update_attributes({HASHES: hashes, "complete": True})
-
-    def check_array(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> None:
-        """Check the type, shape and presence of all chunks of an array of a complete store."""
-        if array.size > MAX_ARRAY_SIZE:
-            raise self.error(f"{path / array.name}: {array.size // MIB} MiB of values, at most "
-                             f"{MAX_ARRAY_SIZE // MIB} are read (docs/files.md)")  # fmt: skip
-        if wrong := array.difference(self._json(path / array.name / METADATA_FILE)):
-            raise self.error(f"{path / array.name}: {wrong}; {self.verb} it again")
-        count = len(self._hashes(path, attributes, array))
-        missing = sum(not (path / array.file(index)).exists() for index in array.places)
-        if missing:
-            raise self.error(f"{path / array.name}: {missing} of {count} chunks are missing; {self.verb} it again")
-
-    def read(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> NDArray[Any]:
-        """Return the values of an array; the message names the damaged chunk."""
-        self.check_array(path, attributes, array)
-        again = f"{self.verb} the {self.noun} again"
-        chunks = {}
-        for index, expected in zip(array.places, self._hashes(path, attributes, array), strict=True):
-            chunks[index] = self._chunk(path, array, index)
-            if sha256(chunks[index]).hexdigest() != expected:
-                raise self.error(f"{path / array.file(index)}: damaged (it is not the chunk of this place); {again}")
-        try:
-            return array.decode(chunks)
-        except Exception as fault:  # whatever a codec raises, the array cannot be read
-            bad = next((index for index, data in chunks.items() if not array.decodes(data)), ())
-            raise self.error(f"{path / array.file(bad)}: damaged ({fault}); {again}") from fault
-
-    def is_readable(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bool:
-        """Return whether a chunk exists and can be read; missing indices are 0."""
-        try:
-            return array.decodes(self._chunk(path, array, index))
-        except self.error:
-            return False
-
-    @contextmanager
-    def writing(self, path: Path) -> Iterator[None]:
-        """Turn the system's errors while a store is written into one line."""
-        try:
-            yield
-        except OSError as fault:
-            raise self.error(f"{path}: {fault.strerror or fault}") from fault
-
-    def _continued(self, path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
-        try:
-            found = self.attributes(path)
-        except self.error as fault:
-            raise self.error(f"{path}: holds something else than a {self.noun}; choose another path") from fault
-        if found["complete"]:
-            raise self.error(f"{path}: a complete {self.noun}; remove it or choose another path")
-        for name in self.same:
-            if found.get(name) != attributes[name]:
-                raise self.error(f"{path}: begun with another {name}; remove it or choose another path")
-        if special := next((entry for entry in path.rglob("*") if not _ordinary(entry)), None):
-            raise self.error(f"{special}: neither a regular file nor a folder; remove {path} or choose another path")
-        return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
-
-    def _json(self, path: Path) -> Any:
+    def json(self, folder: Path) -> Any:
+        """Return the content of the `zarr.json` of a folder."""
+        path = folder / METADATA_FILE
         try:
             hint = f"a {self.noun} of scleraforce has this file"
             return parse_json(read_bytes(path, replace(KINDS["store metadata"], error=self.error, hint=hint)))
         except ValueError as fault:
             raise self.error(f"{path}: not a {self.noun} of scleraforce: {fault}") from fault
 
-    def _hashes(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> list[Any]:
-        hashes = attributes.get(HASHES)
-        found = hashes.get(array.name) if isinstance(hashes, dict) else None
-        count = sum(1 for _ in array.places)
-        if not isinstance(found, list) or len(found) != count:
-            raise self.error(
-                f"{path}: {HASHES}: not the hashes of the {count} chunks of {array.name}; {self.verb} it again"
-            )
-        return found
 
-    def _chunk(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bytes:
-        kind = replace(KINDS["store chunk"], error=self.error, max_bytes=array.max_file_size)
-        return read_bytes(path / array.file(index), kind)
+@dataclass(frozen=True)
+class CheckedStore:
+    """A store of a kind in a folder.
+
+    `units`: for each unit of work, the index of its chunk in each of its arrays, by name; missing indices are 0.
+    `attributes`: the metadata of a complete store.
+    """
+
+    kind: StoreKind
+    path: Path
+    arrays: Mapping[str, StoredArray]
+    units: Sequence[Mapping[str, tuple[int, ...]]] = ()
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def begin(self, attributes: Mapping[str, Any], known: Mapping[str, NDArray[Any]]) -> None:
+        """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
+        with self._writing():
+            if _occupied(self.path):
+                group = self._continued(attributes)
+            else:
+                self.path.mkdir(parents=True, exist_ok=True)
+                described = {"schema": self.kind.schema, "complete": False, **attributes}
+                group = zarr.create_group(self.path.absolute(), zarr_format=3, attributes=described)
+            for name, array in self.arrays.items():
+                if name in known:
+                    array.create(group)[:] = known[name]
+                elif name not in group:
+                    array.create(group)
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the units of which a chunk is missing or cannot be read."""
+        return [
+            number
+            for number, chunks in enumerate(self.units)
+            if not all(self._is_readable(self.arrays[name], index) for name, index in chunks.items())
+        ]
+
+    def write(self, unit: int, values: Mapping[str, NDArray[Any]]) -> None:
+        """Write the chunks of a unit, given by the names of the arrays."""
+        with self._writing():
+            for name, index in self.units[unit].items():
+                part = self.arrays[name].part(index)
+                found = zarr.open_array(self.path.absolute() / name, mode="r+", zarr_format=3)
+                found = found.with_config({"write_empty_chunks": True})  # what is missing is not done yet
+                found[part] = values[name].reshape([along.stop - along.start for along in part])
+
+    def finish(self) -> None:
+        """Mark a store without missing units as complete, with the hashes of its chunks; clear temporary files."""
+        if missing := len(self.missing()):
+            raise self.kind.error(
+                f"{self.path}: {missing} of {len(self.units)} {self.kind.parts} are missing; {self.kind.verb} it again"
+            )
+        hashes = {
+            name: [sha256(self._chunk(array, index)).hexdigest() for index in array.places]
+            for name, array in self.arrays.items()
+        }
+        with self._writing():
+            for leftover in self.path.rglob("*.partial"):
+                leftover.unlink(missing_ok=True)
+            group = zarr.open_group(self.path.absolute(), mode="r+", zarr_format=3)
+            group.update_attributes({HASHES: hashes, "complete": True})
+
+    def check(self) -> None:
+        """Check the type, shape and presence of all chunks of all arrays of a complete store."""
+        for name in self.arrays:
+            self._checked_hashes(name)
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Return the values of an array; the message names the damaged chunk."""
+        array, chunks = self.arrays[name], {}
+        again = f"{self.kind.verb} the {self.kind.noun} again"
+        for index, expected in self._checked_hashes(name).items():
+            chunks[index] = self._chunk(array, index)
+            if sha256(chunks[index]).hexdigest() != expected:
+                place = self.path / array.file(index)
+                raise self.kind.error(f"{place}: damaged (it is not the chunk of this place); {again}")
+        try:
+            return array.decode(chunks)
+        except Exception as fault:  # whatever a codec raises, the array cannot be read
+            bad = next((index for index, data in chunks.items() if not array.decodes(data)), ())
+            raise self.kind.error(f"{self.path / array.file(bad)}: damaged ({fault}); {again}") from fault
+
+    def _checked_hashes(self, name: str) -> dict[tuple[int, ...], Any]:
+        """Check the metadata of an array and the presence of its chunks; return their hashes by index."""
+        array, places, place = self.arrays[name], list(self.arrays[name].places), self.path / name
+        again = f"{self.kind.verb} it again"
+        if array.size > MAX_ARRAY_SIZE:
+            raise self.kind.error(f"{place}: {array.size // MIB} MiB of values, at most {MAX_ARRAY_SIZE // MIB} are "
+                                  "read (docs/files.md)")  # fmt: skip
+        if wrong := array.difference(self.kind.json(place)):
+            raise self.kind.error(f"{place}: {wrong}; {again}")
+        hashes = self.attributes.get(HASHES)
+        found = hashes.get(name) if isinstance(hashes, dict) else None
+        if not isinstance(found, list) or len(found) != len(places):
+            raise self.kind.error(
+                f"{self.path}: {HASHES}: not the hashes of the {len(places)} chunks of {name}; {again}"
+            )
+        if missing := sum(not (self.path / array.file(index)).exists() for index in places):
+            raise self.kind.error(f"{place}: {missing} of {len(places)} chunks are missing; {again}")
+        return dict(zip(places, found, strict=True))
+
+    def _is_readable(self, array: StoredArray, index: tuple[int, ...]) -> bool:
+        try:
+            return array.decodes(self._chunk(array, index))
+        except self.kind.error:
+            return False
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Turn the system's errors while a store is written into one line."""
+        try:
+            yield
+        except OSError as fault:
+            raise self.kind.error(f"{self.path}: {fault.strerror or fault}") from fault
+
+    def _continued(self, attributes: Mapping[str, Any]) -> zarr.Group:
+        path, kind = self.path, self.kind
+        try:
+            found = kind.attributes(path)
+        except kind.error as fault:
+            raise kind.error(f"{path}: holds something else than a {kind.noun}; choose another path") from fault
+        if found["complete"]:
+            raise kind.error(f"{path}: a complete {kind.noun}; remove it or choose another path")
+        for name in kind.same:
+            if found.get(name) != attributes[name]:
+                raise kind.error(f"{path}: begun with another {name}; remove it or choose another path")
+        if special := next((entry for entry in path.rglob("*") if not _ordinary(entry)), None):
+            raise kind.error(f"{special}: neither a regular file nor a folder; remove {path} or choose another path")
+        return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
+
+    def _chunk(self, array: StoredArray, index: tuple[int, ...]) -> bytes:
+        kind = replace(KINDS["store chunk"], error=self.kind.error, max_bytes=max(MIB, 2 * array.chunk_size))
+        return read_bytes(self.path / array.file(index), kind)
 
 
 def _occupied(path: Path) -> bool:

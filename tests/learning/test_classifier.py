@@ -33,13 +33,7 @@ from scleraforce.learning.classifier import (
     trained_network,
     with_half_weights,
 )
-from scleraforce.learning.dataset import (
-    complete_dataset,
-    create_dataset,
-    open_dataset,
-    plan_dataset,
-    write_dataset_unit,
-)
+from scleraforce.learning.dataset import SLICES, create_dataset, open_dataset, plan_dataset
 from scleraforce.learning.descent import descend, learning_rate
 from scleraforce.learning.train import split_samples, train_classifier
 from scleraforce.reader import load_model
@@ -309,13 +303,13 @@ def store(tmp_path_factory) -> Path:
     """A complete data set whose wall lies deeper the larger the force is."""
     path = tmp_path_factory.mktemp("data") / "bars.zarr"
     plan = plan_dataset(STUDY)
-    create_dataset(path, STUDY, MODULUS_PA, None, plan)
+    unwritten = create_dataset(path, STUDY, MODULUS_PA, None, plan)
     top = plan.force_n / 10e-3
     row = np.arange(8)[:, None]
     bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (plan.images, 8, 10))
     for unit in range(plan.units):
-        write_dataset_unit(path, plan, STUDY, unit, bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255))
-    complete_dataset(path, plan, STUDY)
+        unwritten.write(unit, {SLICES: bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255)})
+    unwritten.finish()
     return path
 
 

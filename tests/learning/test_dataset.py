@@ -24,15 +24,13 @@ from reference_walls import cut_section
 from scleraforce.errors import DatasetError, InputError, SolverError, StudyError
 from scleraforce.learning.dataset import (
     DTYPES,
+    SLICES,
     CalibratedModulus,
-    complete_dataset,
     create_dataset,
     draft_plan,
-    missing_dataset_units,
     open_dataset,
     plan_dataset,
     read_population_modulus,
-    write_dataset_unit,
 )
 from scleraforce.learning.generate import _simulating, generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
@@ -369,8 +367,7 @@ def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path)
 def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=None):
     study = study or small_study()
     plan = plan_dataset(study)
-    create_dataset(path, study, youngs_modulus_pa, calibration, plan)
-    return plan
+    return create_dataset(path, study, youngs_modulus_pa, calibration, plan)
 
 
 def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
@@ -384,21 +381,19 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
 
 def test_what_a_kill_leaves_is_taken_up(tmp_path):
     path = tmp_path / "d"
-    plan = partial_store(path)
+    plan, store = plan_dataset(small_study()), partial_store(path)
     for unit in range(plan.units):
-        write_dataset_unit(
-            path, plan, small_study(), unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8)
-        )
+        store.write(unit, {SLICES: np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8)})
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
     chunk.with_suffix(".1234.partial").write_bytes(b"half")
     shutil.rmtree(path / "force_n")  # killed while the metadata was written
-    assert partial_store(path).units == plan.units
-    assert missing_dataset_units(path, plan, small_study()) == [1]
+    store = partial_store(path)
+    assert store.missing() == [1]
     with pytest.raises(DatasetError, match="1 of 3 parts"):
-        complete_dataset(path, plan, small_study())
-    write_dataset_unit(path, plan, small_study(), 1, np.zeros((200, 40, 140), np.uint8))
-    complete_dataset(path, plan, small_study())
+        store.finish()
+    store.write(1, {SLICES: np.zeros((200, 40, 140), np.uint8)})
+    store.finish()
     assert not list(path.rglob("*.partial"))
     assert open_dataset(path).images == 465
 

@@ -197,9 +197,9 @@ def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: RawSour
     many = RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)
     trained = STUDY.reader.gap_m.bounds[1]
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
-    told = many.given[:, GIVEN.index("gap known")] > 0.0
+    stated = many.given[:, GIVEN.index("gap known")] > 0.0
     nearest = STUDY.reader.gap_m.bounds[0]
-    assert (gap_m[told] < 0.85 * nearest).mean() == pytest.approx(
+    assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(
         0.5 * 0.85 * nearest / largest_needle_gap(STUDY.raw_reader), abs=0.1
     )
     rng = np.random.default_rng(1)

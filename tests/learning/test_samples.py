@@ -44,15 +44,15 @@ def eyes(library):
 
 
 def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes) -> None:
-    known = np.isfinite(eyes.told.modulus_pa)
+    known = np.isfinite(eyes.stated.modulus_pa)
     assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
-    fitted_pa = eyes.told.modulus_pa.copy()
-    own = eyes.told.modulus_sd_fraction < 0.06  # calibrated with the given thickness and IOP
+    fitted_pa = eyes.stated.modulus_pa.copy()
+    own = eyes.stated.modulus_sd_fraction < 0.06  # calibrated with the given thickness and IOP
     t, p = (np.nan_to_num(a / b, nan=1.0) for a, b in
-            ((eyes.told.thickness_m, eyes.thickness_m), (eyes.told.iop_pa, eyes.iop_pa)))  # fmt: skip
+            ((eyes.stated.thickness_m, eyes.thickness_m), (eyes.stated.iop_pa, eyes.iop_pa)))  # fmt: skip
     fitted_pa[own] *= (t**2 * p ** (1 / 3))[own]
-    error = (eyes.modulus_pa / fitted_pa - 1.0)[known] / eyes.told.modulus_sd_fraction[known]
-    sd = eyes.told.modulus_sd_fraction[known]
+    error = (eyes.modulus_pa / fitted_pa - 1.0)[known] / eyes.stated.modulus_sd_fraction[known]
+    sd = eyes.stated.modulus_sd_fraction[known]
     for part in (sd < 0.02, sd > 0.1):
         assert abs(error[part].mean()) < 0.05
         assert abs(error[part].std() - 0.96) < 0.05  # a normal distribution that ends at 2.5 standard deviations
@@ -63,14 +63,14 @@ def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eye
 
 def test_given_values_are_off_and_missing_as_often_as_stated(eyes) -> None:
     for given, true in (("iop_pa", "iop"), ("thickness_m", "thickness"), ("gap_m", "gap")):
-        values, truth = getattr(eyes.told, given), getattr(eyes, given)
+        values, truth = getattr(eyes.stated, given), getattr(eyes, given)
         known = np.isfinite(values)
         assert abs((~known).mean() - getattr(READER, f"{true}_missing_fraction")) < 0.02
         assert abs((values / truth - 1.0)[known].std() / getattr(READER, f"{true}_noise_fraction") - 1.0) < 0.05
 
 
 def test_globes_are_open_sealed_or_unknown_as_often_as_stated(eyes) -> None:
-    low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
+    low, high = eyes.stated.rigidity_low, eyes.stated.rigidity_high
     is_open = high == 0.0
     unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
     assert abs(is_open.mean() - 0.3) < 0.01
@@ -81,9 +81,9 @@ def test_globes_are_open_sealed_or_unknown_as_often_as_stated(eyes) -> None:
         share = (eyes.rigidity[which] - globe.lowest) / (globe.highest - globe.lowest)
         assert abs(share.mean() - 0.5) < 0.02
         assert abs(share.std() - 12**-0.5) < 0.02
-    told = ~(is_open | unknown | sealed) & (low > 0.0) & (high < UNKNOWN.highest)
+    stated = ~(is_open | unknown | sealed) & (low > 0.0) & (high < UNKNOWN.highest)
     inside = (eyes.rigidity >= low) & (eyes.rigidity <= high)
-    assert abs(inside[told].mean() - 0.905) < 0.015  # a normal distribution that ends at 2.5 standard deviations
+    assert abs(inside[stated].mean() - 0.905) < 0.015  # a normal distribution that ends at 2.5 standard deviations
 
 
 def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_drawn(eyes, library) -> None:
@@ -169,12 +169,12 @@ def test_polar_angle_and_direction_are_given_as_well_as_stated(eyes, library) ->
         ("polar_rad", READER.polar_missing_fraction),
         ("direction_rad", READER.direction_missing_fraction),
     ):
-        told, true = getattr(eyes.told, name), getattr(eyes, name)
-        known = np.isfinite(told)
+        stated, true = getattr(eyes.stated, name), getattr(eyes, name)
+        known = np.isfinite(stated)
         assert abs((~known).mean() - missing) < 0.02
-        assert abs((told - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
+        assert abs((stated - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
     near = replace(READER, polar_angle_rad=fixed(0.0), polar_missing_fraction=0.0)
-    given = draw_eyes(library, near, 200, np.random.default_rng(3)).told.polar_rad
+    given = draw_eyes(library, near, 200, np.random.default_rng(3)).stated.polar_rad
     assert given.min() >= 0.0
     assert 0.5 < np.median(given) / READER.pole_noise_rad < 0.9  # of a normal number's size: 0.67
 
@@ -235,9 +235,9 @@ def test_samples_are_joined_one_after_the_other(library) -> None:
 def test_each_part_of_a_chunk_is_of_one_tissue_and_labelled_so() -> None:
     held, count = made_up_library(), 2 * TISSUE + 50
     mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
-    told = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])
-    assert told.shape == (4, count)
-    parts = [told[:, :TISSUE], told[:, TISSUE : 2 * TISSUE], told[:, 2 * TISSUE :]]
+    stated = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])
+    assert stated.shape == (4, count)
+    parts = [stated[:, :TISSUE], stated[:, TISSUE : 2 * TISSUE], stated[:, 2 * TISSUE :]]
     assert all((part == part[:, :1]).all() for part in parts)
     firsts = np.array([part[:, 0] for part in parts])
     assert len(np.unique(firsts)) > 2

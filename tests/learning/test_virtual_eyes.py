@@ -107,26 +107,26 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
 @pytest.mark.slow
 def test_eyes_are_stated_open_sealed_or_unknown_by_turns(library) -> None:
     eyes = [draw_eye(EXACT, library, number, np.random.default_rng(number)) for number in range(3)]
-    assert [eye.told.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]
+    assert [eye.stated.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]
     assert (eyes[0].wall.rigidity_pa13_per_m3, eyes[1].wall.rigidity_pa13_per_m3 > 0) == (0.0, True)
 
 
 @pytest.mark.usefixtures("_still_base")
 def test_the_poles_errors_are_as_large_as_stated_and_change_no_other_draw(library) -> None:
-    told = list[tuple[float, float]]()
+    stated = list[tuple[float, float]]()
     for seed in range(60):
         eyes = [
             draw_eye(study, library, 0, np.random.default_rng(seed))
             for study in (EXACT, replace(EXACT, reader=replace(EXACT.reader, pole_noise_rad=np.radians(2.0))))
         ]
-        exact, off = (each.told for each in eyes)
+        exact, off = (each.stated for each in eyes)
         assert replace(off, polar_rad=exact.polar_rad, direction_rad=exact.direction_rad) == exact
         assert (off.direction_rad is None) == (exact.direction_rad is None)
         if exact.direction_rad is not None and off.direction_rad is not None:
-            told.append((off.polar_rad - exact.polar_rad, off.direction_rad - exact.direction_rad))
-    sd = np.degrees(np.std(told, axis=0))
+            stated.append((off.polar_rad - exact.polar_rad, off.direction_rad - exact.direction_rad))
+    sd = np.degrees(np.std(stated, axis=0))
     assert ((sd > 1.4) & (sd < 2.6)).all()
-    assert abs(np.corrcoef(np.transpose(told))[0, 1]) < 0.4
+    assert abs(np.corrcoef(np.transpose(stated))[0, 1]) < 0.4
 
 
 def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> None:
@@ -154,7 +154,7 @@ def test_a_calibration_that_diverges_says_nothing_of_the_modulus(eye: VirtualEye
     frames = draw_frames(drifting, EXACT, 8, np.random.default_rng(6))
     known, left = calibrated(drifting, frames, EXACT, library, np.random.default_rng(7))
     assert known.modulus is None
-    assert (known.iop_pa, len(left)) == (eye.told.iop_pa, 5)
+    assert (known.iop_pa, len(left)) == (eye.stated.iop_pa, 5)
 
 
 def test_each_slice_of_a_frame_shows_the_wall_as_much_lower_as_a_reader_shifts_it(eye: VirtualEye) -> None:
@@ -179,7 +179,7 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
 @pytest.mark.slow
 def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     rng = np.random.default_rng(11)
-    shared, own, told = [], [], []
+    shared, own, stated = [], [], []
     for labels, eyes in ((label_forces, 1000), (logged_forces, 100)):
         forces_n = rng.uniform(0.0, 60e-3, (eyes, FRAMES))
         found = [labels(of_eye, rng) for of_eye in forces_n]
@@ -187,12 +187,12 @@ def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
         shared.append(off_n.mean(axis=1).std())
         own.append((off_n - off_n.mean(axis=1, keepdims=True)).std())
         middle = np.array([[1.0, each.since_start_s.mean()] for each in found])
-        told.append(
+        stated.append(
             np.sqrt(np.mean([row @ each.zero_covariance @ row for row, each in zip(middle, found, strict=True)]))
         )
-    for made, logged in (shared, own, told):
+    for made, logged in (shared, own, stated):
         assert made == pytest.approx(logged, rel=0.25)
-    assert shared[0] == pytest.approx(np.hypot(told[0], LABEL_SD_N / np.sqrt(FRAMES)), rel=0.15)
+    assert shared[0] == pytest.approx(np.hypot(stated[0], LABEL_SD_N / np.sqrt(FRAMES)), rel=0.15)
 
 
 def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye: VirtualEye, library) -> None:
@@ -226,12 +226,12 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_ot
     assert {of_population(soft, EXACT, np.random.default_rng(seed)).stiffening for seed in range(20)} == {0.0}
     middle = min(stiff, key=lambda eye: abs(np.log1p(eye.stiffening) - 1.7))
     rng = np.random.default_rng(2)
-    told = np.log1p([of_population(middle, EXACT, rng).stiffening or 0.0 for _ in range(2000)])
-    assert told.mean() == pytest.approx(np.log1p(middle.stiffening), abs=0.04)
-    assert told.std() == pytest.approx(0.5, abs=0.03)
+    stated = np.log1p([of_population(middle, EXACT, rng).stiffening or 0.0 for _ in range(2000)])
+    assert stated.mean() == pytest.approx(np.log1p(middle.stiffening), abs=0.04)
+    assert stated.std() == pytest.approx(0.5, abs=0.03)
     stiffest = max(stiff, key=lambda eye: eye.stiffening)
-    told_most = [of_population(stiffest, EXACT, rng).stiffening for _ in range(200)]
-    assert max(told_most) == 30.0  # no more than the library holds
+    stated_most = [of_population(stiffest, EXACT, rng).stiffening for _ in range(200)]
+    assert max(stated_most) == 30.0  # no more than the library holds
 
 
 def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
@@ -259,8 +259,8 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
     drifting = replace(eye, drift=drift)
     near, smoothing_m = library.for_contact(eye.wall.polar_rad), EXACT.calibration.surface_smoothing_m
 
-    def error_n(told: Known, frames: Sequence[VirtualFrame]) -> float:
-        prior, boundaries = prior_of(told, EXACT.reader), [frame.boundaries for frame in frames]
+    def error_n(stated: Known, frames: Sequence[VirtualFrame]) -> float:
+        prior, boundaries = prior_of(stated, EXACT.reader), [frame.boundaries for frame in frames]
         fits = (fit_boundaries(near, seen.lateral_m, seen.depth_m, prior, smoothing_m) for seen in boundaries)
         return float(
             np.mean([abs(fit.force_n - frame.force_n) for fit, frame in zip(fits, frames, strict=True) if fit])
@@ -450,14 +450,14 @@ def test_every_second_eye_of_a_kind_is_calibrated_otherwise_as_well(
 def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[Any] = []
+    stated: list[Any] = []
 
     def begin(*given: Any, zero_covariance: Any) -> Any:
-        told.append(zero_covariance)
+        stated.append(zero_covariance)
         return virtual_begin(*given, zero_covariance=zero_covariance)
 
     def step(session: Any, boundaries: Any, force_n: float, since_start_s: float) -> Any:
-        told.append(since_start_s)
+        stated.append(since_start_s)
         return virtual_step(session, boundaries, force_n, since_start_s)
 
     virtual_begin, virtual_step = virtual_eyes.begin, virtual_eyes.step
@@ -478,7 +478,7 @@ def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
         library,
         np.random.default_rng(7),
     )
-    covariance, *times_s = told
+    covariance, *times_s = stated
     np.testing.assert_array_equal(covariance, labels[0].zero_covariance)
     assert len(times_s) >= 3
     assert set(times_s) <= set(labels[0].since_start_s.tolist())

@@ -20,9 +20,8 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, cached_library, library_cache, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import (
-    complete_library,
     create_library,
-    missing_library_units,
+    library_store,
     open_library,
     write_library_unit,
 )
@@ -40,10 +39,10 @@ def made(tmp_path_factory):
     """A library written path by path, with no worker: those of workers are compared with it."""
     path, plan = tmp_path_factory.mktemp("made") / "library.zarr", plan_library(STUDY)
     assert plan.units == UNITS
-    create_library(path, plan)
+    store = create_library(path, plan)
     for unit in range(UNITS):
-        write_library_unit(path, plan, unit, *solve_analytic(plan, unit))
-    complete_library(path, plan)
+        write_library_unit(store, unit, *solve_analytic(plan, unit))
+    store.finish()
     return path
 
 
@@ -117,12 +116,12 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     chunk.write_bytes(content)
     with pytest.raises(InputError, match="curves/c/1/2/3/0/0/0/0: damaged"):
         open_library(path)
-    assert missing_library_units(path, plan_library(STUDY)) == [33]
+    assert library_store(path, plan_library(STUDY)).missing() == [33]
     chunk.unlink()
     with pytest.raises(InputError, match=r"curves: 1 of 100 chunks are missing"):
         open_library(path)
     with pytest.raises(InputError, match="1 of 260 load paths are missing"):
-        complete_library(path, plan_library(STUDY))
+        library_store(path, plan_library(STUDY)).finish()
 
 
 @pytest.mark.parametrize("other", ["1/2/4", "3/2/3"], ids=["another tension", "another stiffening"])
@@ -233,9 +232,9 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert np.array_equal(displaced_d, expected.displaced_m3)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
-    create_library(tmp_path / "library", plan)
-    write_library_unit(tmp_path / "library", plan, unit, force_d, displaced_d, curves_dbnc)
-    assert missing_library_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != unit]
+    store = create_library(tmp_path / "library", plan)
+    write_library_unit(store, unit, force_d, displaced_d, curves_dbnc)
+    assert store.missing() == [n for n in range(plan.units) if n != unit]
 
 
 @pytest.mark.slow

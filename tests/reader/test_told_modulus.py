@@ -32,7 +32,7 @@ def test_intervals_of_eyes_whose_modulus_was_told_hold_as_those_of_other_eyes_do
             continue
         frames = draw_frames(eye, study, FRAMES, rng)
         told_pa = eye.wall.youngs_modulus_pa * (1.0 + STATED_MODULUS_SD * rng.standard_normal())
-        known = replace(known_of_constants(eye.told, Modulus.stated(told_pa)), stiffening=eye.stiffening)
+        known = replace(known_of_constants(eye.stated, Modulus.stated(told_pa)), stiffening=eye.stiffening)
         library = reader.library.for_stiffening(eye.stiffening).for_contact(eye.wall.polar_rad)
         prior, smoothing_m = prior_of(known, study.reader), study.calibration.surface_smoothing_m
         seen = [frame.boundaries for frame in frames]

@@ -40,7 +40,7 @@ VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"
 def write_whole_ones(folder: Path) -> None:
     """Write a file or folder of every kind."""
     write_whole_files(folder)
-    from scleraforce.learning.dataset import complete_dataset, create_dataset, plan_dataset, write_dataset_unit
+    from scleraforce.learning.dataset import SLICES, create_dataset, plan_dataset
     from scleraforce.library.build import build_library
     from scleraforce.study import DatasetGroup, DatasetStudy, SliceStudy
 
@@ -48,11 +48,11 @@ def write_whole_ones(folder: Path) -> None:
     study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
     write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
     plan = plan_dataset(study)
-    create_dataset(folder / "dataset", study, 3e5, None, plan)
+    store = create_dataset(folder / "dataset", study, 3e5, None, plan)
     rows = np.arange(8)[:, None] > np.arange(10) // 2
     for unit in range(plan.units):
-        write_dataset_unit(folder / "dataset", plan, study, unit, np.repeat(np.uint8(255) * rows[None], 20, axis=0))
-    complete_dataset(folder / "dataset", plan, study)
+        store.write(unit, {SLICES: np.repeat(np.uint8(255) * rows[None], 20, axis=0)})
+    store.finish()
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
 
 

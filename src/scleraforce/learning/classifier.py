@@ -187,7 +187,7 @@ class _Reads(torch.nn.Module):
 def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
     """Return a network with weights rounded to half precision; biases and mean are unchanged.
 
-    Rounding comes before every measurement on the network, so that figures belong to the file.
+    The network is rounded before it is measured, so that figures belong to the file.
     """
     layers = (replace(layer, weight=layer.weight.astype(np.float16).astype(np.float32)) for layer in network.layers)
     return replace(network, layers=tuple(layers))

@@ -7,7 +7,6 @@ unit of work. Reading checks that values are possible: forces of the study, thei
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from hashlib import sha256
 from importlib.metadata import version
 from math import lcm
 from os import PathLike
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.checked_store import CheckedStore, StoredArray
+from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.study import Choice, DatasetGroup, Sampled, Study, format_study, parse_study, study_hash
@@ -211,11 +210,13 @@ def read_population_modulus(path: str | PathLike[str]) -> CalibratedModulus:
     return CalibratedModulus(found.population_mean_pa, found.mechanics, found.path, found.sha256)
 
 
-STORE = CheckedStore(
+KIND = StoreKind(
     noun="data set",
     command="generate",
     verb="generate",
+    parts="parts",
     schema="scleraforce-dataset-2",
+    recipe="study",
     required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
     same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
     others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
@@ -288,10 +289,10 @@ class Dataset:
         Raises:
             DatasetError: there is no such array, a part of it is missing or damaged, or it has impossible values.
         """
-        arrays = {array.name: array for array in _arrays(self.study)}
-        if name not in arrays:
-            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(arrays)}")
-        values = STORE.read(self.path, self.attributes, arrays[name])
+        store = CheckedStore(KIND, self.path, _arrays(self.study), attributes=self.attributes)
+        if name not in store.arrays:
+            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(store.arrays)}")
+        values = store.read(name)
         if wrong := _impossible(name, values, self.study):
             raise DatasetError(f"{self.path / name}: {wrong}; generate the data set again")
         return values
@@ -309,25 +310,21 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     200
     """
     path = Path(path)
-    attributes = STORE.complete_attributes(path)
-    text, modulus_pa = attributes["study"], attributes["youngs_modulus_pa"]
-    # Of the text as it was written: a later version may know more keys, and format the same study differently.
-    if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["study_hash"]:
-        raise DatasetError(f"{path}: its study does not match its hash: the store is damaged; generate it again")
+    attributes = KIND.complete_attributes(path)
+    modulus_pa = attributes["youngs_modulus_pa"]
     if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
         raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0")
-    study = parse_study(text, f"{path}: study")
-    for array in _arrays(study):
-        STORE.check_array(path, attributes, array)
+    study = parse_study(attributes["study"], f"{path}: study")
+    CheckedStore(KIND, path, _arrays(study), attributes=attributes).check()
     return Dataset(path, study, float(modulus_pa), attributes)
 
 
-def _arrays(study: Study) -> tuple[StoredArray, ...]:
+def _arrays(study: Study) -> dict[str, StoredArray]:
     """Return the arrays of a data set: the slices, a unit of work in each chunk, and the metadata of all samples."""
     images = sum(part.images for part in study.dataset.group)
     size = (study.slice.rows, study.slice.columns)
     slices = StoredArray(SLICES, (images, *size), (min(unit_images(study), images), *size), "uint8", compressed=True)
-    return (slices, *(StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()))
+    return {SLICES: slices, **{name: StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()}}
 
 
 def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
@@ -355,7 +352,7 @@ def create_dataset(
     calibration: CalibratedModulus | None,
     plan: DatasetPlan,
     mechanics: str = "linear",
-) -> None:
+) -> CheckedStore:
     """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     described = {
@@ -367,22 +364,6 @@ def create_dataset(
         "calibration": asdict(calibration) if calibration else None,
         "versions": {name: version(name) for name in packages},
     }
-    STORE.begin(path, described, _arrays(study), plan.columns)
-
-
-def missing_dataset_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
-    """Return the units of work whose slices are not in the store, or cannot be read there."""
-    slices, *_ = _arrays(study)
-    return [unit for unit in range(plan.units) if not STORE.is_readable(path, slices, (unit,))]
-
-
-def write_dataset_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
-    """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
-    slices, *_ = _arrays(study)
-    STORE.write(path, slices, plan.unit(unit), images)
-
-
-def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
-    """Mark the store as complete, and remove partial files of interrupted runs."""
-    missing = len(missing_dataset_units(path, plan, study))
-    STORE.finish(path, _arrays(study), missing, f"{plan.units} parts")
+    store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(plan.units)])
+    store.begin(described, plan.columns)
+    return store

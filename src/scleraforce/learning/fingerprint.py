@@ -26,7 +26,7 @@ from scleraforce.learning.wall_finder import VALIDATION_SCENES, descend_finder, 
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.library.store import complete_library, create_library, open_library, write_library_unit
+from scleraforce.library.store import create_library, open_library, write_library_unit
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
@@ -200,13 +200,12 @@ def _library_items(study: Study) -> Fingerprint:
     grid = replace(study.library, thicknesses=4, tensions=4, stiffenings=1, tips=6, elements=8)
     small = plan_library(replace(study, library=grid))
     with TemporaryDirectory() as folder:
-        store = Path(folder) / "library.zarr"
-        create_library(store, small)
+        store = create_library(Path(folder) / "library.zarr", small)
         for unit in range(small.units):
-            write_library_unit(store, small, unit, *solve_path(small, unit))
-        complete_library(store, small)
+            write_library_unit(store, unit, *solve_path(small, unit))
+        store.finish()
         file = BytesIO()
-        save_library(open_library(store), file)
+        save_library(open_library(store.path), file)
     library = load_library("library.npz", file.getvalue())
     ratio = library.tension[1] * library.thickness_m[1:3] / library.radius_m
     walls = library.curves(library.thickness_m[1:3], ratio, np.array([0.1, 0.3]) * library.max_force_ratio)

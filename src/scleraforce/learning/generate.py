@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
 from scleraforce.learning.dataset import (
+    SLICES,
     CalibratedModulus,
     DatasetPlan,
-    complete_dataset,
     create_dataset,
     draft_plan,
-    missing_dataset_units,
     plan_dataset,
-    write_dataset_unit,
 )
 from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import highest_depths
@@ -208,8 +206,8 @@ def generate_dataset(
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
-    create_dataset(out, study, modulus, calibration, plan, mechanics)
-    todo = missing_dataset_units(out, plan, study)
+    store = create_dataset(out, study, modulus, calibration, plan, mechanics)
+    todo = store.missing()
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
     workers = workers or available_cores()
@@ -224,9 +222,9 @@ def generate_dataset(
             results = ((unit, draw(unit)) for unit in todo)
     with closing(results):
         for unit, images in results:
-            write_dataset_unit(out, plan, study, unit, images)
+            store.write(unit, {SLICES: images})
             report(len(images))
-    complete_dataset(out, plan, study)
+    store.finish()
     return Generation(plan.images, missing, perf_counter() - start)
 
 

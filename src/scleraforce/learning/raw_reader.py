@@ -253,9 +253,9 @@ class RawSource:
         return RawSamples(
             drawn.frames,
             pair_rows(drawn.boundary_rows, window),
-            given_inputs(eyes.told, trained),
+            given_inputs(eyes.stated, trained),
             eyes.force_n,
-            given_modulus(eyes.told, trained)[0],
+            given_modulus(eyes.stated, trained)[0],
             lateral_m,
         )
 

@@ -45,7 +45,7 @@ class Eyes:
     globe, 0 if it is open; `iop_ratio` the pressure under the needle over E.
     """
 
-    told: GivenEyes
+    stated: GivenEyes
     modulus_pa: Floats
     iop_pa: Floats
     thickness_m: Floats
@@ -103,8 +103,8 @@ def draw_samples(
     """
     eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
     slices = fill_boundaries(seen, slice_study)
-    told_pa, _ = given_modulus(eyes.told, reader)
-    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+    stated_pa, _ = given_modulus(eyes.stated, reader)
+    return ReaderSamples(slices, given_inputs(eyes.stated, reader), eyes.force_n, stated_pa, framing.lateral_m)
 
 
 def draw_seen(
@@ -142,7 +142,7 @@ def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
 
 def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator) -> Eyes:
     """Draw eyes that the library holds, with forces up to its largest for each."""
-    told_pa, told_sd, modulus_pa = _moduli(reader, count, rng)
+    stated_pa, stated_sd, modulus_pa = _moduli(reader, count, rng)
     iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
     plain = rng.random(count) < reader.plain_share
     missing = np.arange(count)
@@ -160,21 +160,25 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
         raise InputError("the library holds hardly any eye of [reader]; make one that covers its ranges")
     gap_m = reader.gap_m.sample(rng, count)
     largest_n = library.largest_force_ratio(thickness_m / size, iop_pa / modulus_pa) * modulus_pa * size**2
-    told_iop_pa = _told(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng)
-    told_thickness_m = _told(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng)
-    told_gap_m = _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
-    calibrated = told_sd < CALIBRATED_SD
-    told_pa *= np.where(calibrated, _calibration_factor(told_thickness_m / thickness_m, told_iop_pa / iop_pa), 1.0)
+    stated_iop_pa = _stated(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng)
+    stated_thickness_m = _stated(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng)
+    stated_gap_m = _stated(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
+    calibrated = stated_sd < CALIBRATED_SD
+    stated_pa *= np.where(
+        calibrated, _calibration_factor(stated_thickness_m / thickness_m, stated_iop_pa / iop_pa), 1.0
+    )
     tilt_rad, rotation_rad = (
         np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
     )
     force_n = _forces(reader, largest_n, rng)
     rigidity, low, high = _globes(reader, count, rng)
-    pole, told_pole = _poles(reader, count, rng)
+    pole, stated_pole = _poles(reader, count, rng)
     tissue = np.full(count, library.stiffening)
-    told = GivenEyes(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole, tissue)
+    stated = GivenEyes(
+        stated_pa, stated_sd, stated_iop_pa, stated_thickness_m, stated_gap_m, low, high, *stated_pole, tissue
+    )
     iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
-    eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
+    eye = (stated, modulus_pa, iop_pa, thickness_m, gap_m, size)
     return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
 
 
@@ -183,10 +187,10 @@ def _poles(
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """Return polar angles of contacts and directions of sections, and their given values, (sample,) each."""
     pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
-    told = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
+    stated = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
     missing = reader.polar_missing_fraction, reader.direction_missing_fraction
     polar, direction = (
-        np.where(rng.random(count) < share, np.nan, angle) for angle, share in zip(told, missing, strict=True)
+        np.where(rng.random(count) < share, np.nan, angle) for angle, share in zip(stated, missing, strict=True)
     )
     return pole, (np.abs(polar), direction)
 
@@ -225,13 +229,13 @@ def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
     for which, globe in ((unknown, UNKNOWN), (sealed & missing, SEALED)):
         rigidity[which] = rng.uniform(globe.lowest, globe.highest, count)[which]
         low[which], high[which] = globe.band
-    told = sealed & ~missing
+    stated = sealed & ~missing
     middle = rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count)
     sd = log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
     own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
     ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
     for values, found in zip(ends, (rigidity, low, high), strict=True):
-        found[told] = np.clip(values, UNKNOWN.lowest, UNKNOWN.highest)[told]
+        found[stated] = np.clip(values, UNKNOWN.lowest, UNKNOWN.highest)[stated]
     return rigidity, low, high
 
 
@@ -267,10 +271,10 @@ def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) ->
     return forces
 
 
-def _told(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:
+def _stated(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:
     """Return given values: off by relative noise, NaN if they are missing."""
-    told = values * (1.0 + noise * rng.standard_normal(len(values)))
-    return np.where(rng.random(len(values)) < missing, np.nan, told)
+    stated = values * (1.0 + noise * rng.standard_normal(len(values)))
+    return np.where(rng.random(len(values)) < missing, np.nan, stated)
 
 
 def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:

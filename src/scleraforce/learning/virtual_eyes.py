@@ -74,7 +74,7 @@ FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes co
 FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
-DIRECTION_TOLD = 0.5  # share of the eyes
+DIRECTION_STATED = 0.5  # share of the eyes
 POPULATION_STIFFENING_SD = 0.5  # of ln(1 + b), between eyes whose tissue stiffens
 WEAKER = 0.9  # a largest force that the library does not hold is lowered by this
 OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
@@ -84,13 +84,13 @@ OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 class VirtualEye:
     """An eye and its stated values.
 
-    `model` gives its true sections, `wall` is its state without force, `told` are its stated values, `forms` (1,) its
+    `model` gives its true sections, `wall` is its state without force, `stated` are its stated values, `forms` (1,) its
     form at rest. `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
     """
 
     model: LibraryEye
     wall: WallState
-    told: EyeConstants
+    stated: EyeConstants
     forms: Forms
     drift: float
     largest_n: float
@@ -115,13 +115,13 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
 
     The direction of its sections is stated for half of the eyes.
     """
-    reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
+    reader, stated_globe = study.reader, OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
     drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
     modulus_pa, thickness_m, gap_m = drawn
     iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
     polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
-    sealed = told_globe is SEALED or (told_globe is UNKNOWN and rng.random() < 0.5)
+    sealed = stated_globe is SEALED or (stated_globe is UNKNOWN and rng.random() < 0.5)
     rigidity = rng.uniform(SEALED.lowest, SEALED.highest) if sealed else 0.0
     uneven = np.array([rng.random() < reader.uneven_share])
     forms = draw_forms(np.array([thickness_m]), np.array([library.radius_m]), uneven, rng)
@@ -145,19 +145,19 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         reader.thickness_noise_fraction,
         reader.gap_noise_fraction,
     )
-    direction_told = rng.random() < DIRECTION_TOLD
+    direction_stated = rng.random() < DIRECTION_STATED
     pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
-    told = replace(
+    stated = replace(
         true,
         iop_pa=iop_pa * float(noise[0]),
         thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
         gap_m=gap_m * float(noise[2]),
         polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
-        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_told else None,
-        globe=told_globe,
+        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_stated else None,
+        globe=stated_globe,
     )
     largest_n = _bearable(model, wall, study.needle.max_force_n)
-    return VirtualEye(model=model, wall=wall, told=told, forms=forms, drift=drift, largest_n=largest_n)
+    return VirtualEye(model=model, wall=wall, stated=stated, forms=forms, drift=drift, largest_n=largest_n)
 
 
 def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
@@ -239,12 +239,12 @@ def calibrated(
     taken = [
         (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
     ]
-    found = search(library, partial(_with_tissue, eye.told, taken, wanted, labelled.zero_covariance, study))
+    found = search(library, partial(_with_tissue, eye.stated, taken, wanted, labelled.zero_covariance, study))
     if found is None:
         raise CalibrationError("the library does not have the eye with its stated values")
     stiffening, (known, used) = found
-    told_force = {place for place in order[:used] if forces_n[place] > least_n}
-    left = tuple(frame for place, frame in enumerate(frames) if place not in told_force)
+    stated_force = {place for place in order[:used] if forces_n[place] > least_n}
+    left = tuple(frame for place, frame in enumerate(frames) if place not in stated_force)
     return replace(known, stiffening=stiffening), left
 
 
@@ -261,7 +261,7 @@ def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
 
 
 def _with_tissue(
-    told: EyeConstants,
+    stated: EyeConstants,
     frames: Sequence[tuple[Boundaries, float, float]],
     wanted: int,
     zero_covariance: Floats,
@@ -270,7 +270,7 @@ def _with_tissue(
 ) -> TissueTrial[tuple[Known, int]] | None:
     """Calibrate an eye with the walls of one tissue: its known values, and the number of frames that were used."""
     try:
-        session = begin(study, told, library, zero_covariance=zero_covariance)
+        session = begin(study, stated, library, zero_covariance=zero_covariance)
     except CalibrationError:
         return None
     used, least_n, refused = 0, study.calibration.min_force_n, 0
@@ -292,7 +292,7 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    return replace(known_of_constants(eye.told, modulus), stiffening=_of_others(eye, rng))
+    return replace(known_of_constants(eye.stated, modulus), stiffening=_of_others(eye, rng))
 
 
 def _of_others(eye: VirtualEye, rng: np.random.Generator) -> float:

@@ -24,9 +24,7 @@ from scleraforce.errors import InputError
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import (
-    complete_library,
     create_library,
-    missing_library_units,
     open_library,
     write_library_unit,
 )
@@ -89,15 +87,15 @@ def build_library(
         raise InputError(f"workers: {workers}; give at least 1")
     report = progress or (lambda _: None)
     plan = plan_library(study)
-    create_library(out, plan)
-    todo = missing_library_units(out, plan)
+    store = create_library(out, plan)
+    todo = store.missing()
     report(plan.units - len(todo))
     prepare = partial(partial, solve or solve_path, plan)
     with closing(work_units(prepare, todo, workers or available_cores())) as results:
         for unit, path in results:
-            write_library_unit(out, plan, unit, *path)
+            write_library_unit(store, unit, *path)
             report(1)
-    complete_library(out, plan)
+    store.finish()
     return Building(plan.units, len(todo), perf_counter() - start)
 
 

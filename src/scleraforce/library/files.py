@@ -28,7 +28,7 @@ AXES = {
     "max_force_ratio": 0, "polar_rad": 1, "contact_polar_rad": 0,
 }  # fmt: skip
 WALLS = {"stiffening": 1, "force_ratio_btpd": 4, "displaced_btpd": 4, "undented_btpbnc": 6}  # of each stiffening
-UNDENTED = "undented_btpbnc"  # float32, as it is: its slope by the pressure counts where it moves by less than 1 um
+UNDENTED = "undented_btpbnc"  # float32, not reduced: its slope by the pressure counts where it moves by less than 1 um
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 

@@ -7,12 +7,11 @@ from hashlib import sha256
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.checked_store import CheckedStore, StoredArray
+from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_stiffness
 from scleraforce.library.plan import LibraryPlan, parse_plan
@@ -22,11 +21,13 @@ from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
-STORE = CheckedStore(
+KIND = StoreKind(
     noun="library",
     command="library",
     verb="make",
+    parts="load paths",
     schema="scleraforce-library-4",
+    recipe="plan",
     required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
     same=("plan", "key", "versions"),
     others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
@@ -34,57 +35,42 @@ STORE = CheckedStore(
 )
 
 
-def create_library(path: Path, plan: LibraryPlan) -> None:
+def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
+    """Return the store of a plan; each load path, free or supported, is a unit with a chunk of each of its arrays."""
+    units = [
+        dict.fromkeys((CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,), plan.place(unit))
+        for unit in range(plan.units)
+    ]
+    return CheckedStore(KIND, path, _arrays(plan), units)
+
+
+def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
     """Create the store with its axes and no paths, or continue an interrupted run of the same plan.
 
     Raises:
         InputError: `path` holds something else, another library, or a complete one.
     """
-    STORE.begin(path, _describe(plan), _arrays(plan).values(), {name: getattr(plan, name) for name in AXES})
-
-
-def missing_library_units(path: Path, plan: LibraryPlan) -> list[int]:
-    """Return the numbers of the load paths that are missing or cannot be read."""
-    arrays = _arrays(plan)
-    return [
-        unit
-        for unit in range(plan.units)
-        if not all(STORE.is_readable(path, arrays[name], plan.place(unit)) for name in _arrays_of(plan, unit))
-    ]
+    store = library_store(path, plan)
+    described = {
+        "plan": plan.recipe,
+        "plan_hash": sha256(plan.recipe.encode()).hexdigest(),
+        "key": plan.key,
+        "seed": None,  # nothing is drawn
+        "versions": {name: version(name) for name in VERSIONS},
+    }
+    store.begin(described, {name: getattr(plan, name) for name in AXES})
+    return store
 
 
 def write_library_unit(
-    path: Path,
-    plan: LibraryPlan,
+    store: CheckedStore,
     unit: int,
     force_d: NDArray[np.float64],
     displaced_d: NDArray[np.float64],
     curves_dbnc: NDArray[np.float32],
 ) -> None:
-    """Write the stored part of one load path (`build.SolvedPath`).
-
-    Raises:
-        InputError: the folder cannot be written to, or the disk is full.
-    """
-    arrays = _arrays(plan)
-    values: dict[str, NDArray[Any]] = {
-        FORCES: force_d,
-        DISPLACED: displaced_d,
-        CURVES: curves_dbnc,
-        SUPPORT_FORCES: force_d,
-    }
-    for name in _arrays_of(plan, unit):
-        STORE.write(path, arrays[name], plan.place(unit), values[name])
-
-
-def complete_library(path: Path, plan: LibraryPlan) -> None:
-    """Mark the store as complete, and clear leftovers of killed runs.
-
-    Raises:
-        InputError: paths are missing.
-    """
-    missing = len(missing_library_units(path, plan))
-    STORE.finish(path, tuple(_arrays(plan).values()), missing, f"{plan.units} load paths")
+    """Write the stored part of one load path (`build.SolvedPath`)."""
+    store.write(unit, {FORCES: force_d, DISPLACED: displaced_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d})
 
 
 def open_library(path: str | PathLike[str]) -> Library:
@@ -99,15 +85,11 @@ def open_library(path: str | PathLike[str]) -> Library:
     a wall of 12 mm radius
     """
     path = Path(path)
-    attributes = STORE.complete_attributes(path)
-    text = attributes["plan"]
-    if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["plan_hash"]:
-        raise InputError(f"{path}: its plan does not match its hash: the store is damaged; make it again")
-    plan = parse_plan(text, f"{path}: plan")
-    stored = _arrays(plan).values()
-    for array in stored:
-        STORE.check_array(path, attributes, array)
-    arrays = {array.name: STORE.read(path, attributes, array) for array in stored}
+    attributes = KIND.complete_attributes(path)
+    plan = parse_plan(attributes["plan"], f"{path}: plan")
+    store = CheckedStore(KIND, path, _arrays(plan), attributes=attributes)
+    store.check()
+    arrays = {name: store.read(name) for name in store.arrays}
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
@@ -133,21 +115,6 @@ def open_library(path: str | PathLike[str]) -> Library:
         stiffness_atpd=stiffness_atpd,
         contact_polar_rad=plan.contact_polar_rad,
     )
-
-
-def _describe(plan: LibraryPlan) -> dict[str, Any]:
-    return {
-        "plan": plan.recipe,
-        "plan_hash": sha256(plan.recipe.encode()).hexdigest(),
-        "key": plan.key,
-        "seed": None,  # nothing is drawn
-        "versions": {name: version(name) for name in VERSIONS},
-    }
-
-
-def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
-    """Return the arrays that a unit has a part in."""
-    return (CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,)
 
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
