@@ -1,14 +1,13 @@
-"""Accuracy and speed of finite-strain mechanics in 3-D: the tables of docs/physics.md.
+"""Accuracy of finite-strain mechanics in 3-D: the tables of docs/physics.md.
 
     python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N] [--quads 20] [--core 6] [--rings 14]
 
-R2 is the project's reference problem (`reference_r2.py`), on 20 equiangular quads. Times are of one core.
+R2 is the project's reference problem (`reference_r2.py`), on 20 equiangular quads.
 `--rows` and `--loads` keep the first N walls and the first N forces or dents of each table.
 """
 
 import argparse
 import resource
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 from time import process_time
@@ -16,12 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from least_time import least_s
 from reference_r2 import FORCES_MN, IOP_PA, NEEDLE_RADIUS_M, NU, RADIUS_M, TIPS_MM, reference_path
-from reference_walls import rest_nc
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.frontal import FrontalFactor
 from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
 from scleraforce.mechanics.graded import graded_globe, graded_mesh
 from scleraforce.mechanics.loads import needle_at
@@ -34,9 +30,9 @@ WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is computed: finer meshes too, the first so many walls and loads, and how fine the meshes are.
+    """Extent of the tables: also a fine mesh, the first `rows` walls and `loads` loads.
 
-    `quads` are those along an edge of even meshes, `core` and `rings` those of graded ones.
+    `quads` counts along an edge of even meshes; `core` and `rings` are sizes of graded meshes.
     """
 
     fine: bool
@@ -53,7 +49,7 @@ def row(values: list[float], digits: int = 3) -> str:
 
 
 def reference_problem(sizes: Sizes) -> None:
-    """Print every row of R2 as it should be and as it is, at the node and at the load's centre."""
+    """Print every row of R2: expected, at the node and at the load's centre."""
     forces = row([float(force) for force in FORCES_MN[: sizes.loads]], 0)
     print(f"\nR2 on its own mesh and loads: tip [mm]{forces} mN   worst")
     for (thickness_m, modulus_pa, polar_deg), all_mm in islice(TIPS_MM.items(), sizes.rows):
@@ -78,7 +74,7 @@ def reference_problem(sizes: Sizes) -> None:
 
 
 def meshes(contact: Contact, thickness_m: float, sizes: Sizes) -> dict[str, HexMesh]:
-    """Return the meshes that are compared; the last is the finest."""
+    """Return the meshes to compare; the last is the finest."""
     kinds: dict[str, dict[str, Any]] = {
         f"graded, {sizes.core} core, {rings} rings": {"core": sizes.core, "rings": rings}
         for rings in (sizes.rings, sizes.rings + 10)
@@ -134,28 +130,6 @@ def sealed_globes(sizes: Sizes) -> None:
                 print(f"{'':36s}{f'force, {kind} [mN]':22s}" + row(list(forces_mn), 2), flush=True)
 
 
-def parts(sizes: Sizes) -> None:
-    """Print what one Newton step takes."""
-    mesh = build_mesh(RADIUS_M, 0.8e-3, sizes.quads // 2)
-    start = process_time()
-    wall = FiniteWall(mesh, NU)
-    marks = {"all that is found once": process_time() - start}
-    displacement_nc = rest_nc(wall, youngs_modulus_pa=0.38e6, iop_pa=IOP_PA, density_kg_m3=0.0)
-    elements = wall.solid.tangents(displacement_nc, np.float32)
-    work: dict[str, Callable[[], object]] = {
-        "forces of the solid": lambda: wall.solid.forces(displacement_nc),
-        "forces of the pressure": lambda: wall.inner.forces(displacement_nc),
-        "tangent of the solid": lambda: wall.solid.tangents(displacement_nc, np.float32),
-        "tangent of the pressure": lambda: wall.inner.add_tangent(elements, displacement_nc, 1.0),
-        "factorisation": lambda: FrontalFactor(wall.dissection, elements),
-    }
-    for name, call in work.items():
-        marks[name] = least_s(call)
-    print(f"\nOne Newton step, {sizes.quads} quads, {len(wall.free)} free unknowns")
-    for name, seconds in marks.items():
-        print(f"{name:34s}{1e3 * seconds:9.1f} ms")
-
-
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -167,7 +141,6 @@ def main() -> None:
     parser.add_argument("--rings", type=int, default=14, help="around the core; the second mesh has ten more")
     given = parser.parse_args()
     sizes = Sizes(given.fine, given.rows, given.loads, given.quads, given.core, given.rings)
-    parts(sizes)
     product_paths(sizes)
     sealed_globes(sizes)
     reference_problem(sizes)

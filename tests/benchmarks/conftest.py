@@ -1,9 +1,7 @@
-"""What the benchmarks are given in tests: a reader that knows one force, a recording, a coarse study and a data set."""
+"""Inputs of the benchmarks in tests: a reader that knows one force, a recording and a coarse study."""
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,14 +21,6 @@ divisions = 4
 level = 0
 core = 2
 rings = 6
-
-[dataset]
-contacts = 4
-
-[[dataset.group]]
-thickness_um = 600
-images = 40
-max_force_mn = 60
 
 [library]
 thicknesses = 4
@@ -86,16 +76,6 @@ def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """An environment whose cache of libraries is a test's own."""
     return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
-
-
-@pytest.fixture(scope="session")
-def dataset(study_file: Path, environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The slices of the coarse study."""
-    path = tmp_path_factory.mktemp("dataset") / "dataset.zarr"
-    command = "from scleraforce.cli.main import main; main()"
-    options = ["generate", "--study", str(study_file), "--out", str(path), "--mechanics", "linear"]
-    subprocess.run([sys.executable, "-c", command, *options], check=True, capture_output=True, env=environment)
-    return path
 
 
 @pytest.fixture

@@ -17,22 +17,17 @@ SMALLEST = {
     "bench_boundary_errors": "1 1 --frames 3 --study {study}",
     "bench_calibration": "1 1 --frames 5 --study {study}",
     "bench_console": "changes --changes 2",
-    "bench_dataset": "--workers 1 --study {study}",
     "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
     "bench_forms": "--rows 1 --forces 1 --finest 6 20",
-    "bench_learning": "{dataset} --slices 900 --readings 20 --epochs 2",
     "bench_library": "1 --study {study}",
-    "bench_live_reader": "{model} {recording} --readings 10 --fits 2",
-    "bench_mechanics": "--rows 1 --quads 8",
+    "bench_mechanics": "--rows 1",
     "bench_monitor": "latency {model} {recording} --frames 20 --without",
     "bench_monitor_sessions": "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100",
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
-    "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_real_tissue": "--rows 1",
     "bench_conjunctiva": "--frames 1",
     "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
-    "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",
     "bench_wall_finder": "{finder} --scenes 3 --phantoms 2 --readings 3",
@@ -62,14 +57,6 @@ def test_a_benchmark_prints_a_table_of_finite_numbers(
     assert not done.stderr, done.stderr
     if name.startswith("figure_"):
         assert (tmp_path / "picture.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_drawn_frames_are_read_where_no_recording_is_given(folder: Path, environment: dict[str, str]) -> None:
-    words = [str(folder / "reader"), "--drawn", "4", "--readings", "4", "--fits", "1"]
-    done = ran("bench_live_reader", words, environment)
-    assert done.returncode == 0, done.stderr
-    assert "drawn frames\n24 frames, " in done.stdout
 
 
 def ran(name: str, words: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess[str]:

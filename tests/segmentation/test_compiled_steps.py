@@ -10,10 +10,10 @@ import wall_arrays
 from analytic_frames import STEEL
 from hypothesis import example, given, settings, strategies as st
 
-from bench_segmentation import draw_frames
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
-from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
+from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics, sample_pose
+from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import _Steps, find_first_wall
@@ -23,6 +23,20 @@ STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)
 NOISE = "the signal is too weak"
 ROWS = 1e-3  # that boundaries may differ by: sums of products are rounded another way
+
+
+def draw_frames(count: int) -> list[Pixels]:
+    """Return frames of spherical walls with dents of 0 to 3 mm."""
+    rng = np.random.default_rng(0)
+    lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
+    frames = []
+    for dent_m in np.linspace(0.0, 3e-3, count):
+        depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+        outer = np.stack([lateral, depth], axis=1)
+        section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
+        optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
+        frames.append(render_bscan(sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng).frame)
+    return frames
 
 
 def assert_alike(found: Segmentation, oracle: Segmentation) -> None:
