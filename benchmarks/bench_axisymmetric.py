@@ -50,7 +50,7 @@ R2_TIPS_MM = {
 
 
 def print_paths(rows: int | None) -> None:
-    """Time of a path of 30 states to 7.5 mm, and how far its forces are from those of a fine mesh."""
+    """Print the time of a path of 30 states to 7.5 mm, and the error of its forces against a fine mesh."""
     tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
     print("one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %")
     walls = ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0))
@@ -68,7 +68,7 @@ def print_paths(rows: int | None) -> None:
 
 
 def print_r2(rows: int | None) -> None:
-    """Tips of reference problem R2, dead pressure and Gaussian, needle at the pole."""
+    """Print the tips of reference problem R2: dead pressure, a Gaussian, needle at the pole."""
     print("R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure")
     for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(R2_TIPS_MM.items(), rows):
         mesh = meridian_mesh(RADIUS_M, 1e-3 * thickness_mm, NEEDLE_RADIUS_M, 0.5 * np.pi, MeridianSize())
@@ -83,7 +83,7 @@ def print_r2(rows: int | None) -> None:
 
 
 def print_sealed(rows: int | None) -> None:
-    """Pressure and force of a sealed globe over those of an open one."""
+    """Print pressure and force of a sealed globe relative to an open one."""
     tips_m = np.array([0.5e-3, 1e-3, 1.5e-3])
     print(
         "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 0.5, 1, 1.5 mm"
@@ -151,7 +151,7 @@ def distance_m(points: Floats, curve: Floats) -> float:
 
 
 def print_solid(rows: int | None) -> None:
-    """Tips at equal force and sections, with neither, either and both corrections of `polar`."""
+    """Print tips at equal force and sections, with neither, either and both corrections of `polar`."""
     print("3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm")
     for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(product(EYES + OTHERS, POLAR_DEG), rows):
         contact = Contact(polar_rad=float(np.radians(polar_deg)))

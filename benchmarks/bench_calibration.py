@@ -1,4 +1,4 @@
-"""The figures of a calibration: step time, errors of what is stated wrongly, honesty over many eyes.
+"""Measure a calibration: time of a step, effect of wrongly declared inputs, coverage over many eyes.
 
     python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5] [--frames 24] [--study FILE]
 
@@ -156,7 +156,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
 def own_moduli(
     study: Study, model: EyeModel, inputs: list[FrameInput], eye: PhantomEye
 ) -> tuple[list[float], list[float]]:
-    """Return the errors of what single frames below 20 mN and above 35 mN say of E."""
+    """Return the errors of E from single frames, below 20 mN and above 35 mN."""
     filtered = eye_filter(model, study.calibration)
     state, alone = first_state(filtered), []
     for frame in inputs:

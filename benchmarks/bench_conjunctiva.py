@@ -1,10 +1,10 @@
-"""The wall's surface below a conjunctiva: how often it is found, and how exactly, over the phantom's ranges.
+"""Count how often the sclera's surface is found below a conjunctiva, and measure its error, over the phantom's ranges.
 
     python benchmarks/bench_conjunctiva.py [--frames 40]
 
-Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 250 um; the thickness is told with an
-error of 2 %. The row of 0 um has walls without a layer, uneven by up to 12 %, five times as many, whose thickness is
-told 2 to 20 % too small: there nothing is to be found.
+Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 250 um; the thickness is declared with an
+error of 2 %. The row of 0 um has five times as many walls, without a layer, uneven by up to 12 % and declared 2 to 20 %
+too thin: nothing should be found there.
 """
 
 import argparse
@@ -31,7 +31,7 @@ LAYERS_UM = (0, 50, 80, 110, 140, 180, 220, 250)
 
 
 def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:
-    """Return a frame, and the thickness of the wall as it is told, m."""
+    """Return a frame, and the declared thickness of the wall, m."""
     rng = np.random.default_rng((layer_um, number))
     thickness_m = rng.uniform(0.45e-3, 0.85e-3)
     dent_m = rng.uniform(0.0, 2e-3)

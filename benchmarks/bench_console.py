@@ -1,16 +1,15 @@
-"""The web console: how long after the monitor has decided a browser shows it, and what that costs.
+"""Measure the delay from the monitor's decision to the browser's picture, and the console's load.
 
     python benchmarks/bench_console.py changes [--changes 100]
     python benchmarks/bench_console.py session MODEL RECORDING [--seconds 600] [--rate-hz 100] [--remote]
 
-changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, as `scleraforce
-monitor` does, and changes its state so many times at random moments. Times are from before the entry is sent: until the
-page's text has changed, and until the browser has painted it (the second animation frame after that). "late" counts
-changes that a page had not shown when the next one came, 0.3 to 0.5 s later. Needs chromium. Beside it, for the machine
-of this moment: how late this process itself wakes from a sleep.
+changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, and changes its state
+at random moments. Times start before the entry is sent and end when the page's text has changed, and when the browser
+has painted it (the second animation frame after that). "late" counts changes that a page had not shown when the next
+one came, 0.3 to 0.5 s later. Needs chromium. The lateness of this process's own sleeps is printed beside them.
 
 session: the monitor that users start, with its console open in Chromium and a scanner at 100 frames a second, all on
-one machine; how soon it answers, and whether it withdraws for nothing. See `monitor_service/session.py`.
+one machine: latency and false withdrawals. See `monitor_service/session.py`.
 """
 
 import argparse
@@ -135,7 +134,7 @@ def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.fl
 
 
 def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
-    """Pair what a page has seen with what was sent; one that it never showed is infinite."""
+    """Pair the changes that a page showed with the ones sent; a change that it never showed is infinite."""
     seen = [(text, shown, painted or np.inf) for text, shown, painted in page.evaluate("window.seen")]
     texts = ("WITHDRAW", "WATCHING")
     found = []

@@ -1,4 +1,4 @@
-"""The response library: what it takes to build, what interpolation and file are worth, how fast slices come out.
+"""Measure the response library: cost of building, accuracy of interpolation and file, slices a second.
 
     python benchmarks/bench_library.py [HELD_OUT] [--study FILE]
 
@@ -81,7 +81,7 @@ def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) 
 
 
 def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
-    """Build a library; return it, the seconds it took and those of all its processes."""
+    """Build a library; return it, the elapsed seconds and the processor seconds."""
     thicknesses, tensions, tips = grid
     finer = replace(paper.library, thicknesses=thicknesses, tensions=tensions, tips=tips)
     study = replace(paper, library=finer)
@@ -92,7 +92,7 @@ def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
 
 
 def cpu_seconds() -> float:
-    """Seconds that this process and those that it has waited for have used a core."""
+    """Return the processor seconds of this process and its finished children."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return process_time() + children.ru_utime + children.ru_stime
 

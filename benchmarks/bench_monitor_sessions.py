@@ -1,11 +1,11 @@
-"""Whether the monitor cries wolf, and how soon it withdraws: whole sessions of virtual eyes, without sockets.
+"""Play whole sessions of virtual eyes, without sockets: false withdrawals, and the force at which ramps are stopped.
 
     python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...] [--kinds open sealed living]
         [--eyes 10] [--first 0] [--sessions 1] [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100]
         [--seed 0] [--workers 1]
 
-A MODEL is of kind "reader". Each meets the kinds of eyes that lie within what it was trained on, a kind with the first
-model that does. Eyes are bent in 3-D with finite strain, as those of `make figures`. Every frame is a raw B-scan
+A MODEL is of kind "reader". Each kind of eyes is read by the first model that was trained for it. Eyes are bent in
+3-D at finite strain, like the eyes of `make figures`. Every frame is a raw B-scan
 (`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every third one goes to
 the library's fit as well, whose answer comes 25 ms later as a second opinion. One second after a withdrawal the
 operator asks for a reset, again and again until it is granted.
@@ -15,9 +15,9 @@ operator asks for a reset, again and again until it is granted.
   in 1000 is lost.
 - Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives way before 33 mN has none.
 
-The same frames go to three monitors, which are told different things of the eye (`monitor_sessions.telling`): its
-globe, with E and k calibrated on three frames; not its globe, with the same calibration; neither, E alone. What is
-stated of an eye is off by what a caliper is off: 10 um of the wall, 20 um of the gap, 3 % of the IOP.
+The same frames go to monitors with different known inputs (`monitor_sessions.declarations`): the globe, with E and k
+calibrated on three frames; the same calibration without the globe; E alone. Declared values have the errors of
+calipers and gauges: 10 um of the wall, 20 um of the gap, 3 % of the IOP.
 """
 
 import argparse
@@ -25,10 +25,10 @@ import os
 from functools import partial
 from pathlib import Path
 
+from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS, may_meet
 from monitor_sessions.play import Outcome, Plan, prepare
 from monitor_sessions.table import ramp_table, session_table
-from monitor_sessions.telling import TELLINGS
 from provenance.stamps import new_stamp
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader
@@ -39,7 +39,7 @@ QUICK_MEMORY = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_")  # workers k
 
 
 def main() -> None:
-    """Run the sessions and print what came out."""
+    """Run the sessions and print the tables."""
     given = arguments()
     for name in QUICK_MEMORY:
         os.environ.setdefault(name, "1000000000")
@@ -54,7 +54,7 @@ def main() -> None:
     for kind, of in found.items():
         for name, outcome in of.items():
             for reason, count in outcome.unread.most_common():
-                print(f"{kind}, {TELLINGS[name]}: {count} frames not read: {reason}")
+                print(f"{kind}, {DECLARATIONS[name]}: {count} frames not read: {reason}")
 
 
 def arguments() -> argparse.Namespace:
@@ -99,11 +99,11 @@ def plans(given: argparse.Namespace) -> list[Plan]:
 
 
 def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
-    """Run all units of a plan; add what came of each by kind and telling, as soon as it is done."""
+    """Run all units of a plan; add the outcome of each, by kind and declaration, when it is done."""
     for number, (outcomes, took_s) in work_units(partial(prepare, plan), range(len(plan.units)), workers):
         unit = plan.units[number]
         print(f"{unit.words}, {took_s:.0f} s: {'; '.join(map(summary, outcomes, outcomes.values()))}", flush=True)
-        so_far = found.setdefault(unit.kind, {name: Outcome() for name in TELLINGS})
+        so_far = found.setdefault(unit.kind, {name: Outcome() for name in DECLARATIONS})
         for name, outcome in outcomes.items():
             for words in outcome.withdrawals:
                 print(f"  {words}", flush=True)

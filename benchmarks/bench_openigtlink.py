@@ -1,12 +1,12 @@
-"""Mutated OpenIGTLink messages through the decoder and on to frames: nothing may come out but events and ProtocolError.
+"""Feed mutated OpenIGTLink messages to the decoder: only events and ProtocolError may come out.
 
     python benchmarks/bench_openigtlink.py [--messages 1000000] [--seed 1]
 
-Bits are flipped, messages cut, lengths and types changed, pieces doubled; half of them then get their size and checksum
-put right, so that what is behind the checksum is reached. They go in pieces of any size over connections of 1 to
-8 messages; what follows a break is dropped with its connection. All of it is sent twice:
-the first time warms up the memory, and a feed counts as slow only where it was slow both times, for the machine has
-other work too (times are those of this thread's processor).
+Bits are flipped, messages cut, lengths and types changed, pieces doubled; half of the messages then get the right size
+and checksum, so that the code behind the checksum is reached. They go in pieces of any size over connections of 1 to 8
+messages; the rest of a broken connection is dropped. Everything is sent twice: the first time warms up the memory, and
+a feed counts as slow only if it was slow twice, because the machine has other work too (times are this thread's
+processor times).
 """
 
 import argparse
@@ -84,7 +84,7 @@ Mutation = Callable[[bytearray, Random], None]
 
 @dataclass
 class Outcome:
-    """What came out: events by type, what became of images; what must not be; slow feeds by number."""
+    """Counts of events by type and of images; unexpected exceptions; slow feeds by number."""
 
     events: Counter[str] = field(default_factory=Counter)
     unexpected: list[str] = field(default_factory=list)
@@ -135,7 +135,7 @@ def cut(data: bytearray, draw: Random) -> None:
 
 
 def change_number(data: bytearray, draw: Random) -> None:
-    """Write a number of 1 to 8 bytes over the header's size or where the body's numbers stand."""
+    """Write a number of 1 to 8 bytes over the header's size or a number of the body."""
     width = draw.choice((1, 2, 4, 8))
     place = SIZE_PLACE if draw.random() < 0.2 else HEADER_BYTES + draw.randrange(90)
     if place < len(data):
@@ -260,7 +260,7 @@ def resident_bytes() -> int:
 
 
 def run(count: int, seed: int) -> Outcome:
-    """Send that many mutated messages; each exception that is not expected is told and ends its connection."""
+    """Send that many mutated messages; report each unexpected exception and end its connection."""
     draw, peer, (small, large) = Random(seed), Peer(), messages()
     done = 0
     while done < count:

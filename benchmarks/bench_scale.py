@@ -1,11 +1,12 @@
-"""Cost of a data set over its size and over processes, and what that says of a cluster.
+"""Measure the cost of a data set over its size and processes, and extrapolate to a cluster.
 
     python benchmarks/bench_scale.py [--seconds S] [--images N ...] [--processes P ...] [--study FILE]
 
-Every row is a run in a process of its own: images of the paper's study, 20 a contact. A size that would take more than
-`--seconds`, by the rates of those before it, is not run: its time goes on from the two largest that were, and its row
-says so. Then what one unit of work costs whom: the worker, the process that writes, the scheduler of a Dask cluster
-(on this machine, with work that does nothing). The last table is computed from these figures: nobody has run it.
+Every row is a run in a process of its own: images of the paper's study, 20 a contact. A size
+that would take more than `--seconds`, by the rates of smaller ones, is not run: its time is extrapolated from the two
+largest that were, and its row says so. The next table has the cost of one unit of work for the worker, the writing
+process and the scheduler of a Dask cluster (on this machine, with empty work). The last table is computed from these
+figures, not measured.
 """
 
 import argparse
@@ -48,7 +49,7 @@ class Run:
 
 
 def sized(study: Study, images: int) -> Study:
-    """Return the study with so many images, spread evenly over its groups, 20 a contact."""
+    """Return the study with a number of images, spread evenly over its groups, 20 a contact."""
     groups = study.dataset.group
     spread = [images // len(groups) + (number < images % len(groups)) for number in range(len(groups))]
     group: tuple[DatasetGroup, ...] = tuple(
@@ -137,7 +138,7 @@ def writing_s(study: Study) -> tuple[float, float]:
 
 
 def scheduling_s() -> float | None:
-    """Return the seconds of a unit that is no work on a Dask cluster of two threads; None where there is no Dask."""
+    """Return the seconds of an empty unit on a Dask cluster of two threads; None without Dask."""
     try:
         with _cluster() as address:
             workers = cluster_workers(address)

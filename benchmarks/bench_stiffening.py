@@ -1,10 +1,10 @@
-"""What tissue that stiffens does to a reading: the tables of docs/physics.md.
+"""Measure the effect of stiffening tissue on a reading: the tables of docs/physics.md.
 
     python benchmarks/bench_stiffening.py [--rows N]
 
-Walls of revolution of 0.6 mm, radius 12 mm, needle at the pole, with stiffening b; and how much of b is taken up where
-they are taken for walls that do not stiffen: by E that fits best, or by E and the rigidity k of the globe together.
-First by the force at given dents, then by the section: E (and k) fit the outer surface, moved in depth, under 10, 20
+Walls of revolution of 0.6 mm, radius 12 mm, needle at the pole, with stiffening b, are fitted by walls without
+stiffening: with the best E, or with E and the rigidity k of the globe. First the force at given dents is fitted, then
+the section: E (and k) fit the outer surface, moved in depth, under 10, 20
 and 30 mN, and each surface under 2 to 40 mN is then read as the force of the nearest one. No light, no noise, no prior.
 `--rows` keeps the first N eyes and values of b. Some minutes on one core.
 """
@@ -77,7 +77,7 @@ def fitted(eye: tuple[float, float, float], wall: Wall, free: int, *, by_section
         size = seen_m.size if by_section else len(tips_m)
         try:
             other = Wall(modulus_mpa * x[0], iop_mmhg, x[1] if free == 2 else rigidity, 0.0)
-        except SolverError:  # no such wall stands, or its pressure runs away
+        except SolverError:  # no equilibrium, or the pressure runs away
             return np.full(size, 1e3)
         if by_section:
             return 1e5 * (other.surface_m(CALIBRATED_N) - seen_m).ravel()

@@ -1,12 +1,12 @@
-"""The wall finder: Dice on drawn scenes and on phantom frames beside the classical way, latency, a sheet of real scans.
+"""The wall finder: Dice on drawn scenes and phantom frames beside the classical method, latency, and a sheet of scans.
 
     python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--sheet FILE]
 
-MODEL is a folder of `scleraforce train --kind wall-finder`, the shipped one by default. Scenes are those of its study
-from a seed of their own, in the columns where somebody can see a wall or none; phantoms are frames of `render_bscan`
-over the study's phantom ranges. "together" is what `segment` writes; its row "usable" has the frames that it lets pass.
-`--sheet` writes a PNG of the scans in ../shared/real-oct, where that is: on the left what `find_wall` finds, in the
-middle what the network sees, on the right both together.
+MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default. Scenes are drawn from its study
+with another seed, and judged in the columns where the wall can be seen or is absent; phantoms are frames of
+`render_bscan` over the study's phantom ranges. "together" is what `segment` writes; its row "usable" has the frames
+that it lets pass. `--sheet` writes a PNG of the scans in ../shared/real-oct, if that exists: left `find_wall`, middle
+the network, right both together.
 """
 
 import argparse
@@ -37,7 +37,7 @@ from scleraforce.study import ScenesStudy, Study, WallFinderStudy
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 STUDY = Study()
-SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on those of seed 1, the training drew seed 0
+SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew seed 0
 RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
 CELL = (300, 420)  # rows and columns of a picture in the sheet
 
@@ -107,7 +107,7 @@ def print_rows(name: str, shares: dict[str, list[float]], usable: NDArray[np.boo
             print(f"{name:10}{key:12}{len(found):8}{np.mean(found):8.3f}{middle:8.3f}{low:8.3f}{min(found):8.3f}")
     classical, together = (np.array(shares[key]) for key in ("find_wall", "together"))
     for words, among in (
-        ("both ways are right", (classical >= RIGHT) & (together >= RIGHT)),
+        ("both methods are right", (classical >= RIGHT) & (together >= RIGHT)),
         ("only together", (classical < WRONG) & (together >= RIGHT)),
         ("neither", (classical < WRONG) & (together < WRONG)),
     ):
@@ -138,7 +138,7 @@ def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> 
 
 
 def write_sheet(path: Path, finder: WallFinder) -> None:
-    """Write the real scans with what each way finds in them, and print the verdicts."""
+    """Write the real scans with the walls of each method, and print the verdicts."""
     found = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
     cells = []
     for file in found:
@@ -155,7 +155,7 @@ def write_sheet(path: Path, finder: WallFinder) -> None:
 
 
 def _as_found(seen: SeenWall, shape: tuple[int, ...]) -> Segmentation:
-    """Return a network's wall as it is, to be drawn."""
+    """Return a network's own wall, to be drawn."""
     column = np.arange(shape[1])
     there = seen.there[np.abs(seen.column[None] - column[:, None]).argmin(axis=1)]
     outer, inner = (
@@ -165,7 +165,7 @@ def _as_found(seen: SeenWall, shape: tuple[int, ...]) -> Segmentation:
 
 
 def main() -> None:
-    """Print the tables; write the sheet where it is asked for."""
+    """Print the tables; write the sheet with `--sheet`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("model", type=Path, nargs="?", default=SHIPPED_WALL_FINDER, help='of kind "wall-finder"')
     parser.add_argument("--scenes", type=int, default=200)

@@ -6,8 +6,6 @@ from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import Study
 
-__all__ = ["drawn_eye", "stated"]
-
 
 def drawn_eye(number: int, rng: np.random.Generator, polar_rad: tuple[float, float] = (0.436, 0.785)) -> PhantomEye:
     """Return one of many eyes: three thicknesses in turn, all else drawn; `polar_rad`: between which angles."""

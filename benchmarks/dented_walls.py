@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from scleraforce.mechanics.contact import Section
 
-__all__ = ["dented_wall"]
-
 
 def dented_wall(
     thickness_m: float | NDArray[np.float64], dent_m: float, width_m: float = 1.6e-3, points: int = 1500

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from figures.eyes import FigureEye
 from figures.sections import ComputedEye, compute_eye
-from monitor_sessions.telling import calibrated
+from monitor_sessions.declarations import calibrated
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
@@ -46,9 +46,9 @@ EYE = PhantomEye(
 RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 LARGEST_MN, DEEPEST_MM = 60.0, 2.6
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
-TOLD = "told sealed, E and k found on three frames"
-UNTOLD = "nothing told of the globe, E known to 3 %"
-AS_OPEN = "told open, E known to 3 %"
+TOLD = "declared sealed, E and k found on three frames"
+UNTOLD = "no globe declared, E known to 3 %"
+AS_OPEN = "declared open, E known to 3 %"
 TEXT: Final[dict[str, Any]] = {"fontsize": 7, "textcoords": "offset points"}
 OF_KNOWN_FORCE: Final[dict[str, Any]] = {
     "color": BLACK,
@@ -61,7 +61,7 @@ LOOKS = {TOLD: (BLUE, "o"), UNTOLD: (AMBER, "s"), AS_OPEN: (RED, "^")}
 
 @dataclass(frozen=True)
 class Seen:
-    """A frame of the sealed eye: its true force, N, its dent, m, and what is read of it by telling."""
+    """A frame of the sealed eye: its true force, N, its dent, m, and its readings by declaration."""
 
     force_n: float
     dent_m: float
@@ -85,7 +85,7 @@ def frame_of(eye: ComputedEye, force_n: float, number: int) -> Frame:
 
 
 def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
-    """Return what is known of the eye in each telling."""
+    """Return the known inputs of the eye with each declaration."""
     rng = np.random.default_rng((SEED, 0))
     stated = EyeConstants(
         iop_pa=EYE.iop_pa,
@@ -108,7 +108,7 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
 
 
 def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Seen]:
-    """Return so many frames of the sealed eye, with forces up to the largest, and what is read of each."""
+    """Return a number of frames of the sealed eye, with forces up to the largest, and their readings."""
     forces_n = np.linspace(2e-3, sealed.largest_n - 2e-3, count).tolist()
     scale, known = PixelScale.of(reader.study.oct), tellings(sealed, reader)
     seen = []
@@ -121,12 +121,12 @@ def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Se
 
 @styled
 def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figure:
-    """Draw force against dent of both globes, and beside them what is read where the globe is told and where not."""
+    """Draw force against dent of both globes, and beside them the readings with and without a declared globe."""
     figure = Figure(figsize=inches(170, 88))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, names, title in (
-        (left, [TOLD], "Sealed, and told so"),
-        (right, [UNTOLD, AS_OPEN], "The same frames, told nothing, or wrongly"),
+        (left, [TOLD], "Declared sealed"),
+        (right, [UNTOLD, AS_OPEN], "The same frames, not declared or declared open"),
     ):
         draw_curves(axes, opened, sealed)
         for name in names:

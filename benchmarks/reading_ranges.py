@@ -1,15 +1,13 @@
-"""The box "Will it read my data?" of README: the ranges of the study of the reader that ships.
+"""The box "Will it read my data?" of README: the ranges of the bundled reader's study.
 
 python benchmarks/reading_ranges.py     (`make ranges`)
 
-writes it anew, between its two marks; a test fails where it is old.
+writes it between its two marks; a test fails if it is out of date.
 """
 
 from pathlib import Path
 
 from scleraforce.reader.limits import reading_ranges
-
-__all__ = ["README", "box", "boxed"]
 
 README = Path(__file__).parents[1] / "README.md"
 BEGIN, END = "<!-- ranges: `make ranges` -->\n", "<!-- end of ranges -->\n"

@@ -11,8 +11,6 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import surface_points
 from scleraforce.mechanics.mesh import HexMesh
 
-__all__ = ["CONTACT", "CONVERGED_MM", "E_PA", "FORCE_N", "NU", "RADIUS_M", "SPREAD_M", "gaussian_load"]
-
 RADIUS_M, NU, E_PA, FORCE_N, SPREAD_M = 12e-3, 0.45, 0.25e6, 0.03, 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0))
 # By thickness: 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.

@@ -13,8 +13,6 @@ from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.loads import Needle, tip_at
 from scleraforce.mechanics.mesh import HexMesh
 
-__all__ = ["FORCES_MN", "IOP_PA", "NEEDLE_RADIUS_M", "NU", "RADIUS_M", "TIPS_MM", "reference_path"]
-
 Floats = NDArray[np.float64]
 
 RADIUS_M, NU, IOP_PA, NEEDLE_RADIUS_M = 12e-3, 0.45, 266.0, 0.35e-3

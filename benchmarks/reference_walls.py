@@ -18,8 +18,6 @@ from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.polar import BaseShift
 from scleraforce.mechanics.section import cut_sections
 
-__all__ = ["cut_section", "polar_path", "rest_nc", "shift_in_plane", "stiffness_matrix", "symmetric_base", "wall_mesh"]
-
 Floats = NDArray[np.float64]
 
 

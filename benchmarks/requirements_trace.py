@@ -11,8 +11,6 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-__all__ = ["ROOT", "STATED", "trace_page"]
-
 ROOT = Path(__file__).parents[1]
 STATED = ROOT / "docs" / "requirements.toml"
 HEAD = """# Requirements and their tests

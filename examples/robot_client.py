@@ -16,7 +16,7 @@ HEADER = struct.Struct(">H12s20sQQQ")  # version, type, device, time, bytes of t
 STATUS = struct.Struct(">Hq20s")  # code, sub-code, name; the message follows
 OK = 1
 SILENCE_S = 0.150
-OLD_S = 0.100  # an OK that comes so much later after its time than the quickest STATUS is no news
+OLD_S = 0.100  # an OK delayed by more than this, compared with the quickest STATUS, is old
 DRIFT = 1e-4  # of this clock and the monitor's, which need not agree
 UNREAD_BYTES = 8192  # in this machine's buffer: the monitor closes the connection of a robot that leaves more unread
 MAX_BODY_BYTES = 64 * 1024  # the monitor's messages are far smaller
@@ -51,7 +51,7 @@ def crc64(data: bytes) -> int:
 
 
 def receive(link: socket.socket, count: int, until_s: float) -> bytes:
-    """Return so many bytes, or raise DoubtError where they do not come in time."""
+    """Return the next `count` bytes; raise DoubtError if they do not come in time."""
     data = b""
     while len(data) < count:
         left_s = until_s - time.monotonic()
@@ -114,7 +114,7 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
 
 def show(go_on: bool, why: str) -> None:
     """Print what a robot would do."""
-    print(f"{time.time():.3f} {'go on' if go_on else 'WITHDRAW'}: {why}", flush=True)
+    print(f"{time.time():.3f} {'continue' if go_on else 'WITHDRAW'}: {why}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """B-scans of Heidelberg (.e2e), Topcon (.fda, .fds), Zeiss (.img) and Bioptigen (.OCT) files as NumPy volumes.
 
-OCT-Converter reads them. It brings an OpenCV of its own, which cannot stand beside that of scleraforce, and its Topcon
-readers need NumPy before 2.3; so this runs in an environment of its own and imports nothing of scleraforce:
+OCT-Converter reads them. It brings an OpenCV of its own, which conflicts with scleraforce's, and its Topcon readers
+need NumPy before 2.3; so this runs in an environment of its own and imports nothing of scleraforce:
 
     python -m venv vendor && vendor/bin/pip install oct-converter==0.7.0 'numpy<2.3'
     vendor/bin/python examples/vendor_frames.py scan.e2e --out volumes

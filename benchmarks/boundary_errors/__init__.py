@@ -1,1 +1,1 @@
-"""What the segmentation does to boundaries, measured on drawn eyes."""
+"""Errors of the segmentation's boundaries, measured on drawn eyes."""

@@ -16,8 +16,6 @@ from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
-__all__ = ["random_eyes", "segmented_boundaries"]
-
 Floats = NDArray[np.float64]
 
 

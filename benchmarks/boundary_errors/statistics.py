@@ -1,4 +1,4 @@
-"""How boundaries that were found differ from the true ones: what `boundary_errors` makes anew (NumPy only)."""
+"""Statistics of the errors of found boundaries, which `boundary_errors` draws (NumPy only)."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from scleraforce.library import INNER, OUTER
 from scleraforce.library.prediction import shining
 from scleraforce.study import SliceStudy
-
-__all__ = ["BoundaryStatistics", "boundary_statistics"]
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +19,7 @@ LAYER_M, LAYER_COLUMNS = 0.08e-3, 1 / 3
 GENTLY_BENT_PER_M = 1000.0
 SHINING_COLUMNS, JUDGED_COLUMNS = 5, 40  # a frame needs as many for its shine
 LARGEST_SHINE_M = 0.02e-3
-CORRELATED_M = 0.05e-3  # larger errors are cut to this for correlations: a bump is no noise
+CORRELATED_M = 0.05e-3  # larger errors are clipped to this for correlations: a bump does not count as noise
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def boundary_statistics(
 
 
 def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
-    """Return the shine (frame,), m, of the frames that show enough of what faces the light and of what does not."""
+    """Return the shine (frame,), m, of frames that show enough columns facing the light and enough others."""
     judged = np.isfinite(outer_error) & (np.abs(slope) < GENTLE) & (np.abs(curvature) < GENTLY_BENT_PER_M)
     towards = shining(slope)
     shines = []

@@ -1,7 +1,7 @@
 """`make figures`: virtual eyes that no training has seen, through the released commands, to one table.
 
 Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions at finite strain, imaged by the
-virtual laboratory of the paper's study, and read. What is in the folder is taken up, as far as this code has made it.
+virtual laboratory of the paper's study, and read. Results of this code in the folder are reused.
 """
 
 import json
@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 
 from figures.commands import take_up
+from figures.declared import declare
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
@@ -30,7 +31,6 @@ from figures.readings import (
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
-from figures.told import tell
 from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
 from scleraforce.cli.options import chosen_workers, options
@@ -54,12 +54,12 @@ class _Groups(click.ParamType[tuple[str, ...]]):
         """Return the names, each once, in the order given."""
         names = value if isinstance(value, tuple) else tuple(dict.fromkeys(value.split(",")))
         if unknown := [name for name in names if name not in GROUPS]:
-            self.fail(f"{unknown[0]!r} is no group; there are {', '.join(GROUPS)}", param, ctx)
+            self.fail(f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}", param, ctx)
         return names
 
 
 class _Counts(click.ParamType[dict[str, int]]):
-    """How many eyes of each group: a number, and others by name after it."""
+    """Number of eyes in each group: one for all, then others by name."""
 
     name = "N,GROUP=N,..."
 
@@ -72,14 +72,14 @@ class _Counts(click.ParamType[dict[str, int]]):
         every, *others = str(value).split(",")
         named = dict(other.partition("=")[::2] for other in others)
         if unknown := [name for name in named if name not in GROUPS]:
-            self.fail(f"{unknown[0]!r} is no group; there are {', '.join(GROUPS)}", param, ctx)
+            self.fail(f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}", param, ctx)
         texts = {name: named.get(name, every) for name in GROUPS}
         if wrong := [text for text in texts.values() if not text.isdigit() or int(text) < 2]:
             self.fail(f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6", param, ctx)
         return {name: int(text) for name, text in texts.items()}
 
 
-ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}  # after which the error of E is asked for; of others, it is stated
+ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}  # frames after which the error of E is listed
 
 
 @dataclass(frozen=True)
@@ -93,28 +93,25 @@ class Group:
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
-              help="Folder of the results; what this code has made there is taken up.")  # fmt: skip
+              help="Folder of the results; results of this code there are reused.")  # fmt: skip
 @click.option("--eyes", "counts", type=_Counts(), default=30, show_default=True,
-              help="Of each group, and of some other numbers.")  # fmt: skip
-@click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
-              f"by default: {','.join(GROUPS)}.")  # fmt: skip
+              help="Number of eyes in each group, and other numbers by name.")  # fmt: skip
+@click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS),
+              help=f"Groups, in their order; all by default: {','.join(GROUPS)}.")  # fmt: skip
 @options("scheduler", "workers", scheduler="Dask scheduler whose workers compute the eyes; later commands run here.")
-@click.option(
-    "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
-)
-@click.option("--living-reader", type=click.Path(path_type=Path), help="Likewise, as that of the living preset.")
-@click.option("--raw-reader", type=click.Path(path_type=Path), help="A trained raw reader, to stand beside the default "
-              "one; without it there is no such row.")  # fmt: skip
+@click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
+@click.option("--living-reader", type=click.Path(path_type=Path),
+              help="A trained reader of the living preset; otherwise one is trained.")  # fmt: skip
+@click.option("--raw-reader", type=click.Path(path_type=Path), help="A trained raw reader, for a row of its own.")
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
     help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
 )
 @click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True, help="Of the draw of the eyes.")
-@click.option("--still", is_flag=True, help="Hold the eyes of all groups still: what their movement costs is the "
-              "difference.")  # fmt: skip
-@click.option("--told-exactly", is_flag=True, help="Let the recordings say what is true of their eyes; by default "
-              "that is off as what users measure is.")  # fmt: skip
+@click.option("--still", is_flag=True, help="Hold the eyes of all groups still, to measure movement.")
+@click.option("--declared-exactly", is_flag=True, help="Declare the true values in the recordings; by default they "
+              "have the errors of users' measurements.")  # fmt: skip
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(
     out: Path,
@@ -128,7 +125,7 @@ def main(
     page: Path | None,
     seed: int,
     still: bool,
-    told_exactly: bool,
+    declared_exactly: bool,
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
@@ -147,8 +144,8 @@ def main(
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
     given = {DEFAULT_READER: reader, "living": living_reader}
-    if not told_exactly:
-        folder = tell(folder, [eye for eyes in left.values() for eye in eyes])
+    if not declared_exactly:
+        folder = declare(folder, [eye for eyes in left.values() for eye in eyes])
     groups = [
         _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
     ]
@@ -174,7 +171,7 @@ def _methods(
     given: Mapping[str, Path | None],
     raw_reader: Path | None,
 ) -> list[Method]:
-    """Return the ways of reading a group: those of its reader, a raw reader's and, with plain eyes, the paper's."""
+    """Return the methods that read a group: its reader's, a raw reader's and, with plain eyes, the paper's."""
     name = GROUPS[group].reader
     methods = make_methods(folder, name, study, given[name])
     if raw_reader is not None and name == DEFAULT_READER:
@@ -224,5 +221,5 @@ if __name__ == "__main__":
         click.echo(f"error: {fault}", err=True)
         sys.exit(1)
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted; the same command goes on from here", err=True)
+        click.echo("interrupted; the same command resumes here", err=True)
         sys.exit(130)

@@ -1,8 +1,8 @@
-"""The commands that anyone would type, run in order: what a finished one has left is taken up while its key holds.
+"""The released commands, run in order; the result of a finished one is reused while its key is the same.
 
-The key of a result is a hash of the words of its command and of what it is made from. It stands in a hidden file beside
-the result. A result with another key, or none, is made anew. Where the code behaves otherwise than when the folder was
-begun, all keys are removed.
+The key of a result is a hash of its command's words and inputs, stored in a hidden file beside the result. A result
+with another key, or none, is made again. If the code's behaviour has changed since the folder was begun, all keys are
+removed.
 """
 
 import json
@@ -18,15 +18,13 @@ from scleraforce.errors import ScleraforceError
 from scleraforce.learning.fingerprint import Fingerprint, moved
 from scleraforce.whole_files import write_whole
 
-__all__ = ["answers", "content_key", "is_made", "made", "made_by", "note_stale", "remove", "take_up", "write_key"]
-
 
 class CommandError(ScleraforceError):
     """A command of this project failed; the message is its own."""
 
 
 def take_up(folder: Path, now: Fingerprint) -> None:
-    """Note by what behaviour the results of a folder are made; forget the keys of those made by another."""
+    """Store the behaviour that a folder's results are made with; remove the keys if it has changed."""
     note = folder / "behaviour.json"
     if not note.exists() or moved(json.loads(note.read_text(encoding="utf-8")), now):
         for key in folder.rglob(".*.key"):
@@ -42,9 +40,9 @@ def is_made(out: Path, key: str) -> bool:
 
 
 def note_stale(out: Path) -> None:
-    """Say of a result that is there that it is made anew."""
+    """Report that an existing result is made again."""
     if out.exists():
-        print(f"{out}: made by other code, or from something else; made anew", file=sys.stderr)
+        print(f"{out}: made by other code or from other inputs; made again", file=sys.stderr)
 
 
 def write_key(out: Path, key: str) -> None:
@@ -53,9 +51,9 @@ def write_key(out: Path, key: str) -> None:
 
 
 def made(out: Path, key: str, make: Callable[[Path], object]) -> Path:
-    """Return a file or folder that `make` writes where it is told, unless it is there under the same key.
+    """Return a file or folder that `make` writes, unless it exists with the same key.
 
-    What was made under another key, or was left unfinished, is removed first.
+    A result with another key, or an unfinished one, is removed first.
     """
     if not is_made(out, key):
         part = out.with_name(f".{out.name}.partial")
@@ -94,7 +92,7 @@ def answers(out: Path, command: Sequence[str | Path]) -> dict[str, Any]:
 
 
 def content_key(path: Path) -> str:
-    """Return the key of what a result is made from: the one it was made under, or else a hash of what it holds."""
+    """Return the key of an input: the stored one, or else a hash of its content."""
     if _note(path).exists():
         return _note(path).read_text(encoding="utf-8")
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
@@ -129,5 +127,5 @@ def _run(command: Sequence[str | Path]) -> str:
         [Path(sys.executable).with_name("scleraforce"), *words], stdout=subprocess.PIPE, text=True, check=False
     )
     if done.returncode != 0:
-        raise CommandError(f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message stands above")
+        raise CommandError(f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message is above")
     return done.stdout

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import Study, fixed
 
-__all__ = ["FigureEye"]
-
 
 @dataclass(frozen=True)
 class FigureEye:

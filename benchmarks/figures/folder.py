@@ -1,11 +1,9 @@
-"""Where the figures keep what they have made: every part is taken up by a later run of the same code."""
+"""The folder of the figures' results, which a later run of the same code reuses."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from figures.eyes import FigureEye
-
-__all__ = ["FiguresFolder"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +17,7 @@ class FiguresFolder:
         return self.path / "recordings" / eye.eye.id
 
     def made(self, eye: FigureEye) -> Path:
-        """What is known of the computed eye beside its recording."""
+        """The computed eye's own values, beside its recording."""
         return self.path / "eyes" / f"{eye.eye.id}.npz"
 
     def work(self, name: str) -> Path:

@@ -1,7 +1,7 @@
 """The groups of virtual eyes, from fixed seeds that nothing else uses.
 
-A group is one entry of `GROUPS`, appended at its end: where it stands is part of the seeds of its eyes. All eyes are
-drawn alike first, as plain ones; a group then changes what makes it another.
+A group is one entry of `GROUPS`; append new ones at its end, because the place is part of the seeds. All eyes are drawn
+as plain ones first; a group then changes them.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,13 +30,9 @@ from scleraforce.study import (
 )
 from scleraforce.units import to_si
 
-__all__ = ["DEFAULT_READER", "GROUPS", "SEED", "Group", "draw_eyes"]
-
-SEED = (
-    20_261_126  # of the draws of this benchmark alone; those of earlier ones were looked at while the reader was made
-)
+SEED = 20_261_126  # of this benchmark alone: earlier draws were in view while the reader was made
 FRAMES = 20
-CORE, RINGS = 8, 20  # of the mesh: tip displacements are within 1 % of those of one with twice the elements
+CORE, RINGS = 8, 20  # of the mesh: tips are within 1 % of a mesh with twice the elements
 DEFAULT_READER = "default"
 NEEDLE_DIAMETERS_M = (0.7e-3, 0.5e-3, 0.4e-3, 0.3e-3, 0.18e-3)  # 22G, 25G, 27G, 30G, 34G
 
@@ -45,15 +41,15 @@ Drawn = tuple[PhantomEye, Study]
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """A group of eyes, and what is asked of their reading.
+    """A group of eyes, and the goals of its readings.
 
     Attributes:
-        words: what the eyes are, for titles.
-        own: turns a plain eye and the study into those of the group.
-        accuracy_percent: of the classes, asked for; None where nothing is.
-        error_mn: of the force, asked for.
-        tell_globe: whether the recordings say that the globe is open or sealed.
-        reader: which of the trained readers reads them.
+        words: description for titles.
+        own: turns a plain eye and the study into the group's.
+        accuracy_percent: goal for the classes, or None.
+        error_mn: goal for the force, or None.
+        tell_globe: the recordings declare the globe.
+        reader: name of the trained reader.
     """
 
     words: str
@@ -69,7 +65,7 @@ def _plain(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
 
 
 def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an eye that is no even half-sphere of one material, pushed by a needle that is tilted.
+    """Return an uneven eye of two materials, pushed by a tilted needle.
 
     Semi-axes within 6 % of the radius; a wall whose thickness waves by 12 % about an axis anywhere; a cornea of 0.6 to
     1.4 times the modulus; a needle up to 10 degrees off the normal, to any side.
@@ -127,7 +123,7 @@ def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye on a bed, held by straps, half to twice as stiff as those of `SupportsStudy`."""
+    """Return an open eye on a bed, held by straps, half to twice as stiff as in `SupportsStudy`."""
     bed, straps = np.exp(rng.uniform(np.log(0.5), np.log(2.0), 2))
     usual = SupportsStudy()
     supports = SupportsStudy(
@@ -191,31 +187,33 @@ def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
 
 
 GROUPS: Mapping[str, Group] = {
-    "plain": Group(words="globe open, and told so", own=_plain, accuracy_percent=99, error_mn=0.4),
-    "harder": Group(words="globe open, and told so", own=_harder, accuracy_percent=97, error_mn=0.8),
-    "sealed": Group(words="globe sealed, told so without its rigidity", own=_sealed, accuracy_percent=98, error_mn=0.7),
+    "plain": Group(words="globe open and declared", own=_plain, accuracy_percent=99, error_mn=0.4),
+    "harder": Group(words="globe open and declared", own=_harder, accuracy_percent=97, error_mn=0.8),
+    "sealed": Group(
+        words="globe sealed, declared without its rigidity", own=_sealed, accuracy_percent=98, error_mn=0.7
+    ),
     "untold": Group(
-        words="globe open or sealed, nothing told of it",
+        words="globe open or sealed, not declared",
         own=_open_or_sealed,
         accuracy_percent=97,
         error_mn=1.0,
         tell_globe=False,
     ),
     "limbus": Group(
-        words="2 to 5 mm behind a cornea of 7.8 mm; globe open, and told so",
+        words="2 to 5 mm behind a cornea of 7.8 mm; globe open and declared",
         own=_behind_the_limbus,
         accuracy_percent=96,
         error_mn=1.2,
     ),
     "living": Group(
-        words="1 to 2 MPa, 10 to 25 mmHg; globe sealed, told so without its rigidity",
+        words="1 to 2 MPa, 10 to 25 mmHg; globe sealed, declared without its rigidity",
         own=_living,
         accuracy_percent=95,
         error_mn=1.5,
         reader="living",
     ),
     "stiffening": Group(
-        words="b from 1 to 30; globe sealed, told so without its rigidity",
+        words="b from 1 to 30; globe sealed, declared without its rigidity",
         own=_stiffening,
         accuracy_percent=96,
         error_mn=1.0,
@@ -224,40 +222,40 @@ GROUPS: Mapping[str, Group] = {
         words="a whole globe on a bed, held by the rectus muscles, read as a clamped half-sphere", own=_supported
     ),
     "needle": Group(
-        words="the needle, 22G to 34G, in the picture; globe open, and told so",
+        words="the needle, 22G to 34G, in the picture; globe open and declared",
         own=_needle_in_the_plane,
         accuracy_percent=97,
         error_mn=0.8,
     ),
     "conjunctiva": Group(
-        words="under a conjunctiva of 0.08 to 0.2 mm; globe open, and told so",
+        words="under a conjunctiva of 0.08 to 0.2 mm; globe open and declared",
         own=_under_a_conjunctiva,
         accuracy_percent=95,
         error_mn=1.0,
     ),
     "scanner": Group(
         words="another scanner: four times the noise, three times the speckle, a linear display, or 16 x 5.2 mm; globe "
-        "open, and told so",
+        "open and declared",
         own=_another_scanner,
         accuracy_percent=98,
         error_mn=0.5,
     ),
     "moving": Group(
-        words="plain and harder eyes that turn under the needle by 1 to 3 degrees, with saccades; globe open, and told "
-        "so",
+        words="plain and harder eyes that turn under the needle by 1 to 3 degrees, with saccades; globe open and "
+        "declared",
         own=_moving,
     ),
 }
 
 
 def draw_eyes(group: str, count: int, study: Study, seed: int = SEED) -> tuple[FigureEye, ...]:
-    """Draw the first `count` eyes of a group; more eyes leave those before as they are.
+    """Draw the first `count` eyes of a group; a larger count does not change the first ones.
 
     Args:
         group: one of `GROUPS`.
-        count: how many.
-        study: eye, scanner, needle and virtual laboratory of all; mesh and mechanics are those of the figures.
-        seed: of the draw; another one than that of the published figures is for what may be looked at.
+        count: number of eyes.
+        study: eye, scanner, needle and virtual laboratory of all; mesh and mechanics are the figures' own.
+        seed: of the draw; use another seed than the published figures' for eyes that you look at.
     """
     mesh = MeshStudy(kind="graded", core=CORE, rings=RINGS)
     study = replace(study, mesh=mesh, mechanics=MechanicsStudy(kind="finite-strain"))

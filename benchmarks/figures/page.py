@@ -6,13 +6,11 @@ from provenance.stamps import Stamp
 from scleraforce.errors import InputError
 from scleraforce.whole_files import write_whole
 
-__all__ = ["BEGIN", "END", "insert_tables"]
-
 BEGIN, END = "<!-- made by `make figures`: begin -->", "<!-- made by `make figures`: end -->"
 
 
 def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
-    """Put tables, and where they are from, into a page, in the place of those that stand between its marks.
+    """Replace the tables between a page's marks, with the line that says where the new ones are from.
 
     Raises:
         InputError: the page lacks a mark.

@@ -9,8 +9,6 @@ from matplotlib.lines import Line2D
 from figures.scores import AnsweredFrame
 from scleraforce.report.files import BLACK, BLUE, GREY, RED, inches, styled
 
-__all__ = ["draw_forces"]
-
 LARGEST_MN = 70.0
 PANEL_MM, ACROSS = 58, 4  # panels in a row
 

@@ -18,17 +18,6 @@ from scleraforce.reproduction.run import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study, parse_study, preset_toml
 from scleraforce.whole_files import write_whole
 
-__all__ = [
-    "CALIBRATED_FRAMES",
-    "READERS",
-    "Method",
-    "calibrated_eyes",
-    "make_methods",
-    "paper_method",
-    "raw_method",
-    "read_frames",
-]
-
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
 # The readers that groups name, each by the study that it is trained with: a preset for other eyes goes here.
@@ -91,7 +80,7 @@ def raw_method(model: Path) -> Method:
 
 
 def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return a trained reader; the default one stands in the folder of the figures, others in folders of their own."""
+    """Return a trained reader; the default one is in the folder of the figures, others in folders of their own."""
     part = _reader_folder(folder, name)
     path = _study_file(folder, name, study)
     library = made_by(part.work("library.zarr"), ["library", "--study", path])
@@ -111,7 +100,7 @@ def _study_file(folder: FiguresFolder, name: str, study: Study) -> Path:
 
 
 def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path:
-    """Return a copy of a reader whose default is one of its two ways."""
+    """Return a copy of a reader with one of its two methods as the default."""
 
     def copy(part: Path) -> None:
         shutil.copytree(reader, part)

@@ -26,12 +26,10 @@ from scleraforce.processes import work_units
 from scleraforce.study import Study
 from scleraforce.whole_files import folder_files, hash_sources, renamed_when_whole, write_whole, write_whole_folder
 
-__all__ = ["MadeEye", "make_eye", "make_recordings", "read_made", "recording_key"]
-
 
 @dataclass(frozen=True, eq=False)
 class MadeEye:
-    """What is known of a computed eye: its frames in order, and what its forces were drawn up to.
+    """A computed eye: its frames in order, and the upper end of its drawn forces.
 
     `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m` (frame, boundary): the largest depth
     in the frame of the outer and the inner boundary, over the columns that show tissue.
@@ -53,16 +51,16 @@ class MadeEye:
 def make_recordings(
     folder: FiguresFolder, eyes: Sequence[FigureEye], workers: int, progress: Callable[[int], object]
 ) -> tuple[str, ...]:
-    """Compute and image the eyes that the folder does not hold yet, or holds as other code has made them.
+    """Compute and image the eyes that the folder lacks or has from other code.
 
     Args:
         folder: where they go.
         eyes: all eyes.
-        workers: processes, or those of a cluster (`cluster_workers`), whose processes can import this package.
+        workers: processes, or `cluster_workers` whose processes can import this package.
         progress: called with the number of eyes that are newly done, or found done.
 
     Returns:
-        The names of the eyes that failed; what they said stands on standard error.
+        The names of the eyes that failed; their messages are on standard error.
     """
     missing = [(folder, eye) for eye in eyes if not is_made(folder.recording(eye), recording_key(eye))]
     for _, eye in missing:
@@ -84,7 +82,7 @@ def make_recordings(
 def _made_on_cluster(
     folder: FiguresFolder, eyes: Sequence[FigureEye], workers: ClusterWorkers, progress: Callable[[int], object]
 ) -> tuple[str, ...]:
-    """Let the cluster make eyes, and write what comes of them here; return the names of those that failed.
+    """Let the cluster make eyes, write them here, and return the names of the failed ones.
 
     Raises:
         ScleraforceError: a worker has other sources, or as `work_units`.
@@ -111,7 +109,7 @@ class _Sent:
 
 
 def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
-    """Return what makes an eye, in a worker: its number to its files, or to what went wrong."""
+    """Return the function that makes an eye in a worker: its number -> its files, or the fault."""
 
     def work(number: int) -> _Sent | str:
         drawn = eyes[number]

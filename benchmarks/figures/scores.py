@@ -1,4 +1,4 @@
-"""How good answers are: what `evaluate --json` says of each frame, against the force log and against the truth."""
+"""Scores of answers: the frames of `evaluate --json` against the force log and against the truth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from scleraforce.reader.metrics import Proportion, coverage_band
 from scleraforce.study import ClassesStudy
 
-__all__ = ["AnsweredFrame", "Scores", "answered_frame", "score"]
-
 DANGEROUS = 2  # the class of forces that hurt
 HIGH_MN, BOUND_MN = 35.0, 30.0  # a force above the one must not be read, with confidence, as one below the other
 LEVEL, SMALLEST_MN = 0.9, 1e-3
@@ -22,9 +20,8 @@ LEVEL, SMALLEST_MN = 0.9, 1e-3
 class AnsweredFrame:
     """One frame of a virtual eye: its truth and an answer.
 
-    `target` and `measured_mn` are those of the force log, which an evaluation compares with; `true_target` and
-    `true_mn` those that were put in. `in_window`: the wall's surface stays within the frame. Forces are in mN;
-    `read_mn` and `interval_mn` are None where the answer has none.
+    `target` and `measured_mn` are from the force log, `true_target` and `true_mn` the simulated values. `in_window`:
+    the wall's surface stays within the frame. Forces are in mN; `read_mn` and `interval_mn` may be None.
     """
 
     eye: str
@@ -42,7 +39,7 @@ class AnsweredFrame:
 
     @property
     def right(self) -> bool:
-        """Whether the class is the true one."""
+        """True if the class is the true one."""
         return self.predicted == self.true_target
 
 
@@ -51,12 +48,12 @@ class Scores:
     """The figures of a set of frames.
 
     `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and `as_harmless` (class 2 read as
-    class 0) are against the truth; what begins with `log_` is against the force log, as `evaluate` counts. `unusable`:
-    of the frames whose wall stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: of the forces
-    above 35 mN, those that are read as class 1 or 0 with an interval that ends below 30 mN. Errors in mN and coverage
-    are over the usable frames with a force. `coverage_band` holds the coverage of other such eyes with 95 %, by drawing
-    whole eyes anew; None without an interval. `width_mn`: median width of the intervals. `stretch`: by how much all
-    would have to be stretched about the median for 90 % to hold, every eye weighing the same.
+    class 0) are against the truth; names with `log_` are against the force log, as `evaluate` counts. `unusable`:
+    of the frames whose wall stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: forces above 35
+    mN that are read as class 1 or 0 with an interval that ends below 30 mN. Errors in mN and coverage are over the
+    usable frames with a force. `coverage_band` holds the coverage of other such eyes with 95 %, by drawing whole eyes
+    anew; None without an interval. `width_mn`: median width of the intervals. `stretch`: the factor about the median
+    that would make 90 % hold, with equal weight for every eye.
     """
 
     frames: int

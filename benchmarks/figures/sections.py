@@ -15,15 +15,13 @@ from scleraforce.laboratory.virtual_eye import (
 from scleraforce.mechanics.finite_strain import BentEye, bend_eye
 from scleraforce.study import Study
 
-__all__ = ["ComputedEye", "compute_eye"]
-
 DEEPEST_M = 7e-3  # dents go no further: an eye that gives way before its largest force bears what it bears there
 ROOM = 1e-4  # of a force, below the end of the path
 
 
 @dataclass(frozen=True)
 class ComputedEye:
-    """An eye whose load path is known, or those of `turned_eyes`: `largest_n` is the force that its frames go up to."""
+    """An eye whose load path is known, or the eyes of `turned_eyes`; its frames have forces up to `largest_n`."""
 
     eye: PhantomEye
     study: Study
@@ -38,7 +36,7 @@ class ComputedEye:
         return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(self.study.phantom))
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
-        """Return the depth of the dent for needle forces in N, where the eye stands as at the start."""
+        """Return the depth of the dent for needle forces in N, with the eye as at the start."""
         return [self.bent[0].path.tip_m(force_n) for force_n in forces_n]
 
 
@@ -63,5 +61,5 @@ def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> BentEye:
         iop_pa=eye.iop_pa,
         max_force_n=max_force_n,
         max_tip_m=DEEPEST_M,
-        as_far_as_found=True,  # a pressure that runs away, or a wall that has lost its symmetry: it goes on elsewhere
+        as_far_as_found=True,  # the pressure runs away, or the wall has lost its symmetry
     )

@@ -10,8 +10,6 @@ from figures.readings import Method
 from figures.scores import Scores
 from scleraforce.reader.metrics import Proportion
 
-__all__ = ["GroupResult", "ModulusErrors", "as_json", "as_markdown"]
-
 
 @dataclass(frozen=True)
 class ModulusErrors:

@@ -9,8 +9,6 @@ from typing import TypeVar
 
 from scleraforce.processes import no_interrupts, one_thread
 
-__all__ = ["in_processes"]
-
 Piece = TypeVar("Piece")
 
 
@@ -20,13 +18,13 @@ def in_processes(
     workers: int,
     progress: Callable[[Piece, int | None], None],
 ) -> None:
-    """Do pieces of work in at most `workers` processes at a time; those that run end with this call, whatever ends it.
+    """Do pieces of work in at most `workers` processes at a time; all of them end with this call.
 
     Args:
-        work: what is done; a function of a module, for the processes are spawned.
-        pieces: what it is done to.
-        workers: how many at a time, each with one thread of BLAS.
-        progress: called with a piece and the exit code of its process as each is done.
+        work: a function of a module, because the processes are spawned.
+        pieces: its arguments.
+        workers: processes at a time, each with one thread of BLAS.
+        progress: called with a finished piece and the exit code of its process.
     """
     waiting = deque(pieces)
     running: dict[int, tuple[BaseProcess, Piece]] = {}

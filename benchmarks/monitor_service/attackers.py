@@ -61,7 +61,7 @@ class Link:
                     await asyncio.sleep(0)
 
     def shut(self) -> None:
-        """Say nothing more, and go on listening."""
+        """Send nothing more, and keep listening."""
         self.link.shutdown(socket.SHUT_WR)
 
 
@@ -128,7 +128,7 @@ async def leave(link: Link) -> None:
 
 
 async def deaf(link: Link) -> None:
-    """Never reads what is told."""
+    """Never reads the answers."""
     link.link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     await asyncio.sleep(link.rng.uniform(0.5, 3.0))
 

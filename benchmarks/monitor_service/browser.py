@@ -7,8 +7,6 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-__all__ = ["CHROMIUM", "browser_pids", "cpu_s", "open_pages"]
-
 CHROMIUM = "/usr/bin/chromium"
 
 

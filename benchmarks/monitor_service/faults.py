@@ -1,6 +1,6 @@
-"""Each fault, many times at random moments: does the monitor withdraw, how soon, and what does it say?
+"""Inject each fault many times at random moments; measure how soon the monitor withdraws, and with which cause.
 
-The faults of a scanner and its line are those of `replay --fault`, injected one after the other into one monitor, with
+The faults of a scanner and its line (`replay --fault`) are injected one after the other into one monitor, with
 the operator's reset in between. Faults of the monitor's own processes need a new monitor each time; the tests' small
 monitor, which starts quickly, takes most of the deaths, the real one some.
 """
@@ -29,10 +29,8 @@ from .monitors import Monitor, real_monitor
 from .scanner import CONTACT_N, OK, WITHDRAW, Frames, Operator, Pace, Preloaded, be_the_peer
 from .small import SmallFrames, small_monitor
 
-__all__ = ["add_options", "run"]
-
 RUN_IN = 25  # frames of the way to a fault: within them the reset has to be granted
-ASKED_FROM = 11  # of them: the last ten, by which the force's rise is told, are in order
+ASKED_FROM = 11  # of them: the last ten, which give the force's rise, are in order
 MORE = 12  # frames, at most, beyond those
 PICTURES = 4  # of each frame, in turns: on no way to a fault is a picture shown that the monitor remembers
 TRIES = 20
@@ -43,7 +41,7 @@ RESTARTS = 20  # of monitors that did not come to watch, for each death
 
 @dataclass
 class Row:
-    """What became of one kind of fault."""
+    """Results of one kind of fault."""
 
     name: str
     of: str
@@ -90,7 +88,7 @@ def run(given: Namespace) -> dict[str, Any]:
 
 
 def show(rows: list[Row]) -> None:
-    """Print the table of what is done."""
+    """Print the table of the finished faults."""
     if not rows:
         return
     columns = ["fault", "of", "times", "withdrawn", *(f"{name}, ms" for name in QUANTILES[1:]), "other cause", "causes"]
@@ -209,7 +207,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Death:
-    """A signal to one of the monitor's processes, or a frame that hangs its reader, and the cause that is told."""
+    """A signal to one of the monitor's processes, or a frame that hangs its reader, and the expected cause."""
 
     role: str
     signal: signal.Signals
@@ -287,7 +285,7 @@ def _watch_and_die(
 
 
 def _die(pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None) -> None:
-    """Send the signal, or the frame that hangs, at a random moment, and go on with frames until a withdrawal."""
+    """Send the signal, or the frame that hangs, at a random moment; send frames until a withdrawal."""
     pace.send()
     pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))
     if pace.log.code != OK:

@@ -1,12 +1,10 @@
-"""Figures of the benchmarks: quantiles, tables, and where a run stands."""
+"""Figures of the benchmarks: quantiles, tables, and the progress of a run."""
 
 import sys
 from collections.abc import Iterable, Sequence
 from time import monotonic
 
 import numpy as np
-
-__all__ = ["QUANTILES", "Progress", "print_table", "quantiles", "quantiles_ms"]
 
 QUANTILES = ("n", "median", "99 %", "99.9 %", "max")
 RENEW_S = 0.5

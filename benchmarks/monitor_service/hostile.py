@@ -1,7 +1,7 @@
-"""Ten thousand hostile connections while a scanner sends and a robot listens: is anybody else disturbed?
+"""Open ten thousand hostile connections while a scanner sends and a robot listens; measure the disturbance.
 
-The robot's lateness is what is between two STATUS beyond 50 ms; it is taken with nobody else there, with the scanner
-alone, under attack, and under attack without a scanner, when nothing but the heartbeat is told.
+A STATUS is late by its time since the last one beyond 50 ms. Lateness is measured with the robot alone, with the
+scanner, under attack, and under attack without a scanner, when only the heartbeat is sent.
 """
 
 import json
@@ -23,8 +23,6 @@ from scleraforce.processes import no_interrupts
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor, resources
 from .scanner import Frames, Operator, Pace, be_the_peer
-
-__all__ = ["add_options", "run"]
 
 BEAT_S = 0.05
 HANG_S = 0.5  # without a STATUS
@@ -105,7 +103,7 @@ class Scene:
         return {role: asdict(found) for role, found in held.items() if found}
 
     def _phase(self, attack: "Attack | None", scanning: bool, for_s: float = 0.0) -> dict[str, Any]:
-        """Go on for a time, or until the attack is over; return the figures."""
+        """Run for a time, or until the attack is over; return the figures."""
         begun_s = asked_s = monotonic()
         self._gaps_s, self._heard_s, self._codes = [], None, []
         self._pace.log.answers.clear()
@@ -140,7 +138,7 @@ class Scene:
 
 
 class Attack:
-    """The process of the hostile clients, as it goes on.
+    """The running process of the hostile clients.
 
     Attributes:
         done: connections that have ended.

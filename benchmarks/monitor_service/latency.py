@@ -23,8 +23,6 @@ from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor
 from .scanner import OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
 
-__all__ = ["add_options", "run"]
-
 CONTROL_EVERY = 10
 WARM_UP = 100
 RESET_AFTER = 20  # frames

@@ -17,8 +17,6 @@ from time import monotonic, sleep
 from scleraforce.processes import no_interrupts
 from scleraforce.units import to_si
 
-__all__ = ["Monitor", "Resources", "cores", "pin", "real_monitor", "resources"]
-
 START_S = 300.0  # where other work takes the processors, or loops are compiled first
 PRUNE_S = 5.0
 CORES = sorted(os.sched_getaffinity(0))
@@ -32,7 +30,7 @@ ROLES = {
 
 @dataclass(frozen=True)
 class Resources:
-    """What a process holds: memory in kB (RSS, of it its own, and its share of what is shared), open descriptors."""
+    """Resources of a process: memory in kB (RSS, its own part, proportional share), open descriptors."""
 
     rss_kb: int
     own_kb: int
@@ -41,7 +39,7 @@ class Resources:
 
 
 class Monitor:
-    """A monitor that `scleraforce monitor` runs; `pids` are its processes by what they do."""
+    """A monitor that `scleraforce monitor` runs; `pids` are its processes by role."""
 
     def __init__(self, process: subprocess.Popen[bytes], said: Path, black_box: Path) -> None:
         self.process, self._said, self._black_box, self._pruned_s = process, said, black_box, monotonic()
@@ -75,7 +73,7 @@ class Monitor:
 
     @property
     def alive(self) -> bool:
-        """Whether its process runs."""
+        """True while its process runs."""
         return self.process.poll() is None
 
     def prune(self) -> None:
@@ -158,7 +156,7 @@ def _children(pid: int) -> dict[str, int]:
 
 
 def _module(pid: int) -> str | None:
-    """Return what a process does, by the module that it runs; None where it has ended, or is none of ours."""
+    """Return the role of a process, from the module that it runs; None if it has ended or is another's."""
     try:
         words = Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").split("\0")
     except OSError:
@@ -167,7 +165,7 @@ def _module(pid: int) -> str | None:
 
 
 def cores() -> tuple[set[int], set[int]]:
-    """Return the monitor's core and those of all others; the same where there is but one."""
+    """Return the monitor's core and the cores of all others; the same if there is only one."""
     return {CORES[0]}, set(CORES[1:] or CORES)
 
 

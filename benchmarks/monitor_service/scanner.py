@@ -1,4 +1,4 @@
-"""A scanner that sends a recording to and fro, with what a benchmark wants to know of each answer."""
+"""A scanner that sends a recording to and fro, and the measurements of each answer."""
 
 import gc
 import os
@@ -25,8 +25,6 @@ from scleraforce.service.reset import ask_reset
 from scleraforce.service.watchdog import run_in_real_time
 
 from .monitors import cores
-
-__all__ = ["Answers", "Frames", "Operator", "Pace", "Preloaded", "be_the_peer"]
 
 HIGHEST_N = 25e-3  # below this nothing withdraws
 CONTACT_N = 4e-3  # clear of the monitor's bound of contact
@@ -78,7 +76,7 @@ class Frames:
             yield from range(moved + self.harmless - 2, moved, -1)
 
     def dangerous(self) -> NDArray[np.intp]:
-        """Return indices of the frames that are clear over the bound, by what a reading errs."""
+        """Return indices of the frames that are over the bound by more than a reading's error."""
         return np.flatnonzero(self.force_n >= DANGEROUS_N)
 
 
@@ -99,7 +97,7 @@ class Preloaded(Recording):
 
 
 def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
-    """Read the frames of a recording, or the first so many."""
+    """Read the frames of a recording, or the first ones."""
     entries = tuple(islice(recording.frames, most))
     with ThreadPoolExecutor() as pool:
         pixels = dict(zip((entry.file for entry in entries), pool.map(recording.frame, entries), strict=True))
@@ -107,7 +105,7 @@ def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
 
 
 class Answers(AnswerLog):
-    """What came back; `withdrawn_s` is when the first STATUS of the present withdrawal came."""
+    """The answers; `withdrawn_s` is when the first STATUS of the present withdrawal came."""
 
     withdrawn_s = 0.0
 
@@ -144,7 +142,7 @@ class Sent(Protocol):
 
     @property
     def frame_id(self) -> int:
-        """What the monitor calls it."""
+        """The frame's id at the monitor."""
 
 
 class Pace:
@@ -178,7 +176,7 @@ class Pace:
         self._also(at_s, message)
 
     def warm_up(self, frames: int, operator: "Operator | None" = None) -> None:
-        """Send frames until so many were answered with OK; an operator resets the monitor where it has withdrawn.
+        """Send frames until a number of them were answered with OK; an operator resets a monitor that has withdrawn.
 
         Raises:
             InputError: the monitor has withdrawn and there is no operator, or it does not say OK within two minutes.
@@ -219,7 +217,7 @@ class Pace:
 
 
 class Operator:
-    """Asks for a reset, beside what goes on; `took_s` is how long each answer took."""
+    """Asks for resets on a connection of its own; `took_s` has the time of each answer."""
 
     def __init__(self, port: int, token: str) -> None:
         self._port, self._token, self._pool = port, token, ThreadPoolExecutor(1)
@@ -241,7 +239,7 @@ class Operator:
 
     @property
     def busy(self) -> bool:
-        """Whether an answer is due."""
+        """True while an answer is due."""
         return self._asked is not None
 
     def settled(self) -> bool | None:

@@ -1,7 +1,7 @@
-"""A session as a user has it: nothing is pinned, the scanner is a normal process, a browser may show the console.
+"""A user's session: nothing is pinned, the scanner is a normal process, a browser may show the console.
 
 The robot is this process too, on a connection of its own; `--receiver` starts Debian's C++ `ReceiveClient` beside it.
-The frames stay below 25 mN, so every withdrawal is false: each is printed, and reset so that the session goes on.
+The frames stay below 25 mN, so every withdrawal is false: it is printed and reset, and the session continues.
 """
 
 import gc
@@ -23,8 +23,6 @@ from .browser import browser_pids, cpu_s, open_pages
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, real_monitor
 from .scanner import SCANNER_PRIORITY, WITHDRAW, Frames, Operator, Pace
-
-__all__ = ["add_options", "run"]
 
 RECEIVER = Path("/usr/share/doc/openigtlink-examples/examples/Receiver/ReceiveClient.cxx")
 WARM_UP = 50

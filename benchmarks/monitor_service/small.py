@@ -19,8 +19,6 @@ from scleraforce.service.watchdog import LOOK_S, MONITOR_PRIORITY
 
 from .monitors import cores, pin
 
-__all__ = ["Small", "SmallFrames", "small_monitor"]
-
 SUPPORT = Path(__file__).parents[2] / "tests" / "support"
 sys.path.append(str(SUPPORT))
 

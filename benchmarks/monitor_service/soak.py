@@ -22,11 +22,9 @@ from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, Resources, real_monitor, resources
 from .scanner import OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
 
-__all__ = ["add_options", "run"]
-
 RING_FRAMES = 1300  # until the ring of frames is full, memory grows as it should
-LATE_FRAMES = 10  # within so many a withdrawal is late, after them it is lost
-HELD_FRAMES = 25  # a withdrawal is looked at for so long before the reset is asked for
+LATE_FRAMES = 10  # a withdrawal within these is late, after them lost
+HELD_FRAMES = 25  # a withdrawal is watched for these before the reset
 RESET_FRAMES = 500  # within which it has to be granted
 SAMPLE_S = 2.0
 
@@ -40,7 +38,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 @dataclass
 class Tally:
-    """What happened to the withdrawals."""
+    """Counts of the withdrawals."""
 
     injected: Counter[str] = field(default_factory=Counter)
     answered: Counter[str] = field(default_factory=Counter)
@@ -55,7 +53,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Sample:
-    """What the processes held when so many frames had been sent."""
+    """Resources of the processes after a number of frames."""
 
     frames: int
     held: Mapping[str, Resources]
@@ -185,7 +183,7 @@ class Soak:
         figures = {
             "lost": len(tally.lost), "left without a reset": len(tally.unlatched), "resets not granted": tally.stuck,
             "withdrawals that nothing called for": len(tally.uncalled), "injected": injected, "frames": self._pace.sent,
-            "frames without an answer (those that are none have none)": self._pace.sent - len(answers),
+            "frames without an answer (invalid frames have none)": self._pace.sent - len(answers),
         }  # fmt: skip
         print_table("all in all", ["", ""], list(figures.items()))
         for line in (*tally.lost, *tally.unlatched, *tally.uncalled)[:20]:

@@ -10,15 +10,13 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import GlobeStudy, ReaderStudy, Study
 from scleraforce.units import to_si
 
-__all__ = ["KINDS", "Kind", "SessionEye", "draw_eye", "may_meet"]
-
 RIGIDITIES = (to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul"))
 THICKNESSES_M, GAPS_M = (0.45e-3, 0.85e-3), (0.4e-3, 0.9e-3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What sort of eyes: the ends of their modulus and pressure, and whether their globe is sealed."""
+    """A kind of eyes: the ends of their modulus and pressure, and their globe."""
 
     words: str
     modulus_pa: tuple[float, float]

@@ -1,4 +1,4 @@
-"""What happens in a session: the forces of the needle, and how eye and light move meanwhile."""
+"""The course of a session: forces of the needle, motion of the eye, changes of the light."""
 
 from dataclasses import dataclass
 from math import pi
@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.study import Study
-
-__all__ = ["FRAME_S", "PATH_N", "Trajectory", "moving_forces", "ramp_forces", "trajectory"]
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +49,7 @@ def ramp_forces(rate_n_s: float, largest_n: float, rng: np.random.Generator) -> 
 
 
 def _segment(now_n: float, highest_n: float, rng: np.random.Generator) -> tuple[list[float], str]:
-    """Return the forces of what the robot does next."""
+    """Return the forces of the robot's next action."""
     frames = int(rng.uniform(1.0, 4.0) / FRAME_S)
     share = np.arange(1, frames + 1) / frames
     kind = rng.choice(["hold", "swing", "ramp", "step", "lift off"], p=[0.2, 0.25, 0.3, 0.2, 0.05])

@@ -16,8 +16,6 @@ from scleraforce.laboratory.light import BscanOptics, Pose, sample_optics
 from scleraforce.mechanics.contact import Section
 from scleraforce.study import draw
 
-__all__ = ["Frame", "PooledGenerator", "largest_force_n", "still_frame", "stream"]
-
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint16]
 

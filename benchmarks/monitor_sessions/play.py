@@ -1,4 +1,4 @@
-"""The units of the sessions: one eye's frames, once, before monitors that are told different things of it."""
+"""The units of the sessions: one eye's frames, once, before monitors with different known inputs."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -9,10 +9,10 @@ from time import perf_counter
 import cv2
 import numpy as np
 
+from monitor_sessions.declarations import declarations
 from monitor_sessions.eyes import SessionEye, draw_eye
 from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
-from monitor_sessions.telling import tellings
 from monitor_sessions.watch import Watch, Withdrawal
 from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits
@@ -21,8 +21,6 @@ from scleraforce.reader.answer import Answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
-
-__all__ = ["Outcome", "Plan", "Ramp", "Unit", "prepare"]
 
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames
@@ -33,9 +31,9 @@ ENOUGH = 1.1  # times the bound: an eye that gives way below has no ramps
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What to run with one reader: kinds of eyes, and of each eye so many sessions and a ramp at each rate.
+    """The runs of one reader: kinds of eyes, and for each eye a number of sessions and a ramp at each rate.
 
-    `first` is the number of the first eye: the draws of another run can be gone on with.
+    `first` is the number of the first eye, to continue the draws of another run.
     """
 
     model: Path
@@ -50,7 +48,7 @@ class Plan:
 
     @property
     def units(self) -> tuple["Unit", ...]:
-        """All units; those of one eye follow each other."""
+        """All units; the units of one eye are adjacent."""
         return tuple(
             Unit(kind, eye, session)
             for kind in self.kinds
@@ -77,7 +75,7 @@ class Unit:
 class Ramp:
     """A ramp of a rate, N/s: the true force at its withdrawal, N, the time from 30 mN until then, s, and the cause.
 
-    All three are None where the monitor never withdrew.
+    The monitor never withdrew if all three are missing (None).
     """
 
     eye: int
@@ -89,10 +87,10 @@ class Ramp:
 
 @dataclass
 class Outcome:
-    """What a monitor did in a unit.
+    """A monitor's results in a unit.
 
-    `errors_n` are those of all frames with a reading; `inside` of those `touching`, under `TOUCHING_N` or more, had the
-    true force in their 90 % interval. (A needle that does not touch has a force of exactly 0, the edge of all answers.)
+    `errors_n` has all frames with a reading. `touching` frames have `TOUCHING_N` or more, and `inside` counts the ones
+    with the true force in their 90 % interval (without contact the force is exactly 0, the edge of all answers).
     """
 
     frames: int = 0
@@ -122,7 +120,7 @@ class Outcome:
 
 
 class Bench:
-    """What a process keeps: the reader and the limits of its monitors."""
+    """State of a process: the reader and the limits of its monitors."""
 
     def __init__(self, plan: Plan) -> None:
         cv2.setNumThreads(1)
@@ -158,10 +156,10 @@ class Bench:
         return outcomes, perf_counter() - start
 
     def _told(self, drawn: SessionEye, number: int) -> dict[str, Known]:
-        """Return the tellings of an eye; those of the last one are kept."""
+        """Return the declarations of an eye; the last eye's are cached."""
         if self._last[0] != drawn:
             rng = np.random.default_rng((self.plan.seed, 3, number))
-            self._last = (drawn, tellings(drawn, self.reader, self.plan.seed, rng))
+            self._last = (drawn, declarations(drawn, self.reader, self.plan.seed, rng))
         return self._last[1]
 
     def _watches(self, told: Mapping[str, Known]) -> dict[str, Watch]:

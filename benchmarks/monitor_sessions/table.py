@@ -1,4 +1,4 @@
-"""What came of the sessions, as tables of Markdown: ramps, sessions below the highest force, and the differences."""
+"""Results of the sessions as Markdown tables: ramps, sessions below the highest force, and differences."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -6,33 +6,31 @@ from statistics import median
 
 import numpy as np
 
+from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS
 from monitor_sessions.play import Outcome, Ramp
-from monitor_sessions.telling import TELLINGS
 from scleraforce.units import from_si
 
-__all__ = ["ramp_table", "session_table"]
-
 BOUND_N = 30e-3
-REFERENCE = "told"
-Found = Mapping[str, Mapping[str, Outcome]]  # kind -> telling
+REFERENCE = "declared"
+Found = Mapping[str, Mapping[str, Outcome]]  # kind -> declaration
 
 
 def ramp_table(found: Found) -> str:
-    """Return, for each kind of eyes and each telling, whether ramps were stopped in time, and at which true force."""
+    """Return, for each kind of eyes and declaration, the ramps stopped in time and their true force."""
     rates = sorted({ramp.rate_n_s for of in found.values() for one in of.values() for ramp in one.ramps})
     head = [
         "eyes",
         "globe",
         "stopped below 30 mN",
         *(f"at {from_si(rate, 'mn'):g} mN/s" for rate in rates),
-        "earlier than told, mN",
+        "earlier than declared, mN",
         "causes",
     ]
     rows = [
         [
             words,
-            TELLINGS[name],
+            DECLARATIONS[name],
             f"{sum(_in_time(ramp) for ramp in outcome.ramps)} of {len(outcome.ramps)}",
             *(_spread([ramp.force_n for ramp in outcome.ramps if ramp.rate_n_s == rate]) for rate in rates),
             _earlier(outcome.ramps, of[REFERENCE].ramps),
@@ -45,7 +43,7 @@ def ramp_table(found: Found) -> str:
 
 
 def session_table(found: Found) -> str:
-    """Return, for each kind of eyes and each telling, how often a monitor withdrew from harmless sessions."""
+    """Return, for each kind of eyes and declaration, the withdrawals from harmless sessions."""
     head = [
         "eyes",
         "globe",
@@ -59,7 +57,7 @@ def session_table(found: Found) -> str:
     rows = [
         [
             words,
-            TELLINGS[name],
+            DECLARATIONS[name],
             f"{outcome.frames:,}",
             _share(outcome.ok, outcome.frames),
             str(len(outcome.withdrawn_n)),
@@ -87,7 +85,7 @@ def _causes(ramps: Sequence[Ramp]) -> list[str]:
 
 
 def _earlier(ramps: Sequence[Ramp], told: Sequence[Ramp]) -> str:
-    """Return by how many mN, in the median and at most, ramps were stopped earlier than the same ones where told."""
+    """Return the median and largest difference in mN by which ramps were stopped earlier than with a declared globe."""
     if ramps is told:
         return ""
     same = {(ramp.eye, ramp.rate_n_s): ramp.force_n for ramp in told}

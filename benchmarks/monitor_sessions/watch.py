@@ -12,8 +12,6 @@ from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.pixels import PixelScale
 
-__all__ = ["Watch", "Withdrawal"]
-
 OPINION_EVERY, OPINION_AFTER_S = 3, 0.025  # frames; the fit takes so long on a busy machine, and skips what comes then
 RESET_AFTER_S = 1.0
 WITHDRAW = 3
@@ -21,7 +19,7 @@ WITHDRAW = 3
 
 @dataclass(frozen=True)
 class Withdrawal:
-    """When a monitor began to withdraw, s, and why."""
+    """Time of a withdrawal, s, and its cause."""
 
     at_s: float
     cause: str
@@ -29,7 +27,7 @@ class Withdrawal:
 
 
 class Watch:
-    """A monitor that is told one thing of an eye."""
+    """A monitor with one declaration of an eye."""
 
     def __init__(self, reader: ForceReader, known: Known, limits: MonitorLimits) -> None:
         self._reader, self._known, self._limits = reader, known, limits

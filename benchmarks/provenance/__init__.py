@@ -1,1 +1,1 @@
-"""Where the figures of a page are from: the line that says so, and whether today's code would still make them."""
+"""Provenance of a page's figures: their stamp, and a check that today's code would still make them."""

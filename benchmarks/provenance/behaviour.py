@@ -1,4 +1,4 @@
-"""What decides the figures of the pages, as a fingerprint (`scleraforce.learning.fingerprint`), at small size.
+"""Fingerprint of the code that decides the pages' figures (`scleraforce.learning.fingerprint`), at small size.
 
 The bundled models' fingerprints, and an eye of each group of `make figures`, computed on a coarse mesh, imaged,
 and read by the bundled reader. `behaviour.json` has the fingerprint of each run whose figures are in a page.
@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from figures.declared import declare
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
 from figures.recordings import make_eye, read_made
-from figures.told import tell
 from provenance.stamps import Stamp
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.learning.fingerprint import (
@@ -34,11 +34,9 @@ from scleraforce.recording.folder import read_recording
 from scleraforce.study import Study, study_hash
 from scleraforce.whole_files import write_whole
 
-__all__ = ["behaviour", "keep", "moved_since"]
-
 KEPT = Path(__file__).with_name("behaviour.json")
 SHARES = (0.2, 0.6)  # of the largest force, of the frames of an eye
-# Commands whose figures only some entries decide, by how their names begin; nothing here decides a speed.
+# Commands whose figures only some entries decide, by the beginning of their names; no entry decides a speed.
 DECIDED_BY: dict[str, tuple[str, ...]] = {
     "make bench": (),
     "make reproduce": (*SHIPPED, "plain eye"),
@@ -96,7 +94,7 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
     mesh = replace(drawn.study.mesh, core=4, rings=8)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh), shares=SHARES)
     make_eye(folder, drawn)
-    made, path = read_made(folder, drawn), tell(folder, [drawn]).recording(drawn)
+    made, path = read_made(folder, drawn), declare(folder, [drawn]).recording(drawn)
     recording = read_recording(path)
     answers = evaluate_recordings(load_model("default"), [path]).frames
     forces_n = [

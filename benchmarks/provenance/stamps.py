@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-__all__ = ["ROOT", "Stamp", "new_stamp", "read_stamps"]
-
 ROOT = Path(__file__).parents[2]
 LINE = re.compile(
     r"\*Made by `(?P<made_by>[^`]+)` on commit `(?P<commit>\w+)`(?P<changed> with changes)? of "
@@ -21,11 +19,12 @@ LINE = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Stamp:
-    """Where figures are from.
+    """Origin of figures.
 
     Attributes:
         made_by: the command.
-        commit: short, of the code that ran; `changed` says that files differed from it.
+        commit: short, of the code that ran; `changed` if files differed from it.
+
         day: of the run, like "22 November 2026".
     """
 

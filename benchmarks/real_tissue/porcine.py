@@ -17,18 +17,6 @@ from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, presse
 from scleraforce.mechanics.globe import OPEN_GLOBE, sealed_globe
 from scleraforce.units import to_si
 
-__all__ = [
-    "IOP_PA",
-    "MODULI_PA",
-    "SIZE",
-    "STIFFNESS_N_M",
-    "PunchedEye",
-    "modulus_by_shell_theory",
-    "modulus_of_slope",
-    "pushed",
-    "small_load_modulus",
-]
-
 Floats = NDArray[np.float64]
 
 STIFFNESS_N_M, IOP_PA = 130.0, to_si(15.0, "mmhg")
@@ -94,12 +82,12 @@ def pushed(
 
 
 def modulus_of_slope(paths: dict[float, Pushed], dent_m: float, stiffness_n_m: float = STIFFNESS_N_M) -> float | None:
-    """Return E, Pa, whose path has the measured slope at a dent; None where no E among the paths' has it.
+    """Return E, Pa, whose path has the measured slope at a dent; None if no E among the paths' has it.
 
     Args:
-        paths: for each modulus, Pa, ascending; those that end before the dent are left out.
+        paths: for each modulus, Pa, ascending; paths that end before the dent are left out.
         dent_m: one of the dents of the paths.
-        stiffness_n_m: that was measured.
+        stiffness_n_m: the measured one.
     """
     slopes = {
         modulus: modulus * float(np.interp(dent_m, path.dent_m, path.slope_m()))

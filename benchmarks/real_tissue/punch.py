@@ -24,13 +24,11 @@ from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.mechanics.meridian import line_shapes
 
-__all__ = ["Pushed", "flat_punch_path"]
-
 Floats = NDArray[np.float64]
 
 BED = 1e6
 POINTS = 6  # along an element below the punch
-TOLERANCE = 1e-8  # forces out of balance over those of pressure and punch; error of the pressure
+TOLERANCE = 1e-8  # residual forces relative to pressure and punch; error of the pressure
 FEWEST = 3  # states that have a slope
 MOST_STEPS = 30  # of Newton's method; the points that touch change from one to the next
 HIGHEST, BELOW_BURST, PRESSURES = 3.0, 0.9, 13  # where the undented volume is tabulated: over the rest, the burst

@@ -13,23 +13,10 @@ from scleraforce.mechanics.material import burst_tension
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.units import from_si, to_si
 
-__all__ = [
-    "NEEDLE_M",
-    "NU",
-    "RADIUS_M",
-    "Law",
-    "distension_modulus",
-    "laws",
-    "mmhg_per_ul",
-    "open_path",
-    "own_mmhg_per_ul",
-    "own_pressure",
-]
-
 Floats = NDArray[np.float64]
 
 RADIUS_M, NU, NEEDLE_M = 12e-3, 0.45, 0.35e-3
-AT_MMHG = 15.0  # where a logarithmic law is told by the k of its slope
+AT_MMHG = 15.0  # at which a logarithmic law has the slope of k
 ONE_MMHG_PA, ONE_UL_M3 = to_si(1.0, "mmhg"), 1e-9
 
 

@@ -1,8 +1,8 @@
 """Closed forms for the stiffness of a thin pressurised sphere under a small force, at E = 1 Pa.
 
 `point` and `shallow` are of a shallow shell: the dent is small against the globe, and the wall does not shear. `sphere`
-is of the whole globe, term by term in Legendre polynomials, and its wall may shear. Sizes are those of the middle
-surface, in m; pressures are p/E; a stiffness is F/E over the middle surface's displacement at the force, in m.
+is of the whole globe, term by term in Legendre polynomials, and its wall may shear. Sizes are of the middle surface, in
+m; pressures are p/E; a stiffness is F/E over the middle surface's displacement at the force, in m.
 """
 
 from itertools import pairwise
@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.special import j1
-
-__all__ = ["point", "pressure_ratio", "shallow", "sphere"]
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +66,8 @@ def sphere(
 
         K_l = B q^2/R^4 / (1 + s q/R^2) + p q/(2 R) + (E h/R^2) q / (l (l + 1) - 1 + nu),    s = h^2 / (5 (1 - nu))
 
-    where s = B/(5/6 G h) is left out without shear. Two opposite forces have even degrees only, twice those of one.
+    where s = B/(5/6 G h) is left out without shear. Two opposite forces have even degrees only, with twice the
+    amplitude of one force.
     """
     edge = float(np.cos(np.arcsin(disc_m / radius_m)))
     values = _legendre(edge, int(FINEST * radius_m / min(disc_m, thickness_m)))

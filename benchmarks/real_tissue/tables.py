@@ -1,4 +1,4 @@
-"""The tables of docs/real_tissue.md, as they stand there."""
+"""The tables of docs/real_tissue.md."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -33,8 +33,6 @@ from scleraforce.errors import SolverError
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.units import from_si, to_si
-
-__all__ = ["TABLES", "pressed", "punch", "punch_pressures", "punch_spread", "sealed_dents", "shells", "volumes"]
 
 SHELL_MODULUS_PA = 0.25e6
 THICKNESSES_MM = (0.05, 0.15, 0.25, 0.5, 0.8)
@@ -112,7 +110,7 @@ def _pushed(modulus_pa: float, rigidity: float) -> Pushed | None:
 
 
 def punch_spread(rows: int | None = None) -> str:
-    """What the measured sizes, nu and the support are worth: E of the slope at 1 mm, and by shell theory."""
+    """Sensitivity to measured sizes, nu and support: E from the slope at 1 mm, and by shell theory."""
     head = ["one thing otherwise", "E, MPa, flat punch at 1 mm", "E, MPa, shell theory"]
     cases: dict[str, tuple[PunchedEye, float, bool]] = {
         "the means": (SIZE, 130.0, False),
@@ -134,7 +132,7 @@ def punch_spread(rows: int | None = None) -> str:
 
 
 def punch_pressures(rows: int | None = None) -> str:
-    """How the stiffness below the flat punch rises with pressure though E stays, and what shell theory makes of it."""
+    """Rise of the stiffness below the flat punch with pressure at constant E, and E by shell theory."""
     head = ["eye pressure, mmHg", "slope at 1 mm, N/mm", "touched, % of the punch", "E by shell theory, MPa"]
     found = []
     for iop_mmhg in (5.0, 10.0, 15.0, 20.0, 30.0)[:rows]:

@@ -9,8 +9,6 @@ from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.meridian import MeridianMesh
 
-__all__ = ["PressedWall", "bonded_stiffness", "disc_wall", "fine_meridian", "pressed_wall"]
-
 Floats = NDArray[np.float64]
 
 FIRST_SHARE = 0.05  # size of the first element beyond the disc over the mean; then they grow with their number squared

@@ -9,8 +9,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-__all__ = ["ask_module", "command_seconds", "scleraforce"]
-
 FOLDER = Path(__file__).parents[1]
 
 

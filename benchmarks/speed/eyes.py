@@ -19,8 +19,6 @@ from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Study
 
-__all__ = ["DrawnEye", "draw_eyes", "shipped_reader"]
-
 
 @dataclass(frozen=True, eq=False)
 class DrawnEye:

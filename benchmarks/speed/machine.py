@@ -8,8 +8,6 @@ from pathlib import Path
 
 from scleraforce.processes import available_cores
 
-__all__ = ["machine_in_words"]
-
 GIB = 2**30
 PACKAGES = ("scleraforce", "numpy", "scipy", "numba", "opencv-python-headless", "onnxruntime", "torch", "scikit-fem",
             "scikit-learn", "pyigtl")  # fmt: skip

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 from speed.record import QUOTED, Results, Row, Table
 
-__all__ = ["PICTURE", "as_markdown", "table_lines"]
-
 PICTURE = "static_solves.png"
 QUICK = "**A quick run: sizes are reduced, and the figures say only that every part works.**"
-READ = """One run, no other work of ours beside it. Seconds are this machine's; what carries over to another one are the
-ratios: each figure over what stands beside it, taken in turns with it unless it says otherwise. Values are medians; the
-spread is from 10 to 90 % of the repetitions."""
+READ = """One run, without other work of ours. Seconds are this machine's; ratios carry over to other machines:
+each figure over the one beside it, measured in turns unless stated otherwise. Values are medians; the spread is from
+10 to 90 % of the repetitions."""
 
 
 def as_markdown(results: Results) -> str:

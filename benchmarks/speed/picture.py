@@ -9,8 +9,6 @@ from matplotlib.transforms import Bbox
 from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled
 from speed.record import QUOTED, Row
 
-__all__ = ["draw_solves"]
-
 COLOURS = {"ours": BLUE, "CalculiX": AMBER, "plain": RED, "SOFA": GREY}
 LEFT, RIGHT = ("right", "center", (-6, 0)), ("left", "center", (6, 0))
 ABOVE, BELOW = ("center", "bottom", (0, 6)), ("center", "top", (0, -6))
@@ -19,7 +17,7 @@ LEAST_PERCENT = 0.05  # smaller errors are drawn here
 
 @styled
 def draw_solves(rows: Sequence[Row]) -> Figure:
-    """Draw the error of each solve over its time; those that are not of this run are open."""
+    """Draw the error of each solve over its time; quoted ones have open markers."""
     figure = Figure(figsize=inches(150, 90))
     axes = figure.add_subplot()
     axes.set(xscale="log", yscale="log", xlabel="time of a first static solve, s", ylabel="error of the tip, %")
@@ -32,7 +30,7 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
         name = f"{row.what}\n({QUOTED})" if row.source else row.what
         drawn[name] = row.value, max(abs(error), LEAST_PERCENT)
         axes.plot(*drawn[name], "o", color=_colour(name), fillstyle="none" if row.source else "full")
-    figure.draw_without_rendering()  # places are those of the picture from here on
+    figure.draw_without_rendering()  # from here on places are in the picture
     taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in axes.transData.transform(list(drawn.values()))]
     for name, place in drawn.items():
         taken.append(_name(axes, name, place, taken))
@@ -40,7 +38,7 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
 
 
 def _name(axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]) -> Bbox:
-    """Write a name beside a place, where nothing stands if there is room; return where it is."""
+    """Write a name beside a place, on free ground if there is room; return its place."""
     sides = (LEFT, BELOW, ABOVE, RIGHT) if name.startswith("ours") else (RIGHT, BELOW, ABOVE, LEFT)
     texts = [
         axes.annotate(name, place, xytext=offset, textcoords="offset points", color=_colour(name), ha=across, va=along)

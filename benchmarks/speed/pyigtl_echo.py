@@ -11,8 +11,6 @@ from time import sleep
 
 import pyigtl  # type: ignore[import-untyped]  # comes without types
 
-__all__ = ["serve"]
-
 REST_S = 1e-3  # between two looks at what has come
 
 

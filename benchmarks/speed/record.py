@@ -1,12 +1,10 @@
-"""What a benchmark finds: rows of a table. They are printed, kept as JSON, and read back."""
+"""Results of a benchmark: rows of a table, printed, stored as JSON and read back."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-
-__all__ = ["QUOTED", "Results", "Row", "Table", "failed_table", "spread"]
 
 QUOTED = "not of this run"
 
@@ -40,14 +38,14 @@ class Row:
 
     @property
     def ratio(self) -> float | None:
-        """Times as long as what stands beside it."""
+        """Ratio to the value beside it."""
         if self.value is None or not self.beside_value:
             return None
         return self.value / self.beside_value
 
     @property
     def goal_met(self) -> bool | None:
-        """Whether the goal is met; None where there is none, or nothing to hold against it."""
+        """True if the goal is met; None without a goal or a value."""
         return None if self.goal is None or self.value is None else self.value <= self.goal
 
 
@@ -93,7 +91,7 @@ def failed_table(name: str, words: str) -> Table:
 
 
 def spread(times: Sequence[float]) -> dict[str, Any]:
-    """Return `value` and `spread` of a row; once tells no spread.
+    """Return `value` and `spread` of a row; one value has no spread.
 
     >>> spread([3.0, 1.0, 2.0])["value"], spread([3.0])
     (2.0, {'value': 3.0, 'spread': None})

@@ -1,4 +1,4 @@
-"""What every part is told of the run."""
+"""Settings of a run, for every part."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,8 +6,6 @@ from pathlib import Path
 from time import perf_counter
 
 from scleraforce.study import Study, read_study
-
-__all__ = ["OPTIONS", "QUICK_STUDY", "ROOT", "Run", "in_turns"]
 
 ROOT = Path(__file__).parents[2]
 OPTIONS = ("training", "reproduce", "tests")  # what takes too long to be done each time
@@ -20,8 +18,8 @@ class Run:
 
     Attributes:
         quick: at reduced sizes.
-        folder: what one part leaves to the later ones: data set, library, recording.
-        options: those of `OPTIONS` that are done in full; a quick run does all of them, reduced.
+        folder: shared results of the parts: data set, library, recording.
+        options: entries of `OPTIONS` that are done in full; a quick run does all of them, reduced.
     """
 
     quick: bool
@@ -29,7 +27,7 @@ class Run:
     options: tuple[str, ...] = ()
 
     def full(self, option: str) -> bool:
-        """Whether something long is done from end to end."""
+        """Return True if long work is done from end to end."""
         return self.quick or option in self.options
 
     def count(self, usual: int, quick: int) -> int:

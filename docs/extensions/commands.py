@@ -2,8 +2,6 @@
 
 from sphinx.application import Sphinx
 
-__all__ = ["setup"]
-
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Escape reStructuredText markup."""

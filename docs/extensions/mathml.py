@@ -5,8 +5,6 @@ from docutils.utils.math import latex2mathml
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
-__all__ = ["setup"]
-
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Offer the renderer to `html_math_renderer`."""

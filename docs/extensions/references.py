@@ -5,8 +5,6 @@ from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 
-__all__ = ["setup"]
-
 BEFORE_NAPOLEON, AFTER_NAPOLEON = 400, 600  # which comes at 500
 
 

@@ -6,8 +6,6 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 
-__all__ = ["setup"]
-
 ARROW = re.compile(r"\s*(\S+) --> (\w+)(?:: (.*))?")
 HEAD = ("state", "next state", "on")
 

@@ -25,7 +25,7 @@ FORCES_N = np.linspace(0.0, 0.03, 61)
 
 @styled
 def draw() -> Figure:
-    """Draw the force over the dent, both ways."""
+    """Draw the force over the dent, linear and at finite strain."""
     mesh = graded_mesh(12e-3, THICKNESS_M, CONTACT, core=4, rings=6)
     needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
     path = FiniteWall(mesh, poisson_ratio=0.45).load_path(

@@ -1,4 +1,4 @@
-"""When the monitor withdraws: a ramp of force, and the decision at each frame.
+"""A ramp of force: the decision at each frame, and the withdrawal.
 
 The decision is a pure function of the state, the event and the limits. Here the force rises by 12 mN/s and stops at
 27 mN, below the bound of 30 mN. The upper end of the interval counts, and how fast it rises: the monitor withdraws

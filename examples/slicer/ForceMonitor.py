@@ -20,7 +20,7 @@ ORANGE = (0.835, 0.369, 0.0)
 
 
 class ForceMonitor(ScriptedLoadableModule):
-    """What Slicer's list of modules says."""
+    """The entry in Slicer's list of modules."""
 
     def __init__(self, parent):
         super().__init__(parent)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Shows a monitor in 3D Slicer: frames with their walls, the force as a bar and in words (docs/howto/slicer.md).
 
-It stands between scanner and monitor, hands on every byte at once and unchanged, both ways, and serves Slicer beside
-that: IMAGE `ForceView`, TRANSFORM `ForceBar`, STRING `ForceText`. For looking at a session, not for a robot: a robot
-listens to the monitor itself. Research use only.
+It relays every byte between scanner and monitor, at once and unchanged, and serves Slicer: IMAGE `ForceView`, TRANSFORM
+`ForceBar`, STRING `ForceText`. For looking at a session, not for a robot: a robot listens to the monitor itself.
+Research use only.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from scleraforce.units import from_si
 VIEW, BAR, WORDS = "ForceView", "ForceBar", "ForceText"
 PIECE, MM = 1 << 16, 1e-3
 KEPT_FRAMES, FRAME_WAIT_S = 4, 0.2
-FLAT = 0.01  # height of the bar where no force was read; a scale of 0 is no transform
+FLAT = 0.01  # height of the bar without a force; Slicer refuses a scale of 0
 Address = tuple[str, int]
 
 
@@ -80,7 +80,7 @@ class Latest:
 
 
 class Viewers:
-    """The connections from Slicer; a late one is told what was told last, one that does not read is dropped."""
+    """The connections from Slicer; a new one gets the last messages, one that does not read is closed."""
 
     def __init__(self) -> None:
         self._links: list[socket.socket] = []
@@ -169,7 +169,7 @@ def words(reading: dict[str, Any], status: str) -> str:
 
 
 def show(latest: Latest, viewers: Viewers) -> None:
-    """Tell Slicer each reading as it comes."""
+    """Send each reading to Slicer at once."""
     while (told := latest.wait()) is not None:
         reading, image = told
         if image is not None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS, draw_eye, may_meet
 from monitor_sessions.forces import moving_forces, ramp_forces
 from monitor_sessions.play import Outcome, Ramp
 from monitor_sessions.table import ramp_table, session_table
-from monitor_sessions.telling import TELLINGS
 from scleraforce.study import Study, parse_study, preset_toml
 
 
@@ -37,23 +37,23 @@ def test_forces_stay_below_the_highest_and_ramps_end_there() -> None:
 
 
 def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp() -> None:
-    told = Outcome(ramps=[Ramp(0, 0.01, 28e-3, -0.2, "BOUND"), Ramp(1, 0.01, 31e-3, 0.1, "RISING")])
+    declared = Outcome(ramps=[Ramp(0, 0.01, 28e-3, -0.2, "BOUND"), Ramp(1, 0.01, 31e-3, 0.1, "RISING")])
     unknown = Outcome(ramps=[Ramp(0, 0.01, 22e-3, -0.8, "BOUND"), Ramp(1, 0.01, None, None, None)])
-    of = {"told": told, "found": Outcome(), "unknown": unknown}
+    of = {"declared": declared, "found": Outcome(), "unknown": unknown}
     head, _, *rows = cells(ramp_table({"sealed": of}))
     first, _, last = (dict(zip(head, row, strict=True)) for row in rows)
     assert first["stopped below 30 mN"] == "1 of 2"
     assert first["at 10 mN/s"] == "28.0 / 29.5 / 31.0"
     assert last["stopped below 30 mN"] == "1 of 2"
-    assert last["earlier than told, mN"] == "6.0 / 6.0"
+    assert last["earlier than declared, mN"] == "6.0 / 6.0"
     assert last["causes"] == "1 `BOUND`, 1 never"
-    assert last["globe"] == TELLINGS["unknown"]
+    assert last["globe"] == DECLARATIONS["unknown"]
 
 
 def test_units_add_up_and_a_session_shows_its_false_withdrawals() -> None:
     outcome = Outcome(frames=100, ok=98, errors_n=[1e-3, -1e-3], touching=2, inside=1, withdrawn_n=[18e-3])
     outcome.add(Outcome(frames=100, ok=100))
-    head, _, row = cells(session_table({"open": {"told": outcome}}))
+    head, _, row = cells(session_table({"open": {"declared": outcome}}))
     shown = dict(zip(head, row, strict=True))
     assert shown["frames"] == "200"
     assert shown["answered OK"] == "99.0 %"

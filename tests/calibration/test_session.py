@@ -7,7 +7,7 @@ from typing import Any
 import analytic_library as analytic
 import numpy as np
 import pytest
-from small_models import told_finder
+from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation, calibrate
@@ -171,7 +171,7 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
         return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
     monkeypatch.setattr(calibrate, "find_wall", below)
-    finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
+    finder = fixed_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=finder)
     assert told == [(EYE.thickness_m, finder)] * len(FORCES)
@@ -180,7 +180,7 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
 def test_frames_in_which_a_network_sees_another_wall_are_not_calibrated_on(
     library: Library, recording: Recording, calibration: Calibration
 ) -> None:
-    blind = told_finder(np.full(88, 100.0), np.full(88, 110.0), sd=0.3)
+    blind = fixed_finder(np.full(88, 100.0), np.full(88, 110.0), sd=0.3)
     with pytest.raises(CalibrationError, match="not usable: two ways to find the wall differ"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
     shipped = load_wall_finder(SHIPPED_WALL_FINDER)

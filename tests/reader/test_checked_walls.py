@@ -23,7 +23,7 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )
-from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, told_finder, write_blind_finder
+from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, fixed_finder, write_blind_finder
 from small_recordings import FORCE_TOML, write_places
 
 import scleraforce as sf
@@ -61,7 +61,7 @@ def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     frame = image(wall_section(tip_of(0.02)))
-    elsewhere = told_finder(np.full(HALF, 100.0), np.full(HALF, 110.0), sd=0.3)
+    elsewhere = fixed_finder(np.full(HALF, 100.0), np.full(HALF, 110.0), sd=0.3)
     reader = ForceReader(Path("model"), STUDY, {}, FixedNetwork(FIVE_MN), LIBRARY, "fit", finder=elsewhere)
     answer = reader.read(frame, SCALE, KNOWN)
     assert not answer.usable

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_frames import SCALE, image, tip_of, wall_section
-from small_models import FINDER_STUDY as STUDY, told_finder
+from small_models import FINDER_STUDY as STUDY, fixed_finder
 
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.wall_finder import mask_dice
@@ -49,7 +49,7 @@ def test_a_network_that_sees_the_same_wall_hardly_moves_it(force_mn: int, shippe
 
 def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
     noise = np.random.default_rng(0).integers(0, 4095, (512, 512)).astype(np.uint16)
-    finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
+    finder = fixed_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
     alone, checked = find_wall(noise, SCALE), find_wall(noise, SCALE, finder=finder)
     assert not alone.usable
     assert checked.reason == alone.reason
@@ -81,7 +81,7 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
     found = find_wall(frame, SCALE)
     column = np.rint(reduced_columns(512, HALF)).astype(int)
     rows = ((found.outer_row[column] + 0.5) / 4 - 0.5, (found.inner_row[column] + 0.5) / 4 - 0.5)
-    seen = told_finder(*rows).find(frame)  # the network sees wall in the shadow, too
+    seen = fixed_finder(*rows).find(frame)  # the network sees wall in the shadow, too
     hidden = (150, 350)
     outer_row = found.outer_row.copy()
     outer_row[slice(*hidden)] = np.nan

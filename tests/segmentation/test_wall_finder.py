@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_models import FINDER_STUDY as STUDY, ToldSession, distributions, told_finder
+from small_models import FINDER_STUDY as STUDY, FixedSession, distributions, fixed_finder
 
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan
@@ -50,7 +50,7 @@ def dice(mask: np.ndarray, true: np.ndarray) -> float:
 
 def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread() -> None:
     outer, inner = np.linspace(20.3, 40.7, HALF), np.linspace(60.2, 70.9, HALF)
-    seen = told_finder(outer, inner, sd=1.5).find(FRAME)
+    seen = fixed_finder(outer, inner, sd=1.5).find(FRAME)
     assert seen.outer_row == pytest.approx((outer + 0.5) * 4 - 0.5, abs=0.4)
     assert seen.inner_row == pytest.approx((inner + 0.5) * 4 - 0.5, abs=0.4)
     assert seen.outer_sd == pytest.approx(4 * 1.5, rel=0.05)
@@ -64,7 +64,7 @@ def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_on
     share = np.full(HALF, 0.9)
     share[40:45] = 0.45
     rows = share * distributions(outer) + (1 - share) * distributions(outer + 40)
-    session = ToldSession(np.stack([rows, distributions(outer + 60)]), np.ones(HALF))
+    session = FixedSession(np.stack([rows, distributions(outer + 60)]), np.ones(HALF))
     seen = WallFinder(session, STUDY, "told").find(FRAME)
     assert seen.outer_row == pytest.approx(4 * 30.5 - 0.5, abs=0.5)
     assert (seen.outer_sd[40:45] > 4 * 18).all()
@@ -77,38 +77,38 @@ def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() 
     share = np.full(HALF, 0.9)
     share[30:50] = 0.45
     inner = share * distributions(outer + 15) + (1 - share) * distributions(outer + 55)
-    seen = WallFinder(ToldSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "told").find(FRAME)
+    seen = WallFinder(FixedSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "told").find(FRAME)
     assert seen.inner_row - seen.outer_row == pytest.approx(60.0, abs=4.0)
     assert (seen.inner_sd[30:50] > 4 * 15).all()
 
 
 def test_a_column_without_wall_says_so() -> None:
     outer = np.where(np.arange(HALF) < 30, np.nan, 30.0)
-    seen = told_finder(outer, outer + 20).find(FRAME)
+    seen = fixed_finder(outer, outer + 20).find(FRAME)
     assert np.array_equal(seen.there, np.arange(HALF) >= 30)
     assert seen.outer_row[30:] == pytest.approx(4 * 30.5 - 0.5, abs=0.2)
 
 
 def test_an_inner_boundary_above_the_outer_one_is_no_wall() -> None:
-    seen = told_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME)
+    seen = fixed_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME)
     assert not seen.there.any()
 
 
 def test_boundaries_in_the_first_and_last_row_lie_beyond_the_frame() -> None:
-    seen = told_finder(np.full(HALF, 0.0), np.full(HALF, STUDY.rows - 1.0), sd=0.3).find(FRAME)
+    seen = fixed_finder(np.full(HALF, 0.0), np.full(HALF, STUDY.rows - 1.0), sd=0.3).find(FRAME)
     assert (seen.outer_row < -0.5).all()
     assert (seen.inner_row > 511.0).all()
 
 
 def test_a_network_with_other_outputs_is_refused() -> None:
-    session = ToldSession(np.zeros((2, STUDY.rows, HALF)), np.zeros(HALF))
+    session = FixedSession(np.zeros((2, STUDY.rows, HALF)), np.zeros(HALF))
     with pytest.raises(ModelError, match="told: inputs: found"):
         WallFinder(session, replace(STUDY, rows=64), "told")
 
 
 def test_answers_that_are_not_finite_are_an_error() -> None:
-    finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
-    session = ToldSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
+    finder = fixed_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
+    session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
     finder.session = session
     with pytest.raises(ModelError, match="numbers that are not finite"):
         finder.find(FRAME)
@@ -125,7 +125,7 @@ def refined(frame: np.ndarray, finder: WallFinder, scale: PixelScale = SCALE) ->
 @pytest.mark.parametrize("thickness_m", [0.45e-3, 0.8e-3])
 def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m: float) -> None:
     bscan = phantom(thickness_m, dent_m, seed=3)
-    finder = told_finder(*true_rows(bscan), sd=1.0)
+    finder = fixed_finder(*true_rows(bscan), sd=1.0)
     checked, other = refined(bscan.frame, finder), find_wall(bscan.frame, SCALE)
     assert checked.inner_found
     assert dice(checked.mask, bscan.truth_mask) > max(0.97, dice(other.mask, bscan.truth_mask) - 0.003)
@@ -138,7 +138,7 @@ def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_shown() -> N
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
     outer, inner = true_rows(bscan)
     for shift in (0.0, 6.0):
-        finder = told_finder(outer + shift, inner + shift)
+        finder = fixed_finder(outer + shift, inner + shift)
         assert checked_by(finder, bscan.frame, SCALE, found, found).needle == needle
 
 
@@ -147,7 +147,7 @@ def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_m
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
     left = np.arange(HALF) < HALF // 2
-    checked = refined(bscan.frame, told_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0))
+    checked = refined(bscan.frame, fixed_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     off = checked.inner_row - true
     assert np.nanmedian(np.abs(off[60:220])) < 2.0
@@ -158,7 +158,7 @@ def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
     """Its surface is told 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
-    checked = find_wall(bscan.frame, SCALE, finder=told_finder(outer - 3.0, inner, sd=0.5))
+    checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer - 3.0, inner, sd=0.5))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
     assert np.nanmedian((checked.outer_row - true)[60:450]) == pytest.approx(-12.0, abs=3.0)
     assert not checked.usable
@@ -168,7 +168,7 @@ def test_a_wall_that_goes_on_beyond_the_frame_ends_a_millimetre_below_its_surfac
     bscan = phantom(0.6e-3, 0.0)
     outer, _ = true_rows(bscan)
     below = np.full(HALF, STUDY.rows - 1.0)
-    finder = told_finder(outer, np.where(np.isfinite(outer), below, np.nan))
+    finder = fixed_finder(outer, np.where(np.isfinite(outer), below, np.nan))
     checked = refined(bscan.frame, finder)
     assert not checked.inner_found
     assert np.isnan(checked.thickness_m)
@@ -181,7 +181,7 @@ def test_a_wall_that_leaves_the_frame_goes_on_as_thick_as_it_is() -> None:
     bscan = phantom(0.6e-3, 0.0)
     outer, inner = true_rows(bscan)
     middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
-    checked = refined(bscan.frame, told_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
+    checked = refined(bscan.frame, fixed_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
     true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     assert np.nanmedian(np.abs(checked.inner_row - true)) < 3.0
     assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
@@ -193,7 +193,7 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
 
     def told(end: np.ndarray) -> Segmentation:
         rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
-        finder = WallFinder(ToldSession(rows, np.isfinite(outer).astype(float)), STUDY, "told")
+        finder = WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "told")
         return find_wall(bscan.frame, SCALE, finder=finder)
 
     assert told(inner + 5.0).reason.startswith("the network does not know where the wall ends, in ")
@@ -205,7 +205,7 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
 def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[float, float], what: str) -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
-    checked = find_wall(bscan.frame, SCALE, finder=told_finder(outer + shift[0], inner + shift[1]))
+    checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer + shift[0], inner + shift[1]))
     assert not checked.usable
     assert checked.reason.startswith(f"two ways to find the wall differ: {what}")
 
@@ -213,14 +213,14 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[
 def test_a_network_that_is_unsure_does_not_contradict() -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
-    assert find_wall(bscan.frame, SCALE, finder=told_finder(outer, inner + 6.0, sd=4.0)).usable
+    assert find_wall(bscan.frame, SCALE, finder=fixed_finder(outer, inner + 6.0, sd=4.0)).usable
 
 
 def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None:
     bscan = phantom()
     outer, inner = true_rows(bscan)
     half = np.where(np.arange(HALF) < HALF // 2, np.nan, outer)
-    checked = find_wall(bscan.frame, SCALE, finder=told_finder(half, inner))
+    checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(half, inner))
     assert not checked.usable
     assert "one sees wall where the other does not" in checked.reason
     assert np.isnan(checked.outer_row[100])
@@ -229,7 +229,7 @@ def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None
 def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
     bscan = phantom()
     nowhere = np.full(HALF, np.nan)
-    checked = find_wall(bscan.frame, SCALE, finder=told_finder(nowhere, nowhere))
+    checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(nowhere, nowhere))
     assert not checked.usable
     assert checked.reason == "the network sees no wall where the other way finds one"
     assert np.array_equal(checked.outer_row, find_wall(bscan.frame, SCALE).outer_row, equal_nan=True)
@@ -237,7 +237,7 @@ def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
 
 def test_an_empty_frame_stays_one_without_wall() -> None:
     wall = np.full(HALF, 20.0)
-    for finder in (told_finder(wall, wall + 20), told_finder(wall + np.nan, wall + np.nan)):
+    for finder in (fixed_finder(wall, wall + 20), fixed_finder(wall + np.nan, wall + np.nan)):
         checked = find_wall(FRAME, SCALE, finder=finder)
         assert not checked.usable
         assert checked.reason == "the frame is empty: all pixels are alike"
@@ -254,7 +254,7 @@ def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
     below = np.arange(512)[:, None] > top + 0.3e-3 / SCALE.depth_m
     noise = np.random.default_rng(0).integers(0, 400, frame.shape, dtype=np.uint16)
     frame = np.where(below, noise, frame)
-    checked = refined(frame, told_finder(outer, inner, sd=0.6))
+    checked = refined(frame, fixed_finder(outer, inner, sd=0.6))
     there = np.isfinite(checked.inner_row)
     expected = np.interp(column, reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
     assert np.nanmedian(np.abs(checked.inner_row - expected)[there]) < 6.0
@@ -264,7 +264,7 @@ def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
 def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float) -> None:
     bscan = phantom(0.6e-3, 0.0)
     size = PixelScale(lateral_m=SCALE.lateral_m * scale, depth_m=SCALE.depth_m * scale)
-    checked = refined(bscan.frame, told_finder(*true_rows(bscan), sd=1.0), size)
+    checked = refined(bscan.frame, fixed_finder(*true_rows(bscan), sd=1.0), size)
     assert dice(checked.mask, bscan.truth_mask) > 0.95
     assert checked.thickness_m == pytest.approx(0.6e-3 * scale, rel=0.1)
 

@@ -150,7 +150,7 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
         monitor.status = OK
         command = [sys.executable, str(patient), "127.0.0.1", str(monitor.port)]
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert " go on: code 1" in child.stdout.readline()
+        assert " continue: code 1" in child.stdout.readline()
         monitor.say(EMERGENCY)
         assert " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN" in child.stdout.readline()
         monitor.drop()

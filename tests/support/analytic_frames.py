@@ -59,7 +59,7 @@ def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.
 def recording_toml(
     eye: str, gap_m: float = GAP_M, needle: str = "", more: str = "", globe: str = 'globe = "open"'
 ) -> str:
-    """What `recording.toml` states of such frames; `needle`: other keys of [needle], `more`: of [oct], and sections."""
+    """Return the text of `recording.toml`; `needle`: other keys of [needle], `more`: of [oct], and sections."""
     return f"""
 [eye]
 id = "{eye}"

@@ -100,7 +100,7 @@ def draw_walls(rng, count):
 
 
 def solve_analytic(plan, number):
-    """A path of a plan, as `library.build.solve_path` returns it, for tests of what is built around the solver."""
+    """Return a path of a plan like `library.build.solve_path`, for tests of the code around the solver."""
     thickness_m, iop_ratio = plan.wall(number)
     wall = thickness_m, iop_ratio * (1.0 + 0.05 * np.log1p(plan.stiffening_of(number)))
     tip_m = plan.tip_m if number < plan.paths else plan.tip_m[: plan.support_tips]
@@ -131,7 +131,7 @@ STIFFENINGS = plan_library(Study()).stiffening  # of the made-up library: 0, 0.5
 
 @cache
 def solved_library(grid: LibraryStudy) -> Library:
-    """The library of a study's load paths, without those of other supports: beside the pole forces grow as made up."""
+    """Return the library of a study's load paths without other supports: beside the pole forces grow by a formula."""
     plan = plan_library(Study(library=grid))
     shape = (grid.stiffenings, grid.thicknesses, grid.tensions)
     forces, volumes, curves = (
@@ -161,7 +161,7 @@ def solved_library(grid: LibraryStudy) -> Library:
 
 
 def made_up_library(most: float = 30.0) -> Library:
-    """The analytic library, small, with walls of five stiffenings from 0 on; those that stiffen bear more."""
+    """The analytic library, small, with walls of five stiffenings from 0 on; stiffening walls bear more."""
     grid = LibraryStudy(stiffening=Range(min=0.0, max=most))
     stiffenings, count = plan_library(Study(library=grid)).stiffening, grid.stiffenings
     soft = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-__all__ = ["NEEDS_CHROMIUM", "started_chromium"]
-
 CHROMIUM = "/usr/bin/chromium"
 NEEDS_CHROMIUM = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
 

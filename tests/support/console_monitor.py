@@ -24,8 +24,6 @@ from scleraforce.service.messages import (
 from scleraforce.service.monitor_service import listen
 from scleraforce.service.reset import token_digest
 
-__all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
-
 TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
@@ -43,7 +41,7 @@ def free_port() -> int:
 
 
 def reading(force_mn: float, width_mn: float = 2.0) -> dict[str, Any]:
-    """What an entry says of a frame that was read."""
+    """Return the entry's verdict on a frame."""
     predicted = int(force_mn > 5) + int(force_mn > 30)
     shares = [0.02, 0.02, 0.02]
     shares[predicted] = 0.96
@@ -83,7 +81,7 @@ class ConsoleMonitor:
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """The page's address."""
         return f"http://127.0.0.1:{self.port}/"
 
     def hear(self, kind: type[Kind], within_s: float = FUSE_S) -> Kind:

@@ -43,7 +43,7 @@ OPENED_IN = re.compile(r'\bopenat\(\d+<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*
 
 @dataclass(frozen=True)
 class Traced:
-    """What a command did: exit code, error output, addresses (IP) that it named, files that it opened to write."""
+    """Effects of a command: exit code, error output, addresses (IP) that it named, files that it opened to write."""
 
     code: int
     err: str

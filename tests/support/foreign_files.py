@@ -13,7 +13,7 @@ DEPTH_M, LATERAL_M = 4e-6, 15e-6  # of a pixel
 
 
 def pictures_of(scan) -> np.ndarray:
-    """All frames of a scan; its names and its size are those of its pixels."""
+    """All frames of a scan; names and size follow its pixels."""
     found = np.stack([np.asarray(picture) for picture in scan.pictures()])
     assert found.shape == (len(scan.names), scan.rows, scan.columns)
     return found

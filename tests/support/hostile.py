@@ -1,4 +1,4 @@
-"""Damaged and hostile files: whole ones of each kind that is read, seeded mutations, and a judge of what reading does.
+"""Damaged and hostile files: a whole file of each kind, seeded mutations, and a judge of the reading.
 
 Started as `python hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every seed and every fault. Reading may
 end well or in an `InputError`, within some seconds and some memory, and writes nothing.
@@ -24,8 +24,6 @@ from small_recordings import calibration_text, write_small_recording
 
 from scleraforce.errors import InputError
 from scleraforce.study import LibraryStudy, Study, format_study
-
-__all__ = ["KINDS", "SPECIAL", "damage", "judge", "write_whole_ones"]
 
 SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
@@ -57,7 +55,7 @@ def write_whole_ones(folder: Path) -> None:
 
 
 def write_whole_files(folder: Path) -> None:
-    """Write those that are made in a moment: study, recording, calibration and frames."""
+    """Write the files that are quickly made: study, recording, calibration and frames."""
     (folder / "study.toml").write_text(format_study(Study()))
     write_small_recording(folder / "recording", frames=4)
     (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
@@ -275,7 +273,7 @@ def main() -> None:
     assert judge(copy, kind) is None, "what is whole cannot be read"
     resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY,) * 2)
     for seed in (*SPECIAL, *range(first, last)):
-        print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - a crash is of the last seed that stands here
+        print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - the last printed seed is the one that crashed
         path = damage(copy, kind, seed)
         if found := judge(copy, kind):
             print(json.dumps([seed, str(path.relative_to(copy)), found]), flush=True)  # noqa: T201 - as above

@@ -6,8 +6,6 @@ import skfem
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.shapes import node_positions
 
-__all__ = ["scikit_fem_basis"]
-
 
 def scikit_fem_basis(mesh: HexMesh, element: type, mesh_type: type) -> tuple[skfem.CellBasis, np.ndarray]:
     """Their basis on our mesh, and our unknown (3 n + c: node n, component c) for each of theirs."""

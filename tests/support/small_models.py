@@ -41,7 +41,7 @@ def rehash_store(store: Path) -> None:
 
 
 def fixed_study(bins: int) -> Study:
-    """The paper's study with so many bins in the reader's histogram."""
+    """Return the paper's study with `bins` bins in the reader's histogram."""
     return replace(Study(), reader=replace(Study().reader, bins=bins))
 
 
@@ -99,7 +99,7 @@ FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.00
 class FixedNetwork:
     """Reads the same whatever it sees, and keeps what it was shown."""
 
-    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
+    provenance: dict[str, str] = {}  # noqa: RUF012 - a mock
 
     def __init__(self, reading: Reading) -> None:
         self.reading = reading
@@ -137,7 +137,7 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
 
 
 def _without_disturbance(record: Any) -> Any:
-    """A record whose shares are 0 and whose counts are none."""
+    """Return a record with shares of 0 and empty counts."""
     shares = {item.name: 0.0 for item in fields(record) if isinstance(getattr(record, item.name), float)}
     counts = {item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")}
     return replace(record, **shares, **counts)
@@ -188,8 +188,8 @@ def write_blind_finder(folder: Path) -> None:
 FINDER_STUDY = WallFinderStudy()
 
 
-class ToldSession:
-    """What `WallFinder` uses of a session of ONNX Runtime."""
+class FixedSession:
+    """The part of an ONNX Runtime session that `WallFinder` uses."""
 
     def __init__(self, rows: np.ndarray, wall: np.ndarray) -> None:
         self._answers = [rows[None].astype(np.float32), wall[None].astype(np.float32)]
@@ -221,7 +221,7 @@ def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
     return weight / weight.sum(axis=0)
 
 
-def told_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
+def fixed_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
     """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
     rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
-    return WallFinder(ToldSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")
+    return WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")

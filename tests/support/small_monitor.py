@@ -33,7 +33,7 @@ from scleraforce.units import to_si
 
 
 class TurnedClock:
-    """Seconds since 1970, of a clock that stands still until a test turns it on; one for all threads."""
+    """Seconds since 1970 of a clock that a test moves; one for all threads."""
 
     def __init__(self, now_s: float = 1.8e9) -> None:
         self._now_s, self._lock = now_s, RLock()
@@ -49,7 +49,7 @@ class TurnedClock:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Let other threads wait where they look at the clock: what is sent meanwhile has arrived when they go on."""
+        """Let other threads wait where they look at the clock: what is sent meanwhile has then arrived."""
         with self._lock:
             yield
 
@@ -199,9 +199,9 @@ class NoGuard:
 
 @contextmanager
 def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
-    """Run a small server in a thread until the block ends; what it gives is its port.
+    """Run a small server in a thread until the block ends; yield its port.
 
-    Its time is that of a `clock`, by default of one that stands still; `clock=None` is the machine's.
+    Its time is from `clock`, by default one that does not move; `clock=None` is the machine's.
     """
     settings.setdefault("clock", TurnedClock())
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]

@@ -153,7 +153,7 @@ def _wall(rng: np.random.Generator) -> np.ndarray:
 
 
 def calibration_text(mean_mpa: Any = 0.27, eyes: Mapping[str, Any] | None = None, **keys: Any) -> str:
-    """The JSON text; `eyes` maps ids to what an entry has other than the usual, `keys` replace the file's own."""
+    """Return the JSON text; `eyes` maps ids to changed values of an entry, `keys` replace the file's own."""
     usual = {"mean_mpa": mean_mpa, "sd_mpa": 0.005, "thickness_um": 700.0, "frames": [], "status": "ok"}
     content = {
         "format": 3,

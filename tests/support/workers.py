@@ -139,7 +139,7 @@ def ends_its_process():
 
 
 def named_threads():
-    """Work that tells the process and the thread that have prepared it, the preparation, and those that do it."""
+    """Return work that reports process and thread of its preparation, the preparation, and its own ones."""
     prepared = os.getpid(), threading.get_ident()
     preparation = uuid4().hex
     return lambda _unit: (prepared, preparation, (os.getpid(), threading.get_ident()))

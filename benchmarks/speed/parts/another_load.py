@@ -13,8 +13,6 @@ from speed.run import Run, in_turns
 from speed.solvers.plain_scikit_fem import assemble
 from speed.solvers.problem import r1_mesh
 
-__all__ = ["measure"]
-
 NEEDLE_RADIUS_M = 0.35e-3
 GOAL_MS = 2.0
 PEER = "SciPy's factor of scikit-fem's matrix"
@@ -61,7 +59,7 @@ def measure(run: Run) -> Table:
     settings = {
         "another contact": "the needle at a contact that was not seen before: one more right-hand side",
         MANY: "the same for each of them: one solve for all, which reads the factor once",
-        "another force": "the same contact, with pressure and weight: superposition of what is known",
+        "another force": "the same contact, with pressure and weight: superposition of known solutions",
         PEER: "`splu` with its ordering for symmetric matrices, a right-hand side that is ready",
     }
     rows = [

@@ -13,8 +13,6 @@ from scleraforce.study import Study
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
 
-__all__ = ["LIBRARY", "measure"]
-
 LIBRARY, EVEN = "library.zarr", "even.zarr"  # in the run's folder
 PATH_GOAL_S, LIBRARY_GOAL_S = 0.05, 8.0
 PATHS_AT_ONCE = 8  # from thin to thick walls
@@ -70,7 +68,7 @@ def measure(run: Run) -> Table:
                 what=f"library of {whole.units} paths, tissue of {study.library.stiffenings} stiffenings",
                 value=library_s,
                 unit="s",
-                settings="likewise, as it is by default",
+                settings="the default library",
             ),
         ),
     )

@@ -9,8 +9,6 @@ from speed.parts.dataset import made_dataset
 from speed.record import Row, Table
 from speed.run import Run
 
-__all__ = ["measure"]
-
 OURS, PEER = "our classifier", "scikit-learn's `MLPClassifier`"
 MOST_EPOCHS = 40  # of scikit-learn's; it stops earlier where nothing improves
 SETTINGS = """The paper's data set, split by contacts; both see the training slices and are asked for the classes of
@@ -57,8 +55,8 @@ def measure(run: Run) -> Table:
                 what=PEER,
                 value=peer_s,
                 unit="s",
-                settings=f"{sizes}, as it comes (Adam, batches of 200), but `early_stopping`, and {MOST_EPOCHS} epochs "
-                "at most",
+                settings=f"{sizes}, default settings (Adam, batches of 200), but `early_stopping`, and "
+                f"{MOST_EPOCHS} epochs at most",
                 more={
                     "right class, %": 100.0 * float(peer.score(asked, unseen.target)),
                     "epochs": float(peer.n_iter_),

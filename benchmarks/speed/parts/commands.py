@@ -8,12 +8,10 @@ from speed.parts.recording import made_recording
 from speed.record import Row, Table, spread
 from speed.run import Run
 
-__all__ = ["measure"]
-
 BARE, IMPORTS = "`python -c pass`", "`python -c 'import numpy, cv2, onnxruntime'`"
-HELP, CLASSIFY = "`scleraforce --help`", "`scleraforce classify default FRAME`"
-GOALS_S = {HELP: 0.09, CLASSIFY: 0.5}
-BESIDE = {HELP: BARE, CLASSIFY: IMPORTS}
+HELP, READ = "`scleraforce --help`", "`scleraforce read default FRAME`"
+GOALS_S = {HELP: 0.09, READ: 0.5}
+BESIDE = {HELP: BARE, READ: IMPORTS}
 SETTINGS = """A new process each time, in turns; its files are in the system's cache. The value is the least, which
 other work on the machine disturbs least."""
 
@@ -27,7 +25,7 @@ def measure(run: Run) -> Table:
         BARE: [sys.executable, "-c", "pass"],
         HELP: scleraforce("--help"),
         IMPORTS: [sys.executable, "-c", "import numpy, cv2, onnxruntime"],
-        CLASSIFY: scleraforce("classify", "default", str(frame), *known),
+        READ: scleraforce("read", "default", str(frame), *known),
     }
     taken: dict[str, list[float]] = {name: [] for name in commands}
     for _ in range(run.count(12, 1)):

@@ -8,8 +8,6 @@ from scleraforce.processes import available_cores
 from speed.record import Row, Table, spread
 from speed.run import Run
 
-__all__ = ["DATASET", "made_dataset", "measure"]
-
 DATASET = "paper.zarr"  # in the run's folder
 GOAL_S = 12.0
 PAPER_S_AN_IMAGE = 0.47

@@ -23,8 +23,6 @@ from speed.parts.recording import made_recording
 from speed.record import Row, Table
 from speed.run import Run
 
-__all__ = ["measure"]
-
 PAUSE_S = 0.01  # of a scanner with 100 frames a second
 AGAIN = 10  # times in a row
 FIT_EVERY = 10  # frames of the recording
@@ -35,11 +33,11 @@ SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped rea
 core. Between two calls there is a pause of 10 ms, as between the frames of a scanner: caches are cold. The rows are
 taken in turns, frame by frame."""
 WORDS = {
-    CRUDE: "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: no wall is told from what is not one",
+    CRUDE: "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: walls are not distinguished from other tissue",
     SEGMENT: "`find_wall`: both boundaries, in each column, with a verdict",
     READ: "`LiveReader.read`: segmentation, slices, network, verdicts, force with its interval",
     FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame, here of a recording of "
-    "0 to 20 mN whose eye is told as a monitor is told it",
+    "0 to 20 mN with the known inputs of a monitor",
 }
 Work = Callable[[int], object]
 
@@ -84,7 +82,7 @@ def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
 
 
 def _fit(reader: ForceReader, path: Path) -> Work:
-    """Return what fits a wall to a frame of the recording, told what a monitor is told of its eye."""
+    """Return the function that fits a wall to a frame of the recording, with a monitor's known inputs."""
     recording = read_recording(path)
     known = replace(
         known_of_recording(recording.info), modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own")

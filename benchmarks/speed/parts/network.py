@@ -20,11 +20,9 @@ from speed.eyes import draw_eyes, shipped_reader
 from speed.record import Row, Table, spread
 from speed.run import Run
 
-__all__ = ["measure"]
-
 ONNX, TORCH, INT8 = "ONNX Runtime (shipped)", "PyTorch", "ONNX Runtime, int8"
-SETTINGS = """Two slices of a frame and what is known of its eye, to force and interval; one thread, in turns, calls
-after each other. "difference" is that of the force, the largest over the frames, from what ships."""
+SETTINGS = """Two slices of a frame and the known inputs, to force and interval; one thread, in turns, calls
+after each other. "difference" is the largest difference of the force over the frames, from the bundled network."""
 WORDS = {
     ONNX: "`model.onnx` as it ships, 32 bits",
     TORCH: "the same weights in the module that was trained, `inference_mode`",
@@ -130,7 +128,7 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
     )
 
     class Samples(CalibrationDataReader):  # type: ignore[misc]  # as above
-        """What the ranges are taken from."""
+        """The inputs that the ranges are taken from."""
 
         def __init__(self) -> None:
             self._left = iter(samples)

@@ -1,4 +1,4 @@
-"""What takes minutes: the reproduction and the tests. They are run when they are asked for."""
+"""The reproduction and the tests, which take minutes and are run on demand."""
 
 import json
 import os
@@ -11,8 +11,6 @@ from scleraforce.processes import available_cores
 from speed.children import scleraforce
 from speed.record import Row, Table
 from speed.run import QUICK_STUDY, ROOT, Run
-
-__all__ = ["measure"]
 
 REPRODUCE_GOAL_S, TESTS_GOAL_S = 240.0, 120.0
 STATE = ROOT / "out" / "reproduce" / "reproduce.json"

@@ -12,8 +12,6 @@ from speed.parts.axisymmetric import LIBRARY
 from speed.record import Row, Table
 from speed.run import Run
 
-__all__ = ["measure", "whole_seconds"]
-
 GOAL_S = 120.0
 EPOCHS, EYES = 3, 12  # of the part
 SETTINGS = """`train --kind reader` of the paper's study on its library, which is there already: epochs of samples

@@ -5,8 +5,6 @@ from pathlib import Path
 from speed.children import command_seconds, scleraforce
 from speed.run import ROOT, Run
 
-__all__ = ["made_recording"]
-
 
 def made_recording(run: Run) -> Path:
     """Return the run's recording, 100 frames a second up to 20 mN; make it where no other part has."""

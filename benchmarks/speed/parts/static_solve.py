@@ -11,8 +11,6 @@ from speed.run import Run
 from speed.solvers.calculix import calculate, force_cards, input_deck, is_installed
 from speed.solvers.problem import Solved, error_percent, r1_forces, r1_mesh, tip_mm
 
-__all__ = ["BESIDE", "measure"]
-
 GOAL_S = 0.4
 DENSITY_KG_M3 = 1100.0  # CalculiX wants one
 BESIDE = "CalculiX C3D20"
@@ -37,7 +35,7 @@ load's centre against 60 quads along an edge (2.168 mm); negative is too stiff."
 
 @dataclass(frozen=True)
 class Taken:
-    """One solve: what it told, and the seconds of the whole process."""
+    """One solve: its own figures, and the seconds of the whole process."""
 
     solved: Solved
     process_s: float
@@ -114,7 +112,7 @@ def _words(name: str) -> str:
     if name == SCIKIT_FEM:
         return (
             "20 quads along an edge, 27-node elements with straight edges, three Gauss points each way, `solve` with "
-            "SciPy's solver as it comes; solved once"
+            "SciPy's default solver; solved once"
         )
     program, _, kind = name.partition(" ")
     if program == "CalculiX":

@@ -19,8 +19,6 @@ from speed.parts.recording import made_recording
 from speed.record import Row, Table
 from speed.run import ROOT, Run
 
-__all__ = ["measure"]
-
 PAUSE_S = 0.01
 VARIANT = "without the second opinion"
 OURS, PLAIN, PYIGTL = "the monitor's answer", "an echo in plain Python", "an echo by pyigtl"
@@ -70,7 +68,7 @@ def _rows(taken: dict[str, dict[str, list[float]]]) -> Iterator[Row]:
 
 
 def _latency(recording: Path, answer: Path, frames: int) -> dict[str, dict[str, float]]:
-    """Run the monitor's own benchmark; return quantiles in ms, by what they are of."""
+    """Run the monitor's own benchmark; return quantiles in ms by name."""
     command = [sys.executable, str(ROOT / "benchmarks" / "bench_monitor.py"), "latency", str(SHIPPED_READER)]
     command += [str(recording), "--frames", str(frames), "--without", "--json", str(answer)]
     subprocess.run(command, stdout=sys.stderr, check=True)

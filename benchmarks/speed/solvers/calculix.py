@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from scleraforce.mechanics.mesh import HexMesh
 from speed.solvers.problem import peak_mb
 
-__all__ = ["MM_PER_M", "Calculated", "calculate", "force_cards", "input_deck", "is_installed"]
-
 # CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in t) and reads 20 characters.
 MM_PER_M = 1e3
 FIRST_STEP, LAST_STEP = "Determining the structure of the matrix", "Job finished"  # what it says of its own work
@@ -23,7 +21,7 @@ FIRST_STEP, LAST_STEP = "Determining the structure of the matrix", "Job finished
 
 @dataclass(frozen=True, kw_only=True)
 class Calculated:
-    """What a run of CalculiX gave.
+    """The result of a run of CalculiX.
 
     Attributes:
         displacement_nc: (node, 3), m.

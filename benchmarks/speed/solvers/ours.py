@@ -7,8 +7,6 @@ from reference_r1 import E_PA, NU
 from scleraforce.mechanics.linear import LinearWall
 from speed.solvers.problem import Solved, peak_mb, r1_forces, r1_mesh, tip_mm
 
-__all__ = ["solve"]
-
 
 def solve(name: str, quick: bool) -> Solved:
     """Mesh, matrix, factor, load, displacements."""

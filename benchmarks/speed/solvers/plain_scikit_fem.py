@@ -18,8 +18,6 @@ from reference_r1 import CONTACT, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M
 from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
-__all__ = ["Assembled", "assemble", "solve"]
-
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers
 QUADRATURE = 5  # three Gauss points along each direction: by itself it takes seven, and minutes
 ON_SURFACE = 1.0 - 1e-6  # just within the outer elements

@@ -1,4 +1,4 @@
-"""R1 on the meshes that are compared, and what a process tells of its solve."""
+"""R1 on the compared meshes, and the figures that a process prints of its solve."""
 
 import json
 from collections.abc import Callable
@@ -15,8 +15,6 @@ from scleraforce.mechanics.graded import graded_mesh, study_mesh
 from scleraforce.mechanics.linear import tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.study import Study
-
-__all__ = ["MESHES", "THICKNESS_M", "Solved", "error_percent", "peak_mb", "r1_forces", "r1_mesh", "tip_mm"]
 
 THICKNESS_M = 0.5e-3
 QUICK: dict[str, Any] = {"divisions": 4, "level": 0}
@@ -74,9 +72,9 @@ def error_percent(found_mm: float) -> float:
 
 
 def peak_mb(pid: int | str = "self") -> float:
-    """Return the largest resident memory of a process so far; 0 of one that has ended and is not waited for yet.
+    """Return the largest resident memory of a process so far; 0 for one that has ended and is not waited for yet.
 
-    The system's `ru_maxrss` would do for no child: it begins with what the parent had when it started it.
+    The system's `ru_maxrss` does not serve for children: it begins with the parent's memory at the start.
     """
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     return next((float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")), 0.0)

@@ -1,6 +1,6 @@
-"""What a monitor may be told of one and the same eye: its globe or not, frames of known force or none.
+"""Known inputs of a monitor for one eye: with and without the globe, with and without frames of known force.
 
-Thickness, pressure and gap are stated as calipers and gauges give them, alike in every telling.
+Thickness, pressure and gap have the errors of calipers and gauges, the same in every declaration.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,20 +23,18 @@ from scleraforce.segmentation.observations import Boundaries, segmented_boundari
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
-__all__ = ["TELLINGS", "calibrated", "tellings"]
-
-TELLINGS: Mapping[str, str] = {
-    "told": "told; E and k from three frames",
-    "found": "not told; E and k from three frames",
-    "unknown": "not told; E alone is known",
-    "option": "not told; E alone is told",
+DECLARATIONS: Mapping[str, str] = {
+    "declared": "declared; E and k from three frames",
+    "found": "not declared; E and k from three frames",
+    "unknown": "not declared; E alone, calibrated",
+    "option": "not declared; E alone, as an option",
 }
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
 THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = 10e-6, 20e-6, 0.03, 0.015  # IOP and E: relative
 
 
-def tellings(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator) -> dict[str, Known]:
-    """Return what is known of an eye in each telling; where a calibration diverges, E and k are not known."""
+def declarations(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator) -> dict[str, Known]:
+    """Return the known inputs of each declaration; after a calibration that diverges, E and k are unknown."""
     stated, modulus = _stated(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
     bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
@@ -45,7 +43,7 @@ def tellings(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.G
     labelled = [(frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N)) for frame, force_n in seen]
     kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
     return {
-        "told": calibrated(replace(stated, globe=kind), labelled, reader),
+        "declared": calibrated(replace(stated, globe=kind), labelled, reader),
         "found": calibrated(stated, labelled, reader),
         "unknown": known_of_constants(stated, modulus),
         "option": known_of_constants(stated, Modulus.stated(modulus.mean_pa)),

@@ -1,7 +1,7 @@
-"""What the recordings of the figures say of their eyes: about as wrong as what a user measures.
+"""Recordings whose declared values have the errors of users' measurements.
 
-Pressure, thickness, gap, contact and direction are off by what `[reader]` says of those that a reader is told
-(`iop_noise_fraction` and the others): the eyes that its intervals are measured on are told as wrongly.
+Pressure, thickness, gap, contact and direction have the noise of `[reader]` (`iop_noise_fraction` and the others), like
+the eyes that the intervals are measured on.
 """
 
 import os
@@ -22,11 +22,9 @@ from scleraforce.study import ReaderStudy
 from scleraforce.study.toml import format_record
 from scleraforce.whole_files import write_whole
 
-__all__ = ["as_told", "tell"]
 
-
-def tell(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
-    """Return the folder whose recordings are told so, with the same frames and force logs; make what is not there."""
+def declare(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
+    """Return the folder of these recordings, with the same frames and force logs; make the missing ones."""
     told = FiguresFolder(folder.work("told"))
     for drawn in eyes:
         key = recording_key(drawn)
@@ -37,7 +35,7 @@ def tell(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
 
 def _write(recording: Path, seed: int, told: Path) -> None:
     shutil.copytree(recording, told, copy_function=_linked, ignore=shutil.ignore_patterns("truth.json"))
-    info = as_told(read_info(recording / "recording.toml"), ReaderStudy(), np.random.default_rng((seed, 1)))
+    info = as_declared(read_info(recording / "recording.toml"), ReaderStudy(), np.random.default_rng((seed, 1)))
     write_whole(format_record(info), told / "recording.toml")  # a new file: the links of the old one stay
 
 
@@ -48,12 +46,12 @@ def _linked(source: str | Path, target: str | Path) -> None:
         shutil.copyfile(source, target)
 
 
-def as_told(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generator) -> RecordingInfo:
-    """Return what a recording says as a user would have measured it.
+def as_declared(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generator) -> RecordingInfo:
+    """Return a recording's values as a user would have measured them.
 
     Args:
-        info: the truth, with all of what is measured.
-        reader: how wrong that is.
+        info: the true values, all of them.
+        reader: size of the errors.
         rng: source of all randomness.
     """
     eye, needle, scanner = info.eye, info.needle, info.oct
