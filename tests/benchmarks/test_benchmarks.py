@@ -66,7 +66,7 @@ def ran(name: str, words: list[str], environment: dict[str, str]) -> subprocess.
 
 
 class Given(dict[str, Path]):
-    """What stands for the words in braces; made when it is asked for."""
+    """Values of the words in braces, made lazily."""
 
     def __init__(self, request: pytest.FixtureRequest, folder: Path) -> None:
         self._request, self._folder = request, folder

@@ -12,16 +12,16 @@ from workers import leave_a_mark_or_fail, leave_a_mark_or_wait
 
 from figures import __main__ as figures_main, commands, readings, recordings
 from figures.commands import answers, made_by
+from figures.declared import as_declared, declare
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
 from figures.page import BEGIN, END, insert_tables
 from figures.picture import draw_forces
-from figures.readings import READERS, Method
+from figures.readings import Method
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, answered_frame, score
 from figures.sections import compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
-from figures.told import as_told, tell
 from figures.workers import in_processes
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
 from provenance.stamps import new_stamp, read_stamps
@@ -53,7 +53,7 @@ def frame(target, predicted, usable=True, *, by_log=None, true_mn=20.0, read_mn=
     )
 
 
-def test_scores_of_a_handful_of_frames_are_those_counted_by_hand():
+def test_scores_of_a_few_frames_are_as_counted_by_hand():
     found = score(
         [
             frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
@@ -76,15 +76,12 @@ def test_scores_of_a_handful_of_frames_are_those_counted_by_hand():
     assert found.bias_mn == pytest.approx((1.0 + 2.0 - 36.0 + 0.0) / 4)
     assert (found.coverage.hits, found.coverage.total) == (2, 4)
     assert (found.log_coverage.hits, found.log_coverage.total) == (2, 4)
+    classes_only = score([frame(1, 1)])
+    assert math.isnan(classes_only.mae_mn)
+    assert classes_only.coverage.total == 0
 
 
-def test_a_classifier_reads_no_force():
-    found = score([frame(1, 1)])
-    assert math.isnan(found.mae_mn)
-    assert found.coverage.total == 0
-
-
-def test_a_frame_of_an_evaluation_counts_where_it_has_a_label_and_is_not_excluded():
+def test_a_frame_of_an_evaluation_counts_if_it_has_a_label_and_is_not_excluded():
     entry = {"eye": "e", "file": "0001.png", "target": 1, "measured_force_mn": 29.5, "predicted": 2, "usable": True,
              "excluded": None, "predicted_force_mn": 30.5, "interval_mn": [29.0, 32.0], "reason": None}  # fmt: skip
     found = answered_frame(entry, 30.2e-3, True, STUDY.classes)
@@ -109,7 +106,7 @@ def test_a_high_force_that_is_read_as_safe_with_confidence_is_counted():
     assert score([frame(2, 2, usable=False)]).coverage_band is None
 
 
-def test_the_width_that_would_do_holds_nine_in_ten_frames_and_every_eye_weighs_the_same():
+def test_the_stretch_makes_nine_in_ten_frames_hold_with_equal_weight_of_the_eyes():
     """Half widths: 2 mN upwards, 1 mN downwards."""
     below = [frame(1, 1, true_mn=20.0 - 0.1 * n, read_mn=20.0, interval_mn=(19.0, 22.0)) for n in range(1, 11)]
     assert score(below).stretch == pytest.approx(0.9)
@@ -134,17 +131,17 @@ OWN_RANGES = {
 }
 
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_eyes_lie_in_the_ranges_that_were_asked_for(group):
-    eyes = draw_eyes(group, 50, STUDY)
-    for name, (low, high) in (RANGES | OWN_RANGES.get(group, {})).items():
-        values = np.array([getattr(drawn.eye, name) for drawn in eyes])
-        assert low <= values.min() < low + 0.15 * (high - low)
-        assert high - 0.15 * (high - low) < values.max() <= high
-    assert all(len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1 for drawn in eyes)
-    assert len({drawn.eye.id for drawn in eyes}) == 50
-    tensions = [drawn.eye.iop_pa * 12e-3 / (drawn.eye.youngs_modulus_pa * drawn.eye.thickness_m) for drawn in eyes]
-    assert max(tensions) < 0.1  # far from the burst
+def test_eyes_of_each_group_fill_its_ranges():
+    for group in GROUPS:
+        eyes = draw_eyes(group, 50, STUDY)
+        for name, (low, high) in (RANGES | OWN_RANGES.get(group, {})).items():
+            values = np.array([getattr(drawn.eye, name) for drawn in eyes])
+            assert low <= values.min() < low + 0.15 * (high - low), group
+            assert high - 0.15 * (high - low) < values.max() <= high, group
+        assert all(len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1 for drawn in eyes)
+        assert len({drawn.eye.id for drawn in eyes}) == 50
+        tensions = [drawn.eye.iop_pa * 12e-3 / (drawn.eye.youngs_modulus_pa * drawn.eye.thickness_m) for drawn in eyes]
+        assert max(tensions) < 0.1, group  # far from the burst
 
 
 def test_the_eyes_of_another_scanner_have_one_of_four_and_the_same_walls():
@@ -162,7 +159,7 @@ def test_the_eyes_of_another_scanner_have_one_of_four_and_the_same_walls():
     assert found == {(*scanner, "logarithmic") for scanner in logarithmic} | {(512, 15.0, 4.0, "linear")}
 
 
-def test_every_eye_of_its_group_lies_under_a_conjunctiva():
+def test_every_eye_of_the_conjunctiva_group_has_a_layer():
     layers = [drawn.study.phantom.conjunctiva_thickness_m.bounds for drawn in draw_eyes("conjunctiva", 50, STUDY)]
     assert all(low == high for low, high in layers)  # one for all frames of an eye
     assert 0.08e-3 <= min(layers)[0] < 0.09e-3 < 0.19e-3 < max(layers)[0] <= 0.2e-3
@@ -195,16 +192,17 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
         assert ("turn" in truth["frames"][0]) == (paths == 3)
 
 
-def test_plain_and_harder_eyes_are_those_of_every_run():
-    """Figures of one commit stay comparable with those of another, until eyes are drawn anew on purpose."""
+def test_plain_and_harder_eyes_are_the_same_in_every_run():
+    """Figures of commits stay comparable until eyes are drawn anew on purpose."""
     drawn = {group: draw_eyes(group, 1, STUDY)[0] for group in ("plain", "harder")}
     moduli = [eye.eye.youngs_modulus_pa for eye in drawn.values()]
     assert moduli == pytest.approx([486877.3112293596, 486136.88590328314], rel=1e-12)
     assert [round(eye.shares[0], 9) for eye in drawn.values()] == [0.868201516, 0.878665688]
     assert [eye.seed for eye in drawn.values()] == [1593491782, 920424444]
+    assert draw_eyes("harder", 5, STUDY)[:3] == draw_eyes("harder", 3, STUDY)
 
 
-def test_plain_eyes_are_those_of_the_study_and_harder_ones_are_not():
+def test_plain_eyes_have_the_studys_form_and_harder_ones_have_not():
     plain = [drawn.study for drawn in draw_eyes("plain", 3, STUDY)]
     assert all(
         (study.form, study.needle, study.phantom) == (STUDY.form, STUDY.needle, STUDY.phantom) for study in plain
@@ -220,14 +218,14 @@ def test_plain_eyes_are_those_of_the_study_and_harder_ones_are_not():
 
 
 @pytest.mark.parametrize(
-    ("group", "kinds", "told"),
+    ("group", "kinds", "declared"),
     [("plain", {"open"}, True), ("harder", {"open"}, True), ("sealed", {"sealed"}, True),
      ("untold", {"open", "sealed"}, False), ("limbus", {"open"}, True), ("living", {"sealed"}, True)],
 )  # fmt: skip
-def test_globes_are_open_or_sealed_and_told_as_the_group_says(group, kinds, told):
+def test_globes_are_open_or_sealed_and_declared_as_the_group_states(group, kinds, declared):
     eyes = draw_eyes(group, 50, STUDY)
     assert {drawn.study.globe.kind for drawn in eyes} == kinds
-    assert {drawn.tell_globe for drawn in eyes} == {told}
+    assert {drawn.tell_globe for drawn in eyes} == {declared}
     low, high = to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul")
     rigidities = [drawn.study.globe.rigidity_pa13_per_m3 for drawn in eyes if drawn.study.globe.kind == "sealed"]
     assert all(low <= rigidity <= high for rigidity in rigidities)
@@ -245,7 +243,7 @@ def test_the_limbus_lies_2_to_5_mm_before_the_contact():
         assert 0.6 <= region.modulus_ratio <= 1.4
 
 
-def test_frames_that_an_eye_is_calibrated_on_are_left_out_of_every_way_of_reading(tmp_path, monkeypatch):
+def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     eyes = draw_eyes("sealed", 2, STUDY)
     files = tuple(f"{number:04}.png" for number in range(1, 6))
     made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)), 1.0)
@@ -266,12 +264,8 @@ def test_frames_that_an_eye_is_calibrated_on_are_left_out_of_every_way_of_readin
         ]
 
 
-def test_every_group_names_a_reader_that_there_is():
-    assert {group.reader for group in GROUPS.values()} <= set(READERS)
-
-
 def results():
-    """What `make figures` finds of every group, in small: one way of reading, and living eyes that it refuses."""
+    """Yield small results of every group: one method, which refuses living eyes."""
     method = Method("fit", "the reader's fit (default), the eye's E", Path("reader"))
     read = [frame(1, 1, true_mn=12.0, read_mn=12.5, interval_mn=(11.0, 14.0)) for _ in range(9)]
     refused = [frame(2, 2, usable=False, true_mn=40.0)]
@@ -307,10 +301,6 @@ def test_the_picture_has_a_panel_for_each_group():
     answers = {group: [frame(1, 1, read_mn=21.0, interval_mn=(20.0, 22.0))] for group in GROUPS}
     shown = [axes for axes in draw_forces(answers, (5.0, 30.0)).axes if axes.get_visible()]
     assert [axes.get_title(loc="left") for axes in shown] == list(GROUPS)
-
-
-def test_more_eyes_leave_those_before_as_they_are():
-    assert draw_eyes("harder", 5, STUDY)[:3] == draw_eyes("harder", 3, STUDY)
 
 
 def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
@@ -393,26 +383,15 @@ def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, 
     assert not (out.parent / ".recording.partial").exists()
     out.mkdir()
     (out / "old").write_text("")
-    made_by(out, ["phantom", *small])  # nobody knows by what it was made: it is made anew
+    made_by(out, ["phantom", *small])  # without a key it is made again
     assert not (out / "old").exists()
-    assert "made anew" in capsys.readouterr().err
+    assert "made again" in capsys.readouterr().err
     (out / "mark").write_text("")
     assert made_by(out, ["phantom", *small]) == out  # it is there: nothing is run
     assert (out / "mark").exists()
 
 
-@pytest.mark.slow
-def test_what_a_command_prints_is_kept(tmp_path):
-    out = tmp_path / "answers" / "kept.json"
-    out.parent.mkdir()
-    out.write_text('{"frames": []}')
-    commands.write_key(out, commands._command_key(["evaluate", "no-model"]))
-    assert answers(out, ["evaluate", "no-model"]) == {"frames": []}
-    with pytest.raises(ScleraforceError, match="evaluate: exit code"):
-        answers(tmp_path / "other.json", ["evaluate", tmp_path / "no-model", tmp_path])
-
-
-def test_tables_take_the_place_of_those_before(tmp_path):
+def test_new_tables_replace_the_old_ones(tmp_path):
     page, stamp = tmp_path / "page.md", new_stamp("make figures")
     page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
     insert_tables("| old |\n", stamp, page)
@@ -440,19 +419,17 @@ def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(tmp_
     assert "benchmarks/RESULTS.md: make bench, " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_eyes_with_a_reader_of_their_own_are_calibrated_with_its_study(tmp_path, monkeypatch, group):
-    asked = []
-    monkeypatch.setattr(readings, "made_by", lambda _, command: asked.append(command))
-    readings._calibration(FiguresFolder(tmp_path), draw_eyes(group, 2, STUDY), 3)
-    (command,) = asked
-    assert ("--study" in command) == (group == "living")
-    if group == "living":
-        study = read_study(command[command.index("--study") + 1])
-        assert study.calibration.prior_mean_pa > 2 * STUDY.calibration.prior_mean_pa
+def test_only_living_eyes_are_calibrated_with_the_study_of_their_own_reader(tmp_path, monkeypatch):
+    asked = {}
+    for group in GROUPS:
+        monkeypatch.setattr(readings, "made_by", lambda _, command, group=group: asked.update({group: command}))
+        readings._calibration(FiguresFolder(tmp_path), draw_eyes(group, 2, STUDY), 3)
+    assert [group for group, command in asked.items() if "--study" in command] == ["living"]
+    study = read_study(asked["living"][asked["living"].index("--study") + 1])
+    assert study.calibration.prior_mean_pa > 2 * STUDY.calibration.prior_mean_pa
 
 
-def test_a_raw_reader_stands_beside_the_default_reader_alone(tmp_path, monkeypatch):
+def test_a_raw_reader_is_compared_with_the_default_reader_only(tmp_path, monkeypatch):
     monkeypatch.setattr(figures_main, "make_methods", lambda *_: [Method("fit", "", tmp_path)])
     given = {"default": tmp_path, "living": tmp_path}
     for group, names in (("harder", ["fit", "raw"]), ("living", ["fit"])):
@@ -468,12 +445,12 @@ def test_some_groups_have_other_numbers_of_eyes() -> None:
     counts = kind.convert("30,needle=6,moving=4", None, None)
     assert {name: counts[name] for name in ("plain", "needle", "moving")} == {"plain": 30, "needle": 6, "moving": 4}
     assert set(counts) == set(GROUPS)
-    for wrong, words in (("30,nedle=6", "'nedle' is no group"), ("30,needle=x", "'x'"), ("1", "'1'"), ("", "''")):
+    for wrong, words in (("30,nedle=6", "'nedle' is not a group"), ("30,needle=x", "'x'"), ("1", "'1'"), ("", "''")):
         with pytest.raises(click.BadParameter, match=words):
             kind.convert(wrong, None, None)
 
 
-def test_recordings_are_told_as_wrongly_as_users_measure_and_their_frames_are_those_of_the_eye(tmp_path) -> None:
+def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(tmp_path) -> None:
     info = RecordingInfo(
         eye=EyeInfo("eye", thickness_m=600e-6, iop_pa=300.0, globe="open"),
         oct=OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3, plane_direction_rad=0.3),
@@ -488,16 +465,16 @@ def test_recordings_are_told_as_wrongly_as_users_measure_and_their_frames_are_th
     (recording / "truth.json").write_text("{}")
     (recording / "recording.toml").write_text(format_record(info))
     folder.made(drawn).parent.mkdir()
-    folder.made(drawn).write_bytes(b"what is known of it")
-    told = tell(folder, [drawn]).recording(drawn)
-    assert tell(folder, [drawn]).made(drawn).read_bytes() == b"what is known of it"
-    assert sorted(path.name for path in told.rglob("*")) == ["0001.png", "frames", "recording.toml"]
-    assert (told / "frames" / "0001.png").read_bytes() == b"a frame"
+    folder.made(drawn).write_bytes(b"its values")
+    declared = declare(folder, [drawn]).recording(drawn)
+    assert declare(folder, [drawn]).made(drawn).read_bytes() == b"its values"
+    assert sorted(path.name for path in declared.rglob("*")) == ["0001.png", "frames", "recording.toml"]
+    assert (declared / "frames" / "0001.png").read_bytes() == b"a frame"
     assert read_info(recording / "recording.toml") == info
-    assert read_info(told / "recording.toml") != info
+    assert read_info(declared / "recording.toml") != info
 
     rng, reader = np.random.default_rng(3), STUDY.reader
-    said = [as_told(info, reader, rng) for _ in range(400)]
+    said = [as_declared(info, reader, rng) for _ in range(400)]
     assert {(each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said} == {("open", 22, 0.0)}
     for value, true, sd in (
         (lambda each: each.eye.iop_pa, 300.0, 300.0 * reader.iop_noise_fraction),

@@ -28,13 +28,13 @@ PARTS: dict[str, list[str]] = {
 }  # fmt: skip
 
 
-def test_quantiles_are_those_of_the_sorted_values_and_nothing_has_none() -> None:
+def test_quantiles_of_values_and_of_nothing() -> None:
     found = quantiles(float(value) for value in range(1001))
     assert found == {"n": 1001, "median": 500.0, "99 %": 990.0, "99.9 %": 999.0, "max": 1000.0}
     assert quantiles([]) == {"n": 0, "median": None, "99 %": None, "99.9 %": None, "max": None}
 
 
-def test_growth_is_told_from_a_level() -> None:
+def test_growth_differs_from_a_level() -> None:
     samples = [
         Sample(frames, {"grows": Resources(5000 + frames // 10, 7, 9, 4), "stays": Resources(600, 6, 8, 3)})
         for frames in range(0, 10_000, 100)

@@ -1,11 +1,11 @@
-"""README's box of ranges is of the reader that ships; a page without the place of the box is refused."""
+"""README's box has the ranges of the bundled reader; a page without the box's marks is refused."""
 
 import pytest
 
 from reading_ranges import README, box, boxed
 
 
-def test_the_box_is_of_the_reader_that_ships() -> None:
+def test_the_box_has_the_ranges_of_the_bundled_reader() -> None:
     text = README.read_text(encoding="utf-8")
     assert box() in text, "run `make ranges`"
     assert boxed(text) == text

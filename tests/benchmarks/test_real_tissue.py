@@ -193,7 +193,7 @@ def cells(table: str) -> list[list[str]]:
 
 
 def alike(first: str, second: str) -> bool:
-    """Whether two cells are the same, apart from one unit of the last digit of each number."""
+    """Return True if two cells are equal, up to one unit of the last digit of each number."""
     number = re.compile(r"[-+]?\d+(?:\.\d+)?")
     if number.sub("#", first) != number.sub("#", second):
         return False
@@ -203,7 +203,7 @@ def alike(first: str, second: str) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
-def test_the_tables_of_the_page_are_what_the_code_gives(name: str) -> None:
+def test_the_tables_of_the_page_are_recomputed(name: str) -> None:
     made = cells(TABLES[name](None))
     shown = [row for row in cells(PAGE.read_text(encoding="utf-8")) if len(row) == len(made[0])]
     for row in made:
@@ -215,7 +215,7 @@ def test_the_page_says_what_made_its_tables() -> None:
     assert stamp.made_by == "python benchmarks/bench_real_tissue.py"
 
 
-def test_a_force_in_millinewtons_is_no_other_row() -> None:
+def test_cells_differ_by_more_than_one_unit_of_the_last_digit() -> None:
     assert alike("266 Pa, 18.1 mN", "267 Pa, 18.0 mN")
     assert not alike("266 Pa, 18.1 mN", "266 Pa, 18.3 mN")
     assert not alike("none", "0.20")
