@@ -14,9 +14,7 @@ from hypothesis import given, settings, strategies as st
 from scleraforce.errors import InputError
 from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import (
-    BadImage,
-    ChecksumError,
-    Failure,
+    Fault,
     FrameRead,
     MonitorEvent,
     OvertakenRead,
@@ -108,7 +106,7 @@ def watching(force_n: float = 0.01) -> MonitorState:
 
 
 def withdrawn() -> MonitorState:
-    return play([ChecksumError(0.051, "CRC")], watching())
+    return play([Fault(0.051, Cause.CHECKSUM, "CRC")], watching())
 
 
 STATES: dict[State, Callable[[], MonitorState]] = {
@@ -120,9 +118,9 @@ ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
     "class 2": (judged(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (frame(6, 0.031), Cause.BOUND),
     "upper end": (frame(6, 0.0286), Cause.BOUND),
-    "checksum": (ChecksumError(0.06, "CRC"), Cause.CHECKSUM),
-    "exception": (Failure(0.06, "ValueError"), Cause.EXCEPTION),
-    "bad image": (BadImage(0.06, "short"), Cause.BAD_IMAGE),
+    "checksum": (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM),
+    "exception": (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
+    "bad image": (Fault(0.06, Cause.BAD_IMAGE, "short"), Cause.BAD_IMAGE),
     "losses": (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
     "no loss": (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
     "a loss of no time": (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
@@ -178,7 +176,7 @@ SIGNALS: dict[Signal, list[MonitorEvent]] = {
     Signal.TOLERATED: [frame(6), unusable(7)],
     Signal.UNJUDGED: [unusable(6)],
     Signal.QUIET: [Tick(0.06)],
-    Signal.ALARM: [Failure(0.06, "error")],
+    Signal.ALARM: [Fault(0.06, Cause.EXCEPTION, "error")],
     Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)],
     Signal.RESET_REFUSED: [Reset(0.06)],
 }
@@ -582,7 +580,7 @@ def test_what_waits_for_an_opinion_does_not_grow() -> None:
 
 
 def test_a_reset_needs_the_second_opinion_too() -> None:
-    state = play([*both(*range(1, 6)), ChecksumError(0.056, "CRC")], limits=OPINED)
+    state = play([*both(*range(1, 6)), Fault(0.056, Cause.CHECKSUM, "CRC")], limits=OPINED)
     alone: list[MonitorEvent] = [frame(n) for n in range(6, 16)]
     assert play([*alone, Reset(0.151)], state, OPINED).state is State.WITHDRAW
     agreed = [*both(*range(6, 12)), Reset(0.116)]
@@ -593,7 +591,7 @@ def test_a_reset_needs_the_second_opinion_too() -> None:
 
 
 def test_a_client_that_starts_counting_again_can_be_reset_with_opinions_too() -> None:
-    state = play([*(frame(n) for n in range(1, 6)), ChecksumError(0.051, "CRC")], limits=OPINED)
+    state = play([*(frame(n) for n in range(1, 6)), Fault(0.051, Cause.CHECKSUM, "CRC")], limits=OPINED)
     again: list[MonitorEvent] = []
     for n in range(1, 9):
         at_s = 0.06 + 0.01 * n
@@ -628,7 +626,7 @@ def test_a_classifier_reads_no_force() -> None:
 
 
 def test_the_first_cause_is_kept() -> None:
-    _, decision = decide(withdrawn(), Failure(0.06, "ValueError"), LIMITS)
+    _, decision = decide(withdrawn(), Fault(0.06, Cause.EXCEPTION, "ValueError"), LIMITS)
     assert decision.cause is Cause.CHECKSUM
     assert decision.message == "WITHDRAW: CRC; class 1; 10.0 mN; ValueError"
 
@@ -640,7 +638,7 @@ def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
     assert play([*fresh, Reset(0.101)], withdrawn()).state is State.WATCHING
     assert play([*fresh[:4], unusable(10), frame(11), Reset(0.111)], withdrawn()).state is State.WITHDRAW
     assert play([*fresh[:4], frame(10, 0.029), Reset(0.101)], withdrawn()).state is State.WITHDRAW
-    assert play([*fresh, Failure(0.101, "error"), Reset(0.102)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh, Fault(0.101, Cause.EXCEPTION, "error"), Reset(0.102)], withdrawn()).state is State.WITHDRAW
     assert play([*fresh, Reset(0.2001)], withdrawn()).state is State.WITHDRAW, "the frames are not fresh any more"
 
 

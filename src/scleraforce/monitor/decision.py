@@ -5,9 +5,7 @@ from math import isfinite
 from typing import assert_never
 
 from scleraforce.monitor.events import (
-    BadImage,
-    ChecksumError,
-    Failure,
+    Fault,
     FrameRead,
     MonitorEvent,
     OvertakenRead,
@@ -113,12 +111,8 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
             return _overtaken(now, read, limits)
         case Tick():
             return QUIET
-        case ChecksumError():
-            return _alarm(Cause.CHECKSUM, event.detail)
-        case Failure():
-            return _alarm(Cause.EXCEPTION, event.detail)
-        case BadImage():
-            return _alarm(Cause.BAD_IMAGE, event.detail)
+        case Fault():
+            return _alarm(event.cause, event.detail)
         case QueueLoss():
             return _loss(now, event, limits)
         case Reset():

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from scleraforce.monitor.transitions import Cause
+
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
@@ -63,18 +65,11 @@ class Tick:
 
 
 @dataclass(frozen=True)
-class ChecksumError:
-    """A message with a wrong checksum came."""
+class Fault:
+    """A cause of a withdrawal other than a frame: a damaged message, an image that is not one, any exception."""
 
     at_s: float
-    detail: str
-
-
-@dataclass(frozen=True)
-class Failure:
-    """An exception was raised, anywhere."""
-
-    at_s: float
+    cause: Cause
     detail: str
 
 
@@ -93,18 +88,10 @@ class QueueLoss:
 
 
 @dataclass(frozen=True)
-class BadImage:
-    """A client sent an invalid image (a body too short, pixels of an unknown type)."""
-
-    at_s: float
-    detail: str
-
-
-@dataclass(frozen=True)
 class Reset:
     """The operator asks to leave the withdrawal."""
 
     at_s: float
 
 
-MonitorEvent = FrameRead | SecondOpinion | OvertakenRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset
+MonitorEvent = FrameRead | SecondOpinion | OvertakenRead | Tick | Fault | QueueLoss | Reset

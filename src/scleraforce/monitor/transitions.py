@@ -25,45 +25,28 @@ class Signal(Enum):
     RESET_REFUSED = "reset, refused"
 
 
+MOVES = {
+    (State.NOT_READY, Signal.HARMLESS): State.WATCHING,
+    (State.NOT_READY, Signal.ALARM): State.WITHDRAW,
+    (State.WATCHING, Signal.UNJUDGED): State.NOT_READY,
+    (State.WATCHING, Signal.ALARM): State.WITHDRAW,
+    (State.WITHDRAW, Signal.RESET_GRANTED): State.WATCHING,
+}
 TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
-    {
-        (State.NOT_READY, Signal.HARMLESS): State.WATCHING,
-        (State.NOT_READY, Signal.TOLERATED): State.NOT_READY,
-        (State.NOT_READY, Signal.UNJUDGED): State.NOT_READY,
-        (State.NOT_READY, Signal.QUIET): State.NOT_READY,
-        (State.NOT_READY, Signal.ALARM): State.WITHDRAW,
-        (State.NOT_READY, Signal.RESET_GRANTED): State.NOT_READY,
-        (State.NOT_READY, Signal.RESET_REFUSED): State.NOT_READY,
-        (State.WATCHING, Signal.HARMLESS): State.WATCHING,
-        (State.WATCHING, Signal.TOLERATED): State.WATCHING,
-        (State.WATCHING, Signal.UNJUDGED): State.NOT_READY,
-        (State.WATCHING, Signal.QUIET): State.WATCHING,
-        (State.WATCHING, Signal.ALARM): State.WITHDRAW,
-        (State.WATCHING, Signal.RESET_GRANTED): State.WATCHING,
-        (State.WATCHING, Signal.RESET_REFUSED): State.WATCHING,
-        (State.WITHDRAW, Signal.HARMLESS): State.WITHDRAW,
-        (State.WITHDRAW, Signal.TOLERATED): State.WITHDRAW,
-        (State.WITHDRAW, Signal.UNJUDGED): State.WITHDRAW,
-        (State.WITHDRAW, Signal.QUIET): State.WITHDRAW,
-        (State.WITHDRAW, Signal.ALARM): State.WITHDRAW,
-        (State.WITHDRAW, Signal.RESET_GRANTED): State.WATCHING,
-        (State.WITHDRAW, Signal.RESET_REFUSED): State.WITHDRAW,
-    }
-)
+    {(state, signal): MOVES.get((state, signal), state) for state in State for signal in Signal}
+)  # a signal without a move leaves the state unchanged
 
 
 def transition_diagram() -> str:
-    """Return the table as a Mermaid state diagram, without the signals that leave a state as it is."""
-    lines = ["stateDiagram-v2", "    [*] --> NOT_READY"]
-    moves = [(before, signal, after) for (before, signal), after in TRANSITIONS.items() if before is not after]
-    lines += [f"    {before.name} --> {after.name}: {signal.value}" for before, signal, after in moves]
-    return "\n".join(lines)
+    """Return the moves as a Mermaid state diagram."""
+    lines = [f"    {before.name} --> {after.name}: {signal.value}" for (before, signal), after in MOVES.items()]
+    return "\n".join(["stateDiagram-v2", "    [*] --> NOT_READY", *lines])
 
 
 class Cause(Enum):
-    """Why the robot must withdraw; the value is the sub-code.
+    """The cause of a withdrawal; the value is the sub-code.
 
-    7 and 9 are OpenIGTLink's own codes of a timeout and of a checksum error; those from 101 on are this monitor's.
+    7 and 9 are OpenIGTLink's own codes of a timeout and of a checksum error; codes from 101 on are this monitor's.
     """
 
     SILENCE = 7

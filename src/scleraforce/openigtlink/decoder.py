@@ -45,7 +45,7 @@ class BadChecksum:
     """The CRC of the body differs from that in the header."""
 
     header: Header
-    found: int
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ class Decoder:
             asked = query_of(header.type)
             return Unknown(header) if asked is None else Received(header, asked)
         if crc != header.crc:
-            return BadChecksum(header, crc)
+            return BadChecksum(header, f"{header.type}: checksum {crc:016x}, not {header.crc:016x}")
         return _read(header, body)
 
 

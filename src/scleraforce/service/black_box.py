@@ -12,18 +12,10 @@ from select import select
 
 from scleraforce import __version__
 from scleraforce.errors import MessageError
+from scleraforce.service import messages
 from scleraforce.service.channel import Channel, ChannelClosedError, run_companion
 from scleraforce.service.decision_log import Journal
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    BlackBoxSettings,
-    CompanionMessage,
-    Decided,
-    Entry,
-    ForceHeard,
-    MonitorEnds,
-    Note,
-)
 from scleraforce.service.recordings import (
     Recent,
     RobotForce,
@@ -42,7 +34,7 @@ MOST_MESSAGES = 100  # until a frame is written
 class BlackBox:
     """Acts on the monitor's messages; `turn` is one round of its work."""
 
-    def __init__(self, channel: Channel, settings: BlackBoxSettings) -> None:
+    def __init__(self, channel: Channel, settings: messages.BlackBoxSettings) -> None:
         ring = FrameRing.at(settings.ring)
         self.ended = False
         self._channel, self._journal = channel, Journal(settings.folder, channel)
@@ -50,7 +42,7 @@ class BlackBox:
         self._session = SessionRecording(settings, ring, self._journal)
         self._withdrawals = Withdrawals(settings, ring, self._recent, self._force, self._journal)
         self._beginning: SessionBeginning | None = None
-        self._entry: Entry | None = None  # the last one
+        self._entry: messages.Entry | None = None  # the last one
         self._alive_s = 0.0
 
     def run(self) -> None:
@@ -95,8 +87,8 @@ class BlackBox:
     def _hear_one(self) -> bool:
         """Act on the next message; return whether there was one."""
         try:
-            messages = self._channel.receive(1)
-            for message in messages:
+            heard = self._channel.receive(1)
+            for message in heard:
                 self._take(message)
         except MessageError as fault:  # reported for good: it is never mended
             self._journal.fault("message", fault)
@@ -108,22 +100,22 @@ class BlackBox:
                     self._keep("monitor_died", self._entry)
             self.ended = True
             return False
-        return bool(messages)
+        return bool(heard)
 
-    def _take(self, message: CompanionMessage) -> None:
+    def _take(self, message: messages.CompanionMessage) -> None:
         match message:
-            case Decided():
+            case messages.Decided():
                 self._take_decision(message)
-            case ForceHeard():
+            case messages.ForceHeard():
                 self._take_force(message)
-            case Note():
+            case messages.Note():
                 self._journal.record(message)
-            case MonitorEnds():
+            case messages.MonitorEnds():
                 self.ended = True
             case _:
                 raise MessageError(f"a {type(message).__name__} is not for the black box")
 
-    def _take_decision(self, message: Decided) -> None:
+    def _take_decision(self, message: messages.Decided) -> None:
         entry = message.entry
         before, self._entry = self._entry, entry
         if before and entry.number != before.number + 1:
@@ -135,7 +127,7 @@ class BlackBox:
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)
 
-    def _take_force(self, heard: ForceHeard) -> None:
+    def _take_force(self, heard: messages.ForceHeard) -> None:
         beginning, force = self._begin(heard.at_s, heard.time_s), self._force
         refused = force.refused
         sample = force.add(heard.at_s, heard.values, heard.device)
@@ -154,12 +146,12 @@ class BlackBox:
             self._session.begin(self._beginning)
         return self._beginning
 
-    def _keep(self, cause: str, entry: Entry) -> None:
+    def _keep(self, cause: str, entry: messages.Entry) -> None:
         self._journal.sync_due_s = 0.0
         self._withdrawals.keep(cause, entry, self._begin(entry.at_s, entry.time_s))
 
 
-def serve(channel: Channel, settings: BlackBoxSettings) -> None:
+def serve(channel: Channel, settings: messages.BlackBoxSettings) -> None:
     """Run the black box until the monitor has ended."""
     os.nice(NICENESS)
     os.umask(0o077)  # recordings are of a patient: readable by the owner only
@@ -168,4 +160,4 @@ def serve(channel: Channel, settings: BlackBoxSettings) -> None:
 
 
 if __name__ == "__main__":
-    run_companion(BlackBoxSettings, serve)
+    run_companion(messages.BlackBoxSettings, serve)

@@ -245,13 +245,16 @@ class Clients:
     def __contains__(self, client: Connection) -> bool:
         return client.number in self._connected
 
-    def wait(self, within_s: float, clock: Callable[[], float]) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for clients with data, `within_s` at most; rest for a moment first if there was no wait for long."""
+    def wait(self, within_s: float, clock: Callable[[], float]) -> list[Connection | str | None]:
+        """Wait for data, `within_s` at most; rest for a moment first if there was no wait for long.
+
+        Returns the clients and the companions that have sent something; None for clients that want to connect.
+        """
         begun_s = clock()
         if begun_s - self._waited_s > WORK_S:
             sleep(REST_S)
             self._waited_s = begun_s = clock()
-        ready = self.selector.select(within_s)
+        ready = [key.data for key, _ in self.selector.select(within_s)]
         now_s = clock()
         if now_s - begun_s >= REST_S:
             self._waited_s = now_s

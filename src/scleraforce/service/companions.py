@@ -4,8 +4,8 @@ import os
 import socket
 import subprocess
 from collections import deque
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType, UnionType
+from collections.abc import Iterator
+from types import UnionType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,23 +14,9 @@ from scleraforce.errors import MessageError
 from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.service import watchdog
-from scleraforce.service.channel import ChannelClosedError, Child, encode_message, start_companion
-from scleraforce.service.messages import (
-    STATUS_DEVICE,
-    Alive,
-    CompanionMessage,
-    Decided,
-    Entry,
-    ListensAt,
-    MonitorEnds,
-    OpinionGiven,
-    Outline,
-    ResetAsked,
-    SelfReport,
-    WithdrawalKept,
-    WrongTokens,
-)
+from scleraforce.service import messages, watchdog
+from scleraforce.service.channel import Channel, ChannelClosedError, Child, encode_message, start_companion
+from scleraforce.service.messages import STATUS_DEVICE
 
 BEAT_LOOKS = 0.5  # 10 ms
 SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
@@ -38,9 +24,11 @@ START_S = 20.0
 EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
 BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
 NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; the console only shows
-SENDS: Mapping[str, type | UnionType] = MappingProxyType(
-    {BLACK_BOX: WithdrawalKept, CONSOLE: ResetAsked | ListensAt | WrongTokens, OPINION: OpinionGiven}
-)  # and each sends `Alive`, `SelfReport`
+SENDS: dict[str, type | UnionType] = {
+    BLACK_BOX: messages.WithdrawalKept,
+    CONSOLE: messages.ResetAsked | messages.ListensAt | messages.WrongTokens,
+    OPINION: messages.OpinionGiven,
+}  # and each sends `Alive`, `SelfReport`
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns
 KEEPS_UP_S = 2.0  # a companion that takes no message for longer has failed
@@ -65,7 +53,7 @@ class Guard:
             raise OSError("the watchdog did not start")
         self._channel.setblocking(False)
         for version in (1, 2, 3):
-            self._send(watchdog.Emergency(version=version, status=encode(EMERGENCY, STATUS_DEVICE, version=version)))
+            self._send(b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version))
 
     @property
     def pid(self) -> int:
@@ -74,15 +62,15 @@ class Guard:
 
     def watch(self, client: int, descriptor: int) -> None:
         """Pass it the socket of a client, by its number."""
-        self._send(watchdog.ClientCame(client=client), descriptor)
+        self._send(b"C%d" % client, descriptor)
 
     def version(self, client: int, version: int) -> None:
         """Send it the header version of a client."""
-        self._send(watchdog.ClientSpeaks(client=client, version=version))
+        self._send(b"V%d %d" % (client, version))
 
     def forget(self, client: int) -> None:
         """Make it close its duplicate of a client's socket."""
-        self._send(watchdog.ClientLeft(client=client))
+        self._send(b"D%d" % client)
 
     def beat(self, now_s: float) -> str | None:
         """Send a sign of life, and take the watchdog's; return its fault, if any. Call it every few ms."""
@@ -91,7 +79,7 @@ class Guard:
         if now_s - self._beaten_s > self._silent_s:  # the first time, or after a pause of this process
             self._answered_s = now_s
         self._beaten_s = now_s
-        self._send(watchdog.Beat())
+        self._send(b"B")
         self._hear(now_s)
         if self._fault is None and now_s - self._answered_s > self._silent_s:
             return f"the watchdog has not answered for {self._silent_s:g} s"
@@ -99,7 +87,7 @@ class Guard:
 
     def end(self) -> None:
         """End the watchdog, before the monitor ends."""
-        self._send(watchdog.PlannedEnd())
+        self._send(b"Q")
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:
@@ -107,8 +95,7 @@ class Guard:
             self._process.wait()
         self._channel.close()  # not earlier: closing it with unread answers would discard the message
 
-    def _send(self, message: watchdog.WatchdogMessage, descriptor: int | None = None) -> None:
-        data = watchdog.pack_for_watchdog(message)
+    def _send(self, data: bytes, descriptor: int | None = None) -> None:
         try:
             socket.send_fds(self._channel, [data], [] if descriptor is None else [descriptor])
         except BlockingIOError:
@@ -145,10 +132,12 @@ class Companions:
     def __contains__(self, name: str) -> bool:
         return name in self._children
 
-    @property
-    def channels(self) -> dict[int, str]:
-        """File descriptors of the channels, with the names of the companions."""
-        return {child.channel.fileno(): name for name, child in self._children.items()}
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._children)
+
+    def channel(self, name: str) -> Channel:
+        """Return the channel of a companion."""
+        return self._children[name].channel
 
     def starts(self, name: str) -> bool:
         """Return whether a companion runs that has neither given a sign of life nor failed, as far as `hear` knows."""
@@ -174,9 +163,9 @@ class Companions:
         silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
         return "it does not answer" if silent else None
 
-    def entry(self, entry: Entry) -> None:
+    def entry(self, entry: messages.Entry) -> None:
         """Send a decision; it waits for a black box that does not keep up, before all other messages."""
-        data = encode_message(Decided(entry=entry))
+        data = encode_message(messages.Decided(entry=entry))
         if BLACK_BOX in self._children:
             if len(self._waiting) < MOST_WAITING:  # else it counts as failed already, and the log shows the gap
                 self._waiting.append(data)
@@ -188,9 +177,9 @@ class Companions:
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
             rows = _rows(wall.outer_row), _rows(wall.inner_row)
-            self.send(CONSOLE, Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
+            self.send(CONSOLE, messages.Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
 
-    def send(self, name: str, message: CompanionMessage, now_s: float) -> bool:
+    def send(self, name: str, message: messages.CompanionMessage, now_s: float) -> bool:
         """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""
         if name == BLACK_BOX:
             self._send_waiting(now_s)
@@ -215,14 +204,14 @@ class Companions:
             self._dead.add(name)
         return False
 
-    def hear(self, name: str, now_s: float) -> Iterator[CompanionMessage]:
+    def hear(self, name: str, now_s: float) -> Iterator[messages.CompanionMessage]:
         """Yield a companion's messages, except on its own state; one that sends something else has failed for good."""
         try:
             for message in self._children[name].channel.receive():
                 match message:
-                    case SelfReport(detail=detail):
+                    case messages.SelfReport(detail=detail):
                         self._faults[name] = detail
-                    case Alive(faults=faults):
+                    case messages.Alive(faults=faults):
                         self._heard_of.add(name)
                         if name == BLACK_BOX:
                             self._alive_until_s = now_s + SILENT_S
@@ -250,7 +239,7 @@ class Companions:
     def end(self) -> None:
         """End all companions, as planned."""
         if BLACK_BOX in self._children:
-            self.send(BLACK_BOX, MonitorEnds(), 0.0)
+            self.send(BLACK_BOX, messages.MonitorEnds(), 0.0)
         for child in self._children.values():
             child.end(within_s=30.0)
 

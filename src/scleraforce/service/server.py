@@ -9,16 +9,10 @@ from itertools import count
 from select import select
 
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.events import (
-    BadImage,
-    ChecksumError,
-    Failure,
-    MonitorEvent,
-    Reset,
-    SecondOpinion,
-    Tick,
-)  # fmt: skip
+from scleraforce.monitor.events import Fault, MonitorEvent, Reset, SecondOpinion, Tick
+from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
+from scleraforce.service import messages
 from scleraforce.service.clients import (
     REST_S,
     Clients,
@@ -31,24 +25,9 @@ from scleraforce.service.clients import (
 )
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    READING_DEVICE,
-    STATUS_DEVICE,
-    ClientRole,
-    CompanionMessage,
-    Decided,
-    ForceHeard,
-    ListensAt,
-    Note,
-    OpinionAsked,
-    OpinionGiven,
-    Rates,
-    ResetAnswered,
-    ResetAsked,
-    WithdrawalKept,
-    WrongTokens,
-)
+from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
 from scleraforce.service.reset import RESET_DEVICE, ResetToken, token_digest
+from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Frame, Session
 from scleraforce.units import from_si
 
@@ -86,8 +65,8 @@ class Server:
         self.session = session
         self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
         self._clients = Clients(listener, settings, guard, self._note_client)
-        for descriptor, name in companions.channels.items():
-            self._clients.selector.register(descriptor, selectors.EVENT_READ, name)
+        for name in companions:
+            self._clients.selector.register(companions.channel(name), selectors.EVENT_READ, name)
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
@@ -121,31 +100,28 @@ class Server:
                     self._send_rates(now_s)
             except Exception as fault:  # any exception is a cause of a withdrawal
                 now_s = self.session.clock()
-                self._decide("exception", Failure(now_s, f"{type(fault).__name__}: {fault}"))
+                self._decide("exception", Fault(now_s, Cause.EXCEPTION, f"{type(fault).__name__}: {fault}"))
             self._beat(now_s)
 
     def close(self) -> None:
         """Send the clients that the monitor ends, and disconnect them."""
-        self._decide("end", Failure(self.session.clock(), "the monitor ends"))
+        self._decide("end", Fault(self.session.clock(), Cause.EXCEPTION, "the monitor ends"))
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
         """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
-        ready = [
-            key.data for key, _ in self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
-        ]
-        clients = sorted(
-            (who for who in ready if isinstance(who, Connection)),
-            key=lambda who: (who is not self._scanner, who.heard_s),
-        )
-        for name in (who for who in ready if isinstance(who, str)):
-            self._hear_companion(name)
+        ready = self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
+        clients = [who for who in ready if isinstance(who, Connection)]
+        clients.sort(key=lambda who: (who is not self._scanner, who.heard_s))
+        for name in ready:
+            if isinstance(name, str):
+                self._hear_companion(name)
         end_s = self.session.clock() + OTHERS_S
         for client in clients:
             if client in self._clients:
                 self._hear(client)
-            if self.session.clock() > end_s:
-                self._rest()
+            if self.session.clock() > end_s:  # pause for a moment, or until the scanner sends
+                select([who for who in self._clients if who is self._scanner], [], [], REST_S)
                 break
         self._lose(self.session.clock())
         if self.session.behind and self._scanner not in ready:
@@ -156,13 +132,8 @@ class Server:
 
     def _lose(self, now_s: float) -> None:
         """Count the frames that have waited for too long: they will not be read."""
-        for event in self.session.losses(now_s) if self.session.behind else ():
+        for event in self.session.losses(now_s):
             self._decide("loss", event)
-
-    def _rest(self) -> None:
-        """Pause for a moment, or until the scanner sends."""
-        scanner = self._scanner if self._scanner is not None and self._scanner in self._clients else None
-        select([] if scanner is None else [scanner], [], [], REST_S)
 
     # Messages from clients.
 
@@ -190,9 +161,8 @@ class Server:
 
     def _may_scan(self, client: Connection, now_s: float) -> bool:
         """Return whether a client's images are accepted."""
-        scanner = self._scanner
-        vacant = scanner is None or scanner not in self._clients
-        return vacant or client is scanner or now_s - self._scanned_s > self.session.limits.silence_s
+        vacant = self._scanner is None or self._scanner not in self._clients
+        return vacant or client is self._scanner or now_s - self._scanned_s > self.session.limits.silence_s
 
     def _hear_event(self, client: Connection, event: PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
@@ -216,7 +186,7 @@ class Server:
         if not (client.forces.take(at_s) and self._forces.take(at_s)):
             self._left_out += 1
             return
-        force = ForceHeard(at_s=at_s, time_s=self.session.wall_clock(), values=values, device=device)
+        force = messages.ForceHeard(at_s=at_s, time_s=self.session.wall_clock(), values=values, device=device)
         self._companions.send(BLACK_BOX, force, at_s)
 
     def _assemble(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
@@ -225,7 +195,7 @@ class Server:
         try:
             whole = client.frames.add(image)
         except ProtocolError as fault:
-            self._decide("bad image", BadImage(at_s, str(fault)))
+            self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
         if whole is None:
             return None
@@ -238,13 +208,13 @@ class Server:
         """Handle a faulty message: from the scanner it is a cause of a withdrawal."""
         of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
         if client is not self._scanner and not (may_scan and of_image):
-            self._note_client(f"client {client.address}: {_fault_of(event)}", client)
+            self._note_client(f"client {client.address}: {event.reason}", client)
             return
-        client.frames = type(client.frames)()  # no frame may mix parts from before and after the error
+        client.frames = FrameAssembler()  # no frame may mix parts from before and after the error
         if isinstance(event, BadChecksum):
-            self._decide("checksum", ChecksumError(at_s, _fault_of(event)))
+            self._decide("checksum", Fault(at_s, Cause.CHECKSUM, event.reason))
         else:
-            self._decide("bad image", BadImage(at_s, _fault_of(event)))
+            self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, event.reason))
 
     # Decisions, and messages to clients.
 
@@ -261,7 +231,7 @@ class Server:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
         if session.answer is not None:
-            self._companions.send(OPINION, OpinionAsked(number=frame.number, order=frame.order), now_s)
+            self._companions.send(OPINION, messages.OpinionAsked(number=frame.number, order=frame.order), now_s)
             if session.answer.segmentation is not None:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)
 
@@ -292,22 +262,21 @@ class Server:
             self._left_out += 1
 
     def _log_note(self, text: str, now_s: float) -> bool:
-        return self._companions.send(BLACK_BOX, Note(time_s=self.session.wall_clock(), text=text), now_s)
+        return self._companions.send(BLACK_BOX, messages.Note(time_s=self.session.wall_clock(), text=text), now_s)
 
     # Periodic work.
 
     def _tick(self, now_s: float) -> None:
         self._decide("tick", Tick(now_s))
         for fault in self._companions.faults(now_s):
-            self._decide("companion", Failure(now_s, fault))
+            self._decide("companion", Fault(now_s, Cause.EXCEPTION, fault))
         for address in self._clients.sweep(now_s, self._scanner):
             if self._notes.take(now_s):
                 self._note(f"client {address} was disconnected: it read too slowly, so that answers to it were old")
 
     def _beat(self, now_s: float) -> None:
-        fault = self._guard.beat(now_s)
-        if fault:
-            self._decide("watchdog", Failure(now_s, fault))
+        if fault := self._guard.beat(now_s):
+            self._decide("watchdog", Fault(now_s, Cause.EXCEPTION, fault))
 
     def _send_rates(self, now_s: float) -> None:
         dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
@@ -316,36 +285,36 @@ class Server:
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         clients = tuple(
-            ClientRole(address=client.address, role="scanner" if client is self._scanner else "listener")
+            messages.ClientRole(address=client.address, role="scanner" if client is self._scanner else "listener")
             for client in self._clients
         )
         rate = (self.session.frames - frames) / (now_s - since_s)
-        rates = Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
+        rates = messages.Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
         self._companions.send(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.send(CONSOLE, Decided(entry=self.session.entry("again", now_s)), now_s)
+            self._companions.send(CONSOLE, messages.Decided(entry=self.session.entry("again", now_s)), now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
         for message in self._companions.hear(name, now_s):
             self._take_message(message, now_s)
         if self._companions.dead(name):
-            descriptor = next(key for key, of in self._companions.channels.items() if of == name)
-            self._clients.selector.unregister(descriptor)
+            self._clients.selector.unregister(self._companions.channel(name))
             self._note(f"the {name} has ended{self._companions.last_words(name)}")
 
-    def _take_message(self, message: CompanionMessage, now_s: float) -> None:
+    def _take_message(self, message: messages.CompanionMessage, now_s: float) -> None:
         match message:
-            case OpinionGiven():
+            case messages.OpinionGiven():
                 self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=message.order, verdict=message.verdict))
-            case ResetAsked(request=request, token=token):
+            case messages.ResetAsked(request=request, token=token):
                 granted, text = self._reset(token, now_s)
-                self._companions.send(CONSOLE, ResetAnswered(request=request, granted=granted, message=text), now_s)
-            case ListensAt(url=url):
+                answer = messages.ResetAnswered(request=request, granted=granted, message=text)
+                self._companions.send(CONSOLE, answer, now_s)
+            case messages.ListensAt(url=url):
                 self._note(f"console    {url}")
-            case WrongTokens(count=count):
+            case messages.WrongTokens(count=count):
                 self._note_client(f"console: {count} resets with a wrong token")
-            case WithdrawalKept(folder=folder):
+            case messages.WithdrawalKept(folder=folder):
                 self._note(f"the last seconds were kept in {folder}")
 
     def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
@@ -367,9 +336,3 @@ class Server:
             self._clients.send(client, Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:
             self._clients.leave(client, "was disconnected: wrong tokens")
-
-
-def _fault_of(event: BadChecksum | Malformed | Broken) -> str:
-    if isinstance(event, BadChecksum):
-        return f"{event.header.type}: checksum {event.found:016x}, not {event.header.crc:016x}"
-    return event.reason

@@ -8,8 +8,9 @@ from time import monotonic, time
 from typing import Any, Generic, TypeVar
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.events import Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.limits import of_scale
+from scleraforce.monitor.transitions import Cause
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.messages import Entry
@@ -294,4 +295,4 @@ class Session:
 
 
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
-    return Failure(at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
+    return Fault(at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}")

@@ -5,11 +5,11 @@ monitor (which might otherwise resume later and say OK) and sends the emergency 
 until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
 alone, so that it starts before NumPy and the model are loaded and does not depend on them.
 
-Its messages are records, one datagram each; it answers `ALIVE` when it is ready and to each sign of life. A datagram is
-a letter and what follows it:
+A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE` when it is ready and to each sign
+of life (B); Q is a planned end.
 
     M  version, space, the STATUS to send    C  client, whose socket comes with it    V  client, space, version
-    D  client                                B  nothing                               Q  nothing
+    D  client, whose socket is to be closed  B  nothing                               Q  nothing
 """
 
 import os
@@ -20,17 +20,12 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 
 from scleraforce.errors import MessageError
 
 ALIVE = b"A"
 MOST_BYTES = 4096
-FORM = re.compile(
-    rb"M(?P<emergency>[123]) (?P<status>.{58,})|C(?P<came>\d{1,18})|V(?P<speaks>\d{1,18}) (?P<version>[123])"
-    rb"|D(?P<left>\d{1,18})|(?P<beat>B)|(?P<end>Q)",
-    re.DOTALL,
-)  # 58 bytes: the header of any OpenIGTLink message
+FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.DOTALL)  # 58 bytes: a whole header
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
@@ -39,92 +34,19 @@ TIME = slice(34, 42)  # of a header in any version: seconds since 1970, in 2^-32
 OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 
 
-@dataclass(frozen=True, kw_only=True)
-class Emergency:
-    """The whole STATUS message for clients of a header version, 1 to 3."""
+def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
+    """Return the letter of a datagram, the number after it (0 without one), and the rest.
 
-    version: int
-    status: bytes
+    >>> parts_of(b"V7 2")
+    (b'V', 7, b'2')
 
-
-@dataclass(frozen=True, kw_only=True)
-class ClientCame:
-    """A client, whose socket is sent along."""
-
-    client: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClientSpeaks:
-    """The header version that a client speaks, 1 to 3."""
-
-    client: int
-    version: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClientLeft:
-    """A client whose socket is to be closed."""
-
-    client: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Beat:
-    """A sign of life of the monitor."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannedEnd:
-    """The monitor ends as planned."""
-
-
-WatchdogMessage = Emergency | ClientCame | ClientSpeaks | ClientLeft | Beat | PlannedEnd
-
-
-def pack_for_watchdog(message: WatchdogMessage) -> bytes:
-    """Return the datagram of a message; raise MessageError if it would not be understood.
-
-    >>> pack_for_watchdog(ClientSpeaks(client=7, version=2))
-    b'V7 2'
+    Raises:
+        MessageError: it is not a message.
     """
-    match message:
-        case Emergency(version=version, status=status):
-            data = b"M%d " % version + status
-        case ClientCame(client=client):
-            data = b"C%d" % client
-        case ClientSpeaks(client=client, version=version):
-            data = b"V%d %d" % (client, version)
-        case ClientLeft(client=client):
-            data = b"D%d" % client
-        case Beat():
-            data = b"B"
-        case PlannedEnd():
-            data = b"Q"
-    _parts(data)
-    return data
-
-
-def unpack_for_watchdog(data: bytes) -> WatchdogMessage:
-    """Return the message of a datagram; raise MessageError if it is not a message."""
-    parts = _parts(data)
-    if parts["emergency"]:
-        return Emergency(version=int(parts["emergency"]), status=parts["status"])
-    if parts["came"]:
-        return ClientCame(client=int(parts["came"]))
-    if parts["speaks"]:
-        return ClientSpeaks(client=int(parts["speaks"]), version=int(parts["version"]))
-    if parts["left"]:
-        return ClientLeft(client=int(parts["left"]))
-    return Beat() if parts["beat"] else PlannedEnd()
-
-
-def _parts(data: bytes) -> dict[str, bytes]:
-    """Return the parts of a datagram by name; those of other messages are None."""
-    found = FORM.fullmatch(data) if len(data) <= MOST_BYTES else None
-    if found is None:
+    if len(data) > MOST_BYTES or not FORM.fullmatch(data):
         raise MessageError(f"{data[:20]!r}, {len(data)} bytes: not a message to the watchdog")
-    return found.groupdict()
+    number, _, rest = data[1:].partition(b" ")
+    return data[:1], int(number or b"0"), rest
 
 
 def stamp_time(message: bytearray, time_s: float) -> None:
@@ -171,27 +93,27 @@ class Watchdog:
                 return False
             if not data:
                 return False
-            message = unpack_for_watchdog(data)
-            if isinstance(message, PlannedEnd):
+            letter, number, rest = parts_of(data)
+            if letter == b"Q":
                 return True
-            self._take(message, sockets)
+            self._take(letter, number, rest, sockets)
         return False
 
-    def _take(self, message: WatchdogMessage, sockets: list[int]) -> None:
-        match message:
-            case Beat():
+    def _take(self, letter: bytes, number: int, rest: bytes, sockets: list[int]) -> None:
+        match letter:
+            case b"B":
                 with suppress(BlockingIOError, BrokenPipeError):  # it may have died since; the next look will show it
                     self._monitor.send(ALIVE)
-            case Emergency(version=version, status=status):
-                self._messages[version] = bytearray(status)
-            case ClientCame(client=number):
+            case b"M":
+                self._messages[number] = bytearray(rest)
+            case b"C":
                 if not sockets:
                     raise MessageError(f"client {number} came without its socket")
                 self._clients[number] = socket.socket(fileno=sockets[0])
                 self._versions[number] = 1
-            case ClientSpeaks(client=number, version=version):
-                self._versions[number] = version
-            case ClientLeft(client=number):
+            case b"V":
+                self._versions[number] = int(rest)
+            case b"D":
                 self._clients.pop(number).close()
 
     def alarm(self) -> None:

@@ -12,18 +12,10 @@ import cv2
 import numpy as np
 
 from scleraforce.errors import MessageError
+from scleraforce.service import messages
 from scleraforce.service.channel import Channel, ChannelClosedError
 from scleraforce.service.console.board import Board
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    CompanionMessage,
-    Decided,
-    Outline,
-    ResetAnswered,
-    ResetAsked,
-    SelfReport,
-    WrongTokens,
-)
 from scleraforce.service.reset import ResetToken
 
 LATE_S = 0.015  # a wake-up of the console this late is a sign
@@ -109,7 +101,7 @@ class Pictures:
         self._made: tuple[tuple[int, int], bytes] = ((0, 0), b"")
         self._white = 1.0
 
-    def of(self, frame: int, outline: Outline | None, most_pixels: int) -> bytes | None:
+    def of(self, frame: int, outline: messages.Outline | None, most_pixels: int) -> bytes | None:
         """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
         if self._made[0] == (frame, most_pixels):
             return self._made[1]
@@ -155,7 +147,7 @@ class Hub:
         """Read the channel from now on."""
         asyncio.get_running_loop().add_reader(self._channel.fileno(), self.read)
 
-    def send(self, message: CompanionMessage) -> None:
+    def send(self, message: messages.CompanionMessage) -> None:
         """Send a message to the monitor, if it still runs."""
         try:
             self._channel.send(message)
@@ -165,19 +157,19 @@ class Hub:
     def read(self) -> None:
         """Read all messages that wait in the channel; after an invalid one, the board shows a silent monitor."""
         try:
-            messages = self._channel.receive()
+            heard = self._channel.receive()
         except ChannelClosedError:
             self._end()
             return
         except MessageError as fault:
-            self.send(SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
+            self.send(messages.SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
             return
         now_s = monotonic()
         urgent = False
-        for message in messages:
-            if isinstance(message, ResetAnswered):
+        for message in heard:
+            if isinstance(message, messages.ResetAnswered):
                 self._answer(message)
-            if isinstance(message, Decided):
+            if isinstance(message, messages.Decided):
                 self.thrift.answered(message.entry.latency_ms, message.entry.overtaken, now_s)
             urgent = self.board.take(message, now_s) or urgent
         if urgent:
@@ -207,7 +199,7 @@ class Hub:
         self.pages.add(place)
         return place
 
-    def _answer(self, answered: ResetAnswered) -> None:
+    def _answer(self, answered: messages.ResetAnswered) -> None:
         future = self._waiting.pop(answered.request, None)
         if future is not None and not future.done():
             future.set_result((answered.granted, answered.message))
@@ -223,7 +215,7 @@ class Hub:
             return False, "the token is wrong; the monitor printed the right one at its start"
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
-        self.send(ResetAsked(request=number, token=token))
+        self.send(messages.ResetAsked(request=number, token=token))
         try:
             return await asyncio.wait_for(future, ANSWER_S)
         except TimeoutError:
@@ -238,5 +230,5 @@ class Hub:
             asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
 
     def _send_wrong(self) -> None:
-        self.send(WrongTokens(count=self._wrong_tokens))
+        self.send(messages.WrongTokens(count=self._wrong_tokens))
         self._wrong_tokens = 0
