@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from time import monotonic
+from typing import Any
 
 import cv2
 import numpy as np
+from fastapi import WebSocket, WebSocketDisconnect
 
 from scleraforce.errors import MessageError
 from scleraforce.service import messages
@@ -20,12 +22,14 @@ from scleraforce.service.reset import ResetToken
 
 LATE_S = 0.015  # a wake-up of the console this late is a sign
 SLOW_MS = 10.0  # an answer that takes longer, too
-SIGNS, WITHIN_S = 3, 1.0  # so many within this time: the machine is short
+SIGNS, WITHIN_S = 3, 1.0  # signs within this time: the machine is short
 HELD_S = 1.0  # at least, before less is shown again
 CALM_S = 5.0  # without a sign, before more is shown again
 WHITE_PERCENTILE = 99.5
 FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
 ANSWER_S = 3.0
+SLACK_S = 0.01  # by which a picture may come earlier than its turn, since updates have their own rhythm
+MOST_UNSEEN = 4  # messages under way that the page has not acknowledged
 WRONG_S = 0.5  # delay of the answer to a wrong token
 MOST_PAGES = 32
 
@@ -120,15 +124,6 @@ class Pictures:
         return self._made[1]
 
 
-@dataclass(eq=False)
-class PagePlace:
-    """The place of one page: `wake` it at once, make it leave (`gone`); `heard_s` is when it last sent something."""
-
-    wake: asyncio.Event = field(default_factory=asyncio.Event)
-    gone: asyncio.Event = field(default_factory=asyncio.Event)
-    heard_s: float = field(default_factory=monotonic)
-
-
 class Hub:
     """Connects the channel with the pages of one event loop; it never waits for a page, so the channel is always read.
 
@@ -137,7 +132,7 @@ class Hub:
 
     def __init__(self, channel: Channel, pictures: Pictures, token: ResetToken, when_ended: Callable[[], None]) -> None:
         self.board, self.pictures, self.thrift = Board(monotonic()), pictures, Thrift()
-        self.pages: set[PagePlace] = set()
+        self.pages: set[Page] = set()
         self._channel, self._token, self._when_ended = channel, token, when_ended
         self._numbers = count(1)
         self._waiting: dict[int, asyncio.Future[ResetAnswer]] = {}
@@ -189,15 +184,13 @@ class Hub:
         for page in self.pages:
             page.wake.set()
 
-    def enter(self) -> PagePlace:
-        """Return a place for a page; if all are taken, the page that has been silent longest loses its place."""
+    def enter(self, page: "Page") -> None:
+        """Give a page a place; if all are taken, the page that has been silent longest loses its place."""
         if len(self.pages) >= MOST_PAGES:
             silent = min(self.pages, key=lambda page: page.heard_s)
             silent.gone.set()
             self.pages.discard(silent)
-        place = PagePlace()
-        self.pages.add(place)
-        return place
+        self.pages.add(page)
 
     def _answer(self, answered: messages.ResetAnswered) -> None:
         future = self._waiting.pop(answered.request, None)
@@ -232,3 +225,106 @@ class Hub:
     def _send_wrong(self) -> None:
         self.send(messages.WrongTokens(count=self._wrong_tokens))
         self._wrong_tokens = 0
+
+
+@dataclass(eq=False)
+class Page:
+    """An open page: its accepted `socket`, and what it was sent and has acknowledged.
+
+    A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. A page that stalls
+    gets nothing until it answers, and then the newest state. `wake` sends the newest state at once; `gone` closes the
+    page; `heard_s` is when it last sent something. `picture` is the last frame sent; of the history, the page has all
+    before number `step`.
+    """
+
+    socket: WebSocket
+    hub: Hub
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    gone: asyncio.Event = field(default_factory=asyncio.Event)
+    heard_s: float = field(default_factory=monotonic)
+    sent: int = 0
+    seen: int = 0
+    picture: int = 0
+    drawn: int = 0
+    pictured_s: float = 0.0
+    step: int = 0
+
+    async def show(self, settings: dict[str, Any]) -> None:
+        """Send all that the page shows, until it leaves or loses its place to another."""
+        self.hub.enter(self)
+        tasks: list[asyncio.Task[Any]] = []
+        try:
+            await self.socket.send_text(json.dumps({"kind": "hello", **settings}))
+            tasks = [asyncio.create_task(work) for work in (self._send(), self._hear(), self.gone.wait())]
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        except WebSocketDisconnect:
+            return
+        finally:
+            self.hub.pages.discard(self)
+            for task in tasks:
+                task.cancel()
+        ends = await asyncio.gather(*tasks, return_exceptions=True)
+        if any(isinstance(end, WebSocketDisconnect) for end in ends):
+            return  # the page left; the other task's error follows from that
+        for end in ends:
+            if isinstance(end, Exception):
+                raise end
+        if self.gone.is_set():
+            await self.socket.close(1013, "too many pages")
+        elif ends[1] is None:  # it sent something that our page never sends
+            await self.socket.close(1008)
+
+    @property
+    def _keeps_up(self) -> bool:
+        return self.sent - self.seen < MOST_UNSEEN
+
+    async def _send(self) -> None:
+        while True:
+            self.wake.clear()
+            share = self.hub.thrift.share(monotonic())
+            if self._keeps_up:
+                await self._send_state(share)
+                await self._send_picture(share)
+            due_s = monotonic() + share.update_s
+            try:
+                await asyncio.wait_for(self.wake.wait(), share.update_s)
+            except TimeoutError:
+                now_s = monotonic()
+                self.hub.thrift.woke(now_s - due_s, now_s)
+
+    async def _send_state(self, share: Share) -> None:
+        state = self.hub.board.as_json(monotonic(), self.step)
+        if state["steps"]:
+            self.step = state["steps"][-1][0]  # which may still change
+        self.sent += 1
+        await self.socket.send_text(json.dumps({**state, "thrift": share.level, "number": self.sent}))
+
+    async def _send_picture(self, share: Share) -> None:
+        chosen, now_s = self.hub.board.picture(), monotonic()
+        if chosen is None or self.drawn != self.picture or chosen[0] == self.picture:
+            return
+        if now_s - self.pictured_s < share.picture_s - SLACK_S:
+            return
+        picture = self.hub.pictures.of(*chosen, share.pixels)
+        if picture is not None:
+            self.picture, self.pictured_s = chosen[0], now_s
+            await self.socket.send_bytes(picture)
+
+    async def _hear(self) -> None:
+        """Take the page's answers; return if it sends anything else."""
+        while True:
+            try:
+                answer = json.loads(await self.socket.receive_text())
+            except (ValueError, KeyError, RecursionError):  # no JSON, or no text
+                return
+            self.heard_s = monotonic()
+            seen, drawn = (answer.get(name) if isinstance(answer, dict) else None for name in ("seen", "drawn"))
+            stalled = not self._keeps_up
+            if isinstance(seen, int):
+                self.seen = max(self.seen, min(seen, self.sent))
+            elif isinstance(drawn, int):
+                self.drawn = drawn
+            else:
+                return
+            if stalled and self._keeps_up:
+                self.wake.set()
