@@ -9,7 +9,7 @@ from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import OvertakenRead, QueueLoss, Tick
 from scleraforce.service.scanner_image import ScannerFrame
-from scleraforce.service.session import MOST_FRAMES, DeferredFrames, FramePace, Session
+from scleraforce.service.session import MOST_FRAMES, DeferredFrames, Frame, FramePace, Session
 
 SCALE = {"lateral_m": SCALE_M[0], "depth_m": SCALE_M[1]}
 LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
@@ -159,26 +159,33 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     assert event.read.frame_id == 306
 
 
+def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
+    image = ScannerFrame(frame_of(0, number), **SCALE)
+    return Frame(number=number, order=number, sender_id=number, at_s=at_s, interval_s=interval_s, image=image,
+                 shown_back=0, misfit=False, sent_s=None)  # fmt: skip
+
+
 def test_a_flood_is_a_loss_also_where_every_frame_is_read_at_once_and_a_steady_stream_is_none() -> None:
-    flood, steady = DeferredFrames[int](0.1), DeferredFrames[int](0.1)
+    flood, steady = DeferredFrames(0.1), DeferredFrames(0.1)
     lost = []
     for number in range(30):
-        flood.add(number, 10.0 + 1e-4 * number, 0.01, number // 10)
+        flood.add(deferred(number, 10.0 + 1e-4 * number), number // 10)
         lost += flood.lose(10.0 + 1e-4 * number)
         if len(flood):
             flood.take()
-        steady.add(number, 10.0 + 0.01 * number, 0.01, number)
+        steady.add(deferred(number, 10.0 + 0.01 * number), number)
         assert steady.lose(10.0 + 0.01 * number) == []
         steady.take()
-    assert 19 <= sum(frames for _, frames, _ in lost) <= 20
+    assert 19 <= sum(loss.lost for loss in lost) <= 20
 
 
 def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
-    waiting = DeferredFrames[int](0.1)
+    waiting = DeferredFrames(0.1)
     for number in range(MOST_FRAMES + 7):
-        waiting.add(number, 10.0, 1e-6, number // 5)
-    assert waiting.lose(10.0) == [(0, 5, pytest.approx(5e-6)), (1, 2, pytest.approx(2e-6))]
-    assert (len(waiting), waiting.take()) == (MOST_FRAMES, 7)
+        waiting.add(deferred(number, 10.0, 1e-6), number // 5)
+    losses = [(loss.row, loss.lost, loss.unread_s) for loss in waiting.lose(10.0)]
+    assert losses == [(0, 5, pytest.approx(5e-6)), (1, 2, pytest.approx(2e-6))]
+    assert (len(waiting), waiting.take().number) == (MOST_FRAMES, 7)
 
 
 def test_a_long_pause_counts_as_a_silence_in_the_interval_and_a_fast_scanner_is_known_as_such() -> None:

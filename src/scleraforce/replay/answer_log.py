@@ -17,18 +17,10 @@ OK = State.WATCHING.value
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A STATUS that differs from the one before it, in code or sub-code.
+    """A STATUS that came at `at_s` (monotonic) and differs from the one before it, in code or sub-code.
 
-    Attributes:
-        at_s: when it came (s, monotonic).
-        code: of the STATUS.
-        sub_code: of the STATUS.
-        message: of the STATUS.
-        frame: number of the frame that it answers, or of the last frame sent; None before the first.
-        after_s: time since that frame's last byte.
-        answers: whether it is the answer to that frame.
-        force_mn: force that was read in that frame, if this is its answer; None if no force was read.
-        interval_mn: interval of that force.
+    `frame` is the number of the frame that it `answers`, or of the last frame sent, and `after_s` the time since that
+    frame's last byte; None before the first frame. The force and its interval are the answer's.
     """
 
     at_s: float
@@ -59,14 +51,8 @@ class TimedAnswer:
 class AnswerLog:
     """Record frames that were sent and the monitor's messages; no socket, no clock.
 
-    Attributes:
-        changes: of the STATUS, in order; the first STATUS counts as a change.
-        answers: to frames, in order.
-        frames_sent: number of frames that were sent.
-        begun_s: when the first frame was sent; None before.
-        reading: the last STRING `ForceReading`, parsed.
-        status_s: when the last STATUS came.
-        longest_silence_s: between two STATUS.
+    `begun_s` is when the first frame was sent, `status_s` when the last STATUS came; the first one counts as a change.
+    `reading` is the last STRING `ForceReading`, parsed; `answered` the number of the frame that it answers.
     """
 
     def __init__(self) -> None:

@@ -62,14 +62,10 @@ class PreparedFault:
 class FaultReport:
     """The consequence of a fault.
 
-    Attributes:
-        name: of the fault.
-        began_s: when its first act was done (s, monotonic); for a silence, when the frame was due.
-        delay_s: from then until the robot withdraws; None if it does not within `WITHIN_S`.
-        message: of the STATUS, or what happened instead.
-        code: of the STATUS; None if no STATUS came for 150 ms, or the monitor has gone.
-        cause: name of the cause in the STATUS.
-        expected: whether the cause is one of the fault's.
+    `began_s` is when its first act was done (s, monotonic), or when the frame was due that did not come; `delay_s` runs
+    from then until the robot withdraws, and is None if it does not within `WITHIN_S`. `code`, `message` and `cause` are
+    the STATUS's; without a STATUS for 150 ms, or without a monitor, `code` is None and `message` says so. `expected`
+    is True if the cause is one of the fault's.
     """
 
     name: str
@@ -93,14 +89,7 @@ def prepare(
 ) -> PreparedFault:
     """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
-    Args:
-        name: a key of `FAULTS`.
-        recording: played before the fault and after it.
-        time_s: on the recording's clock.
-        rng: for random choices: noise or black, the byte that flips.
-        version: of the headers.
-        speed: recorded seconds in a second.
-        forces_n: the force at each frame; "rising" and "dangerous" need it.
+    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame.
 
     Raises:
         InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
@@ -143,10 +132,8 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
 def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
 
-    Args:
-        player: has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor
-            when the scanner's connection is gone.
-        prepared: the fault.
+    The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
+    the scanner's connection is gone.
 
     Raises:
         InputError: the monitor did not say OK before the fault, so nothing can be observed.
@@ -221,23 +208,23 @@ def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
     return sent_s
 
 
+@dataclass
 class _Stage:
-    """The material of a fault: the frames that would come next, and numbers for those sent instead."""
+    """The material of a fault: the frames that would come next, from `first` on; `number` is that of the last one sent.
 
-    def __init__(
-        self,
-        recording: Recording,
-        first: int,
-        rng: np.random.Generator,
-        version: int,
-        interval_s: float,
-        forces_n: Sequence[float] | None,
-    ) -> None:
-        self.recording, self.first, self.rng, self.version, self.interval_s = recording, first, rng, version, interval_s
-        self.count = ceil(WITHIN_S / interval_s) + 1
-        self.left = min(self.count, len(recording.frames) - first)  # frames that remain while the fault is watched
-        self.number = first  # of the last frame before the fault
-        self._forces_n = forces_n
+    The fault is watched for the time of `count` frames, of which `left` remain in the recording.
+    """
+
+    recording: Recording
+    first: int
+    rng: np.random.Generator
+    version: int
+    interval_s: float
+    given_n: Sequence[float] | None
+
+    def __post_init__(self) -> None:
+        self.number, self.count = self.first, ceil(WITHIN_S / self.interval_s) + 1
+        self.left = min(self.count, len(self.recording.frames) - self.first)
 
     def pixels(self, index: int) -> Pixels:
         """Return the pixels of the frame `index` places after the first one of the fault."""
@@ -265,9 +252,9 @@ class _Stage:
 
     def forces_n(self, least_n: float) -> NDArray[np.float64]:
         """Return the force at each frame, of which one must be at least `least_n`."""
-        if self._forces_n is None:
+        if self.given_n is None:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
-        forces_n = np.asarray(self._forces_n)
+        forces_n = np.asarray(self.given_n)
         if not forces_n.max() >= least_n:
             found_mn, needed_mn = from_si(forces_n.max(), "mn"), from_si(least_n, "mn")
             raise InputError(
@@ -288,9 +275,8 @@ class _Stage:
 
 
 def _unusable(stage: _Stage) -> list[Act]:
-    """Noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
-    top = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3
-    like = stage.pixels(0)
+    """Return noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
+    top, like = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3, stage.pixels(0)
     counts = [stage.rng.integers(0, top, like.shape) for _ in range(stage.count)]
     return stage.shown(_like(like, wrong) for wrong in counts)
 

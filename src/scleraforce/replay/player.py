@@ -38,20 +38,10 @@ class Timed:
 class Player:
     """Play a recording through an open client; keep time by the client's clock, so that no delay adds up.
 
-    Args:
-        recording: frames, and the force log if it has one.
-        client: connected to the monitor.
-        log: takes each frame that goes out.
-        speed: recorded seconds in a second.
-        version: of the headers, 1 to 3.
-        ahead: frames that are read before they are due, and before the first one goes out.
-        watch: called after each message.
-        wall_clock: s since 1970, of the headers.
-
-    Attributes:
-        forces_sent: number of samples of the force log that were sent.
-        latest_s: the largest delay of a message.
-        last: number of the last frame that was sent.
+    `speed` is in recorded seconds a second. `ahead` frames are read before they are due, and before the first one goes
+    out. `watch` is called after each message. `latest_s` is the largest delay of a message, `last` the number of the
+    last frame that was sent. `play`, `step` raise LinkError if the connection is lost, FrameError if a frame cannot be
+    read.
     """
 
     def __init__(
@@ -74,12 +64,7 @@ class Player:
         self._frame_went: tuple[float, float] | None = None
 
     def play(self, stop_s: float = float("inf")) -> None:
-        """Play until a time of the recording, or its end; then wait a moment for the last answer.
-
-        Raises:
-            LinkError: the connection was lost.
-            FrameError: a frame cannot be read.
-        """
+        """Play until a time of the recording, or its end; then wait a moment for the last answer."""
         entries = [entry for entry in self.recording.frames if entry.time_s < stop_s]
         forces = (force for force in self._forces() if force.time_s < min(stop_s, self.recording.frames[-1].time_s))
         for timed in merge(self.frames(entries), forces):
@@ -89,12 +74,7 @@ class Player:
             self._watch()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
-        """Send a frame, without forces, each time `asked` returns True, and wait for its answer; stop when it is False.
-
-        Raises:
-            LinkError: the connection was lost.
-            FrameError: a frame cannot be read.
-        """
+        """Send a frame, without forces, and wait for its answer, while `asked` returns True before each one."""
         for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
             if not asked(entry):
                 return

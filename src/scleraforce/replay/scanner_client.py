@@ -58,15 +58,11 @@ def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
 class ScannerClient:
     """Open connections to a monitor: the scanner's, and on request a robot's beside it. Every wait has an end.
 
-    Args:
-        host: of the monitor.
-        port: of the monitor.
-        hear: called with the time (s, monotonic), the device and the message for each that the monitor sends.
-        observed: hear through the robot's connection, which stays when the scanner's breaks.
-        clock: s, of all times here.
+    `hear` is called with the time, the device and the message for each that the monitor sends; `observed` hears through
+    the robot's connection, which stays when the scanner's breaks. Times are of the `clock`.
 
     Raises:
-        InputError: no monitor listens there.
+        InputError: no monitor listens there. Methods raise LinkError if the connection is lost.
     """
 
     def __init__(
@@ -80,9 +76,6 @@ class ScannerClient:
         """Send bytes; return when the last of them were handed to the system (s, monotonic).
 
         The clock is read before the last 4 KiB: a monitor of higher priority may answer before `send` returns.
-
-        Raises:
-            LinkError: the connection is lost, or the monitor does not read.
         """
         whole = memoryview(data)
         self._send(whole[:-LAST_BYTES])
@@ -105,11 +98,7 @@ class ScannerClient:
                 self._lose(self._scanner, fault)
 
     def listen(self, until_s: float, done: Callable[[], bool] = lambda: False) -> None:
-        """Hear the monitor until a time (s, monotonic), or until `done`.
-
-        Raises:
-            LinkError: the connection is lost, or its other end does not speak OpenIGTLink.
-        """
+        """Hear the monitor until a time (s, monotonic), or until `done`."""
         self._turn(0.0)
         while not done() and (left_s := until_s - self.clock()) > 0.0:
             self._turn(left_s)
@@ -131,14 +120,12 @@ class ScannerClient:
         links = {link for link in (self._scanner, self._heard) if link is not None}
         writers = [self._scanner] if writing and self._scanner is not None else []
         for link in select(list(links), writers, [], within_s)[0]:
-            if link is self._heard:
-                self._receive(link)
-            else:
-                self._pass_over(link)
+            self._receive(link, heard=link is self._heard)
 
-    def _receive(self, link: socket.socket) -> None:
+    def _receive(self, link: socket.socket, heard: bool) -> None:
+        """Read a connection; discard what comes on the scanner's while the robot's, which gets the same, is heard."""
         try:
-            count = link.recv_into(self._decoder.space())
+            count = link.recv_into(self._decoder.space() if heard else bytearray(1 << 16))
         except BlockingIOError:
             return
         except OSError as fault:
@@ -147,21 +134,11 @@ class ScannerClient:
         at_s = self.clock()
         if not count:
             self._lose(link, None)
-        for event in self._decoder.received(count):
+        for event in self._decoder.received(count) if heard else ():
             if isinstance(event, Broken):
                 raise LinkError(f"{self.address}: does not send OpenIGTLink: {event.reason}")
             if isinstance(event, Received):
                 self._hear(at_s, event.header.device, event.message)
-
-    def _pass_over(self, link: socket.socket) -> None:
-        """Read and discard the scanner's connection; the robot's connection receives the same."""
-        try:
-            if not link.recv(1 << 16):
-                self._lose(link, None)
-        except BlockingIOError:
-            pass
-        except OSError as fault:
-            self._lose(link, fault)
 
     def _lose(self, link: socket.socket, fault: OSError | None) -> None:
         """Continue without the scanner's connection if the robot's is the one that is heard."""

@@ -17,11 +17,11 @@ from scleraforce.service.channel import Channel, ChannelClosedError, run_compani
 from scleraforce.service.decision_log import Journal
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.recordings import (
+    FrameTaker,
     Recent,
     RobotForce,
     SessionBeginning,
     SessionRecording,
-    TakenFrame,
     Withdrawals,
 )
 
@@ -47,7 +47,7 @@ class BlackBox:
 
     def run(self) -> None:
         """Work until the monitor has ended and all is written."""
-        while not (self.ended and self._next_writer() is None and not self._withdrawals.busy):
+        while not (self.ended and self._next_taker() is None and self._withdrawals.taker is None):
             self.turn()
         self._session.end()
         self._withdrawals.close()
@@ -55,9 +55,9 @@ class BlackBox:
 
     def turn(self) -> None:
         """Listen to the monitor, write one frame, give a sign of life when due; wait if there is nothing to do."""
-        self._hear(0.0 if self._next_writer() else self._pause_s())
-        if (writer := self._next_writer()) is not None:
-            writer.write_frame()
+        self._hear(0.0 if self._next_taker() else self._pause_s())
+        if (taker := self._next_taker()) is not None:
+            (self._session if taker is self._session.taker else self._withdrawals).write_frame(taker)
         self._withdrawals.turn(ended=self.ended)
         now_s = time.monotonic()
         if now_s >= self._alive_s:
@@ -65,15 +65,14 @@ class BlackBox:
             self._journal.sign_of_life()
         self._journal.sync(now_s)
 
-    def _next_writer(self) -> Withdrawals | SessionRecording | None:
-        """Return the writer of the oldest frame, which is overwritten first."""
-        numbers = {who: who.taker.next for who in (self._withdrawals, self._session) if who.taker}
-        waiting = {who: number for who, number in numbers.items() if number is not None}
-        return min(waiting, key=lambda who: waiting[who], default=None)
+    def _next_taker(self) -> FrameTaker | None:
+        """Return the taker of the oldest frame, which is overwritten first."""
+        takers = [taker for taker in (self._withdrawals.taker, self._session.taker) if taker and taker.next]
+        return min(takers, key=lambda taker: taker.next or 0, default=None)
 
     def _pause_s(self) -> float:
         due_s = min(self._alive_s, self._journal.sync_due_s) - time.monotonic()
-        return max(0.0, min(due_s, POLL_S) if self._withdrawals.busy else due_s)
+        return max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
 
     def _hear(self, pause_s: float) -> None:
         if self.ended:
@@ -123,7 +122,7 @@ class BlackBox:
         self._recent.add_line(entry.at_s, self._journal.record(message))
         beginning = self._begin(entry.at_s, entry.time_s)
         if entry.frame is not None and self._recent.add_frame(entry.at_s, entry.frame) and self._session.taker:
-            self._session.taker.add(TakenFrame(entry.frame, entry.at_s - beginning.at_s))
+            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s)
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)
 

@@ -69,12 +69,7 @@ class Recent:
         return frames, [line for line_s, line in self._lines if since_s <= line_s <= at_s]
 
 
-@dataclass(frozen=True)
-class ForceSample:
-    """The mean of a step: `at_s` is its middle; forces in N, torques in N m."""
-
-    at_s: float
-    values: tuple[float, ...]
+ForceSample = tuple[float, tuple[float, ...]]  # the middle of a step (s), and the means in it (N, N m)
 
 
 class RobotForce:
@@ -116,20 +111,11 @@ class RobotForce:
         """Begin a step; return the sample of the one before."""
         sample = None
         if self._count:
-            middle_s = (self._step + 0.5) * FORCE_STEP_S
-            sample = ForceSample(middle_s, tuple(total / self._count for total in self._sums))
+            sample = (self._step + 0.5) * FORCE_STEP_S, tuple(total / self._count for total in self._sums)
             self.samples.append(sample)
         self._step, self._count = step, 0
         self._sums = [0.0] * len(self.columns)
         return sample
-
-
-@dataclass(frozen=True)
-class TakenFrame:
-    """A frame in the ring: its number, and the time of its decision on the recording's clock."""
-
-    number: int
-    time_s: float
 
 
 class FrameTaker:
@@ -142,31 +128,31 @@ class FrameTaker:
         self.folder = folder
         self.written = self.lost = 0
         self._ring, self._writer = ring, RecordingWriter(folder, info, comment)
-        self._waiting: deque[TakenFrame] = deque()
+        self._waiting: deque[tuple[int, float]] = deque()
         self._last_s = -float("inf")
 
-    def add(self, frame: TakenFrame) -> None:
-        """Enqueue a frame."""
+    def add(self, number: int, time_s: float) -> None:
+        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock."""
         if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
-        self._waiting.append(frame)
+        self._waiting.append((number, time_s))
 
     @property
     def next(self) -> int | None:
         """Number of the next frame to write."""
-        return self._waiting[0].number if self._waiting else None
+        return self._waiting[0][0] if self._waiting else None
 
     def take(self) -> None:
         """Write the next frame, or count it as lost."""
-        frame = self._waiting.popleft()
-        pixels = self._ring.get(frame.number)
+        number, time_s = self._waiting.popleft()
+        pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
             return
-        self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
+        self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
         try:
-            self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
+            self._writer.add(f"{number:07d}.png", self._last_s, pixels)
         except OSError:
             self.lost += 1
             raise
@@ -203,13 +189,10 @@ class SessionRecording:
         if self.taker is not None:
             with self._ended_by_a_fault():
                 self._forces = self._forces or ForceWriter(self.taker.folder, columns)
-                self._forces.add(sample.at_s - start_s, sample.values)
+                self._forces.add(sample[0] - start_s, sample[1])
 
-    def write_frame(self) -> None:
-        """Write the frame that has waited longest."""
-        taker = self.taker
-        if taker is None:
-            return
+    def write_frame(self, taker: FrameTaker) -> None:
+        """Write the next frame of the taker."""
         if not self._journal.has_room(SESSION, taker.folder):
             self.end()
             return
@@ -246,7 +229,7 @@ class _Writing:
     """A withdrawal that is being written, in `.NAME.partial`, which is renamed to `folder` when it is complete.
 
     `start_s` is time 0 of the recording, and from `due_s` on the forces after it suffice. `finishing` writes the rest
-    after the frames; its result is why the force log gives no labels, else None.
+    after the frames; its result is the reason if the force log gives no labels, else None.
     """
 
     folder: Path
@@ -268,13 +251,8 @@ class Withdrawals:
         self._wanted: tuple[str, Entry, SessionBeginning] | None = None
 
     @property
-    def busy(self) -> bool:
-        """Whether one is being written."""
-        return self._writing is not None
-
-    @property
     def taker(self) -> FrameTaker | None:
-        """Takes the frames of the one that is being written."""
+        """Takes the frames of the withdrawal that is being written, if one is."""
         return self._writing.taker if self._writing else None
 
     def keep(self, cause: str, entry: Entry, beginning: SessionBeginning) -> None:
@@ -303,20 +281,19 @@ class Withdrawals:
         taker = FrameTaker(self._ring, partial, self._settings.info, comment)
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
         for frame_s, number in frames:
-            taker.add(TakenFrame(number, frame_s - beginning.at_s))
+            taker.add(number, frame_s - beginning.at_s)
         # Labels of the last frames average over what comes after them.
         return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
 
-    def write_frame(self) -> None:
-        """Write the frame that has waited longest."""
+    def write_frame(self, taker: FrameTaker) -> None:
+        """Write the next frame of the taker."""
         try:
-            if self._writing is not None:
-                self._writing.taker.take()
+            taker.take()
         except OSError as fault:
             self._journal.fault(WITHDRAWAL, fault)
 
     def turn(self, *, ended: bool) -> None:
-        """When all frames are written, write the rest in a thread. If the monitor has `ended`, no more forces come."""
+        """Write the rest in a thread once all frames are written. If the monitor has `ended`, no more forces come."""
         writing, force = self._writing, self._force
         if writing is None or writing.taker.next is not None:
             return
@@ -349,7 +326,7 @@ class Withdrawals:
 
 
 def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
-    """Write the force log, wait for the disk, rename the folder; return why the log gives no labels, else None."""
+    """Write the force log, wait for the disk, rename the folder; return the reason if the log gives no labels."""
     writing.taker.close()
     reason = _write_forces(writing, columns, forces) if columns else None
     partial = writing.taker.folder
@@ -369,8 +346,8 @@ def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[Fo
 
     partial = writing.taker.folder
     log = ForceWriter(partial, columns)
-    for sample in forces:
-        log.add(sample.at_s - writing.start_s, sample.values)
+    for at_s, values in forces:
+        log.add(at_s - writing.start_s, values)
     log.close()
     try:
         label_frames(read_recording(partial), ClassesStudy())

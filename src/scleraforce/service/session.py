@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median_low
 from time import monotonic, time
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
@@ -18,9 +18,7 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-Item = TypeVar("Item")
-
-MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+MOST_FRAMES = 100  # that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
 SLACK_S = 1e-9  # of a sum of intervals
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
@@ -66,49 +64,9 @@ class FramePace:
         self._last_sent_s = sent_s
 
 
-class DeferredFrames(Generic[Item]):
-    """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands for more than that.
-
-    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `MOST_FRAMES`,
-    however short the time is that they stand for.
-    """
-
-    def __init__(self, most_s: float) -> None:
-        self._most_s = most_s
-        self._waiting: deque[tuple[float, float, int, Item]] = deque()
-        self._bunch_s, self._last_s = 0.0, float("-inf")
-
-    def __len__(self) -> int:
-        return len(self._waiting)
-
-    def add(self, frame: Item, at_s: float, interval_s: float, row: int) -> None:
-        """Enqueue a deferred frame that came at `at_s` and stands for an interval; `row` overtook it."""
-        self._waiting.append((at_s, interval_s, row, frame))
-        self._bunch_s = max(0.0, self._bunch_s - (at_s - self._last_s)) + interval_s
-        self._last_s = at_s
-
-    def take(self) -> Item:
-        """Dequeue the frame that has waited longest."""
-        return self._waiting.popleft()[3]
-
-    def lose(self, now_s: float) -> list[tuple[int, int, float]]:
-        """Drop the frames beyond the limits, oldest first; return (row, frames, time they stand for) of each row."""
-        rows: dict[int, tuple[int, float]] = {}
-        while self._waiting and self._too_much(now_s):
-            _, interval_s, row, _ = self._waiting.popleft()
-            lost, unread_s = rows.get(row, (0, 0.0))
-            rows[row] = lost + 1, unread_s + interval_s
-            self._bunch_s = max(0.0, self._bunch_s - interval_s)
-        return [(row, *losses) for row, losses in rows.items()]
-
-    def _too_much(self, now_s: float) -> bool:
-        late = now_s - self._waiting[0][0] > self._most_s
-        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > MOST_FRAMES
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """A frame as it came: its `number` in this session, the sender's `sender_id`, the time of its last byte, `at_s`.
+    """A received frame: its `number` in this session, the sender's `sender_id`, the time of its last byte, `at_s`.
 
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
     `interval_s`: the time that it stands for, the scanner's mean interval. `order` rises with `sender_id`, and keeps
@@ -127,21 +85,52 @@ class Frame:
     sent_s: float | None
 
 
-@dataclass(frozen=True)
-class Withdrawal:
-    """One withdrawal: frame of the session, time (s since 1970), and first cause."""
+class DeferredFrames:
+    """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands for more than that.
 
-    frame: int
-    time_s: float
-    cause: str
-    message: str
+    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `MOST_FRAMES`,
+    however short the time is that they stand for.
+    """
+
+    def __init__(self, most_s: float) -> None:
+        self._most_s = most_s
+        self._waiting: deque[tuple[Frame, int]] = deque()
+        self._bunch_s, self._last_s = 0.0, float("-inf")
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def add(self, frame: Frame, row: int) -> None:
+        """Enqueue a frame; the frame of number `row` overtook it."""
+        self._waiting.append((frame, row))
+        self._bunch_s = max(0.0, self._bunch_s - (frame.at_s - self._last_s)) + frame.interval_s
+        self._last_s = frame.at_s
+
+    def take(self) -> Frame:
+        """Dequeue the frame that has waited longest."""
+        return self._waiting.popleft()[0]
+
+    def lose(self, now_s: float) -> list[QueueLoss]:
+        """Drop the frames beyond the limits, oldest first; return the loss of each row."""
+        rows: dict[int, tuple[int, float]] = {}
+        while self._waiting and self._too_much(now_s):
+            frame, row = self._waiting.popleft()
+            lost, unread_s = rows.get(row, (0, 0.0))
+            rows[row] = lost + 1, unread_s + frame.interval_s
+            self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
+        return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, (lost, unread_s) in rows.items()]
+
+    def _too_much(self, now_s: float) -> bool:
+        late = now_s - self._waiting[0][0].at_s > self._most_s
+        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > MOST_FRAMES
 
 
 class Session:
     """The state of the monitor and its decisions; its methods never raise.
 
     `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `clock` is monotonic,
-    `wall_clock` counts seconds since 1970.
+    `wall_clock` counts seconds since 1970. `answer` is the reading of the last frame; None if it was not read.
+    `withdrawals` has frame, time, first cause and message of each, for the summary.
     """
 
     def __init__(
@@ -152,15 +141,15 @@ class Session:
         wall_clock: Callable[[], float] = time,
     ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
-        self.withdrawals: list[Withdrawal] = []
+        self.withdrawals: list[dict[str, Any]] = []
         self._read = read
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self.frames = self._entries = 0  # since the start
         self._sender = self._offset = self._order = 0
         self._sent_type: str | None = None
-        self.answer: Answer | None = None  # of the last frame; None if it was not read
+        self.answer: Answer | None = None
         self._shown = ShownPictures(limits.shown_frames)
-        self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames[Frame](limits.catch_up_s)
+        self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s)
         self._overtaken = 0
 
     @property
@@ -170,16 +159,17 @@ class Session:
 
     @property
     def behind(self) -> bool:
-        """Whether frames wait that newer ones overtook."""
+        """True while frames wait that newer ones overtook."""
         return len(self._deferred) > 0
 
     def take(self, event: MonitorEvent) -> bool:
         """Decide on an event; return whether the decision has changed."""
         before = self.decision
         self._state, self.decision = decide(self._state, event, self.limits)
-        cause = self.decision.cause
+        cause, message = self.decision.cause, self.decision.message
         if cause and not before.cause:
-            self.withdrawals.append(Withdrawal(self.frames, self.wall_clock(), cause.name, self.decision.message))
+            begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": cause.name, "message": message}
+            self.withdrawals.append(begun)
         return self.decision != before
 
     def frame(
@@ -224,12 +214,11 @@ class Session:
     def defer(self, frame: Frame, newest: Frame) -> None:
         """Defer a frame, which `newest` overtook, until no newer one waits."""
         self._overtaken += 1
-        self._deferred.add(frame, frame.at_s, frame.interval_s, newest.number)
+        self._deferred.add(frame, newest.number)
 
     def losses(self, now_s: float) -> list[QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
-        rows = self._deferred.lose(now_s)
-        return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, lost, unread_s in rows]
+        return self._deferred.lose(now_s)
 
     def catch_up(self) -> MonitorEvent:
         """Read the deferred frame that has waited longest; return the event to decide on."""
@@ -261,8 +250,8 @@ class Session:
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
-        withdrawals = [vars(withdrawal) for withdrawal in self.withdrawals]
-        return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
+        counts = {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost}
+        return {**counts, "withdrawals": self.withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
         """Return the last decision as a new entry, with the reading if it was made on a frame.
@@ -282,7 +271,7 @@ class Session:
             sub_code=decision.sub_code,
             cause=decision.cause.name if decision.cause else None,
             message=decision.message,
-            withdrawn_s=self.withdrawals[-1].time_s if decision.cause else None,
+            withdrawn_s=self.withdrawals[-1]["time_s"] if decision.cause else None,
             present_cause=decision.present_cause.name if decision.present_cause else None,
             present=decision.present,
             frame=frame.number if frame else None,
