@@ -164,10 +164,10 @@ def show_changes(changes: int) -> None:
             for page in pages:
                 page.goto(session.address)
                 page.evaluate(OBSERVE)
-            shares = [cpu_s([session.child.pid]), cpu_s(browser_pids()), monotonic()]
+            shares = [cpu_s([session.child.process.pid]), cpu_s(browser_pids()), monotonic()]
             session.sending_s.clear()
             found = np.concatenate(run(session, pages, changes))
-            used = np.subtract([cpu_s([session.child.pid]), cpu_s(browser_pids()), monotonic()], shares)
+            used = np.subtract([cpu_s([session.child.process.pid]), cpu_s(browser_pids()), monotonic()], shares)
             cells = [text for column in found.T for text in spread(column[np.isfinite(column)])]
             late = int(np.isinf(found[:, 0]).sum())
             shares_used = [f"{100 * part / used[2]:.0f} %" for part in used[:2]]

@@ -531,12 +531,12 @@ class Process:
 def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_path):
     process = Process(tmp_path)
     process.wait_for(Alive)
-    os.kill(process.child.pid, signal.SIGTERM)
-    assert os.getpriority(os.PRIO_PROCESS, process.child.pid) == min(os.nice(0) + 5, 19)
+    os.kill(process.child.process.pid, signal.SIGTERM)
+    assert os.getpriority(os.PRIO_PROCESS, process.child.process.pid) == min(os.nice(0) + 5, 19)
     process.frames(range(1, 100))
     process.frames([100], "WITHDRAW")
     folder = process.wait_for(WithdrawalKept).folder
-    assert process.child.exit_code is None
+    assert process.child.process.poll() is None
     process.child.channel.send(MonitorEnds())
     assert process.child.end(FUSE_S) == 0
     assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
@@ -572,7 +572,7 @@ def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(
     while not (tmp_path / "rec" / "frames" / "0000020.png").exists():
         assert time.monotonic() < deadline_s
         time.sleep(0.001)
-    os.kill(process.child.pid, signal.SIGKILL)
+    os.kill(process.child.process.pid, signal.SIGKILL)
     assert process.child.end(FUSE_S) == -signal.SIGKILL
     recording = read_recording(tmp_path / "rec")
     assert [int(entry.file[:7]) for entry in recording.frames] == list(range(1, len(recording.frames) + 1))

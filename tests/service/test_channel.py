@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 import time
 from contextlib import suppress
 from math import inf, nan
@@ -20,6 +21,7 @@ from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.service import channel
 from scleraforce.service.channel import (
     MESSAGE_BYTES,
     Channel,
@@ -27,14 +29,13 @@ from scleraforce.service.channel import (
     Child,
     decode_message,
     encode_message,
-    settings_of_child,
+    run_companion,
 )
 from scleraforce.service.companions import Guard
 from scleraforce.service.frame_ring import RingPlace
 from scleraforce.service.messages import (
     Alive,
     BlackBoxSettings,
-    ClientRole,
     CompanionMessage,
     ConsoleSettings,
     Decided,
@@ -70,7 +71,7 @@ MESSAGES: list[CompanionMessage] = [
     Note(time_s=1.5, text='é "\\ \n\t\0'),
     MonitorEnds(),
     Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
-    Rates(frames_per_second=99.5, lost=0, clients=(ClientRole(address="[::1]:1", role="scanner"),)),
+    Rates(frames_per_second=99.5, lost=0, clients=({"address": "[::1]:1", "role": "scanner"},)),
     Rates(frames_per_second=0.0, lost=0, clients=()),
     ResetAsked(request=1, token="t"),
     ResetAnswered(request=1, granted=False, message="no"),
@@ -269,22 +270,23 @@ def test_after_what_is_no_message_the_next_ones_can_be_read(ends):
 
 MODULE = """
 import json, os, signal, sys, time
-from scleraforce.service.channel import ChannelClosedError, settings_of_child
+from scleraforce.service.channel import ChannelClosedError, run_companion
 from scleraforce.service.messages import Note, OpinionSettings
-channel, settings = settings_of_child(sys.argv, OpinionSettings)
-blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-said = os.pread(settings.ring.descriptor, 100, 0).decode() if settings.ring.descriptor else None
-channel.send(Note(time_s=0.0, text=json.dumps({
-    "settings": repr(settings), "interrupts": signal.SIGINT not in blocked, "read": said,
-    "threads": os.environ["OMP_NUM_THREADS"],
-})))
-while settings.ring.frames:
-    try:
-        channel.receive()
-    except ChannelClosedError:
-        sys.exit(settings.ring.frames)
-    time.sleep(0.01)
-time.sleep(60)
+def serve(channel, settings):
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    said = os.pread(settings.ring.descriptor, 100, 0).decode() if settings.ring.descriptor else None
+    channel.send(Note(time_s=0.0, text=json.dumps({
+        "settings": repr(settings), "interrupts": signal.SIGINT not in blocked, "read": said,
+        "threads": os.environ["OMP_NUM_THREADS"],
+    })))
+    while settings.ring.frames:
+        try:
+            channel.receive()
+        except ChannelClosedError:
+            sys.exit(settings.ring.frames)
+        time.sleep(0.01)
+    time.sleep(60)
+run_companion(OpinionSettings, serve)
 """
 
 
@@ -316,13 +318,13 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_when_the_channel_close
     child = Child("some_child", settings, [file])
     said = answer(child)
     assert said == {"settings": repr(settings), "interrupts": False, "read": "shared", "threads": "1"}
-    assert child.exit_code is None
-    os.kill(child.pid, 0)
-    os.kill(child.pid, signal.SIGINT)
+    assert child.process.poll() is None
+    os.kill(child.process.pid, 0)
+    os.kill(child.process.pid, signal.SIGINT)
     time.sleep(0.05)
-    assert child.exit_code is None
+    assert child.process.poll() is None
     assert child.end(FUSE_S) == 7
-    assert child.exit_code == 7
+    assert child.process.poll() == 7
     os.close(file)
 
 
@@ -333,16 +335,22 @@ def test_a_child_that_does_not_end_is_killed():
     assert child.end(within_s=0.05) == -signal.SIGKILL
 
 
-def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start():
+def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypatch):
     ours, theirs = Channel.pair()
+
+    def run():
+        monkeypatch.setattr(sys, "argv", ["x", str(os.dup(theirs.fileno()))])
+        run_companion(OpinionSettings, pytest.fail)
+
+    monkeypatch.setattr(channel, "SETTINGS_S", 0.01)
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
-        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings, within_s=0.01)
+        run()
     ours.send(MonitorEnds())
     with pytest.raises(MessageError, match="a MonitorEnds came; the first message must be a OpinionSettings"):
-        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings)
+        run()
     ours.close()
     with pytest.raises(ChannelClosedError):
-        settings_of_child(["x", str(os.dup(theirs.fileno()))], OpinionSettings)
+        run()
     theirs.close()
 
 
@@ -373,8 +381,8 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
 def test_a_child_does_not_hear_of_a_terminal_that_is_closed(number):
     child = Child("some_child", ending_with(5))
     answer(child)
-    assert os.getsid(child.pid) == child.pid
-    os.kill(child.pid, number)
+    assert os.getsid(child.process.pid) == child.process.pid
+    os.kill(child.process.pid, number)
     time.sleep(0.05)
-    assert child.exit_code is None
+    assert child.process.poll() is None
     assert child.end(FUSE_S) == 5

@@ -26,7 +26,7 @@ def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[by
     """Read until nothing of what was sent is on its way."""
     peer.setblocking(False)
     while True:
-        on_its_way = connection._waiting_bytes() > 0
+        on_its_way = connection._forget_taken() > 0
         try:
             yield peer.recv(1 << 20)
         except BlockingIOError:

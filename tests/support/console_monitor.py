@@ -14,7 +14,6 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
-    ClientRole,
     CompanionMessage,
     ConsoleSettings,
     Decided,
@@ -28,8 +27,8 @@ TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
 CLIENTS = (
-    ClientRole(address="127.0.0.1:50112", role="scanner"),
-    ClientRole(address="127.0.0.1:50114", role="listener"),
+    {"address": "127.0.0.1:50112", "role": "scanner"},
+    {"address": "127.0.0.1:50114", "role": "listener"},
 )
 Kind = TypeVar("Kind")
 
@@ -88,7 +87,7 @@ class ConsoleMonitor:
         """Wait for a message of the console."""
         if not select.select([self.child.channel], [], [], within_s)[0]:
             raise AssertionError(
-                f"the console said nothing, {kind.__name__} was awaited; exit code {self.child.exit_code}"
+                f"the console said nothing, {kind.__name__} was awaited; exit code {self.child.process.poll()}"
             )
         (message,) = self.child.channel.receive(1)
         assert isinstance(message, kind), message

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from select import select
 from typing import Any, Self, TypeVar
@@ -18,6 +19,7 @@ from scleraforce.service.messages import CompanionMessage, SelfReport, Settings
 
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
 MESSAGE_BYTES = 128 * 1024  # more than any message needs
+SETTINGS_S = 10.0  # within which a companion must get its settings
 UNHEARD = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)
 
 ChildSettings = TypeVar("ChildSettings", bound=Settings)
@@ -83,17 +85,7 @@ _DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(Co
 
 
 class Channel:
-    """One end of a UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends.
-
-    >>> ours, theirs = Channel.pair()
-    >>> from scleraforce.service.messages import OpinionAsked
-    >>> ours.send(OpinionAsked(number=7, order=71))
-    True
-    >>> theirs.receive()
-    [OpinionAsked(number=7, order=71)]
-    >>> ours.close()
-    >>> theirs.close()
-    """
+    """One end of a UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
@@ -195,55 +187,33 @@ class Child:
 
     def __init__(self, module: str, settings: Settings, descriptors: Sequence[int] = ()) -> None:
         self.channel, theirs = Channel.pair()
-        self._process = start_companion(module, [str(theirs.fileno())], [theirs.fileno(), *descriptors])
+        self.process = start_companion(module, [str(theirs.fileno())], [theirs.fileno(), *descriptors])
         theirs.close()
         self.channel.send(settings)
-
-    @property
-    def pid(self) -> int:
-        """Id of the process."""
-        return self._process.pid
-
-    @property
-    def exit_code(self) -> int | None:
-        """Its exit code; None while it runs."""
-        return self._process.poll()
 
     def end(self, within_s: float = 5.0) -> int:
         """Close the channel, wait until the process ends, or kill it after `within_s`; return its exit code."""
         self.channel.close()
         try:
-            return self._process.wait(within_s)
+            return self.process.wait(within_s)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            return self._process.wait()
+            self.process.kill()
+            return self.process.wait()
 
 
-def settings_of_child(
-    arguments: Sequence[str], kind: type[ChildSettings], within_s: float = 10.0
-) -> tuple[Channel, ChildSettings]:
-    """Return the channel and the settings of this child process, from its command line."""
-    channel = Channel(socket.socket(fileno=int(arguments[1])))
-    try:
-        messages = channel.receive(1) if select([channel], [], [], within_s)[0] else []
+def run_companion(kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]) -> None:
+    """Run this child process: take its settings and serve until the channel closes; report a fault to the monitor."""
+    with closing(Channel(socket.socket(fileno=int(sys.argv[1])))) as channel:
+        messages = channel.receive(1) if select([channel], [], [], SETTINGS_S)[0] else []
         if not messages:
             raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
         settings = messages[0]
         if not isinstance(settings, kind):
             raise MessageError(f"a {type(settings).__name__} came; the first message must be a {kind.__name__}")
-    except BaseException:
-        channel.close()
-        raise
-    return channel, settings
-
-
-def run_companion(kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]) -> None:
-    """Run this child process: take its settings and serve until the channel closes; report a fault to the monitor."""
-    channel, settings = settings_of_child(sys.argv, kind)
-    try:
-        serve(channel, settings)
-    except ChannelClosedError:
-        return
-    except Exception as fault:
-        channel.send(SelfReport(detail=f"{type(fault).__name__}: {fault}"))
-        raise
+        try:
+            serve(channel, settings)
+        except ChannelClosedError:
+            return
+        except Exception as fault:
+            channel.send(SelfReport(detail=f"{type(fault).__name__}: {fault}"))
+            raise

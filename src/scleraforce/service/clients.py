@@ -1,6 +1,7 @@
 """The clients of the monitor: their connections, known to the watchdog, and what is sent to all of them."""
 
 import fcntl
+import json
 import os
 import selectors
 import socket
@@ -32,6 +33,10 @@ SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobo
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
 TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
+ACCEPTED_PER_TURN = 16
+CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
+REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
+WORK_S = 0.01  # without a rest, where frames come faster than they are read
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,8 @@ class ServerSettings:
 class RateLimiter:
     """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a pause.
 
-    >>> allowance = RateLimiter(per_s=2.0, at_once=3)
-    >>> [allowance.take(now_s) for now_s in (10.0, 10.0, 10.0, 10.0, 10.5, 10.6)]
+    >>> limiter = RateLimiter(per_s=2.0, at_once=3)
+    >>> [limiter.take(now_s) for now_s in (10.0, 10.0, 10.0, 10.0, 10.5, 10.6)]
     [True, True, True, False, True, False]
     """
 
@@ -72,7 +77,7 @@ class RateLimiter:
 
 
 def status_message(decision: Decision) -> Status:
-    """Return the STATUS of a decision; the error name is that of the cause, or of the state where there is no cause."""
+    """Return the STATUS of a decision; the error name is the cause's, or without a cause the state's."""
     name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
     return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
 
@@ -94,7 +99,7 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
         float(verdict.usable),
         float(entry.code),
     )  # fmt: skip
-    return Text(entry.text), Sensor(numbers)
+    return Text(json.dumps(entry.as_json())), Sensor(numbers)
 
 
 class Outgoing:
@@ -163,11 +168,8 @@ class Connection:
 
     def send(self, data: bytes, now_s: float) -> None:
         """Send a message, or drop it if too many bytes wait, so that a peer never reads old ones."""
-        if self._rest:
-            self._flush()
-        waiting_bytes = self._waiting_bytes()
-        self._forget_taken(waiting_bytes)
-        if self._rest or waiting_bytes > WAITING_BYTES:
+        self._flush()
+        if self._forget_taken() > WAITING_BYTES or self._rest:
             return
         self._rest = memoryview(data)
         self._given_bytes += len(data)
@@ -178,17 +180,16 @@ class Connection:
     def unread_since_s(self) -> float | None:
         """Time of the oldest message that has not arrived in the peer's own buffer; None if all have."""
         if self._untaken:
-            self._forget_taken(self._waiting_bytes())
+            self._forget_taken()
         return self._untaken[0][1] if self._untaken else None
 
-    def _forget_taken(self, waiting_bytes: int) -> None:
+    def _forget_taken(self) -> int:
+        """Forget the messages that have arrived in the peer's own buffer; return the bytes sent that have not."""
+        waiting_bytes = int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)  # SIOCOUTQ
         taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
         while self._untaken and self._untaken[0][0] <= taken_bytes:
             self._untaken.popleft()
-
-    def _waiting_bytes(self) -> int:
-        """Return the bytes sent that have not arrived in the peer's own buffer (Linux: SIOCOUTQ)."""
-        return int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
+        return waiting_bytes
 
     def _flush(self) -> None:
         """Continue a message that was sent in part: a peer must never get half of one."""
@@ -207,32 +208,20 @@ class Connection:
         self._link.close()
 
 
-ACCEPTED_PER_TURN = 16
-CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
-REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
-WORK_S = 0.01  # without a rest, where frames come faster than they are read
-
-
 class Clients:
     """Accepts clients and keeps their connections; no client can delay another or take all places.
 
-    When all places are taken, a new client replaces one of the newest, an eighth of all (`CHANGING` at most): the one
-    that has been there longest among these. So an operator and a scanner always find a place, and the clients that
-    were there before keep theirs.
+    When all places are taken, a new client replaces the oldest of the newest eighth (`CHANGING` at most). So an
+    operator and a scanner always find a place, and the clients that were there before keep theirs.
     """
 
     def __init__(
-        self,
-        listener: socket.socket,
-        settings: ServerSettings,
-        guard: Guard,
-        note: Callable[[str], None],
+        self, listener: socket.socket, settings: ServerSettings, guard: Guard, note: Callable[[str], None]
     ) -> None:
-        self._settings, self._guard, self._note = settings, guard, note
-        self.listener = listener
-        self.listener.setblocking(False)
+        self._settings, self._guard, self._note, self._listener = settings, guard, note, listener
+        listener.setblocking(False)
         self.selector = selectors.DefaultSelector()
-        self.selector.register(self.listener, selectors.EVENT_READ, None)
+        self.selector.register(listener, selectors.EVENT_READ, None)
         self._connected: dict[int, Connection] = {}
         self._numbers = count(1)
         self._waited_s = float("-inf")
@@ -265,7 +254,7 @@ class Clients:
         came, freed = [], False
         for _ in range(ACCEPTED_PER_TURN):
             try:
-                link, address = self.listener.accept()
+                link, address = self._listener.accept()
             except OSError as fault:
                 if fault.errno in (EMFILE, ENFILE) and not freed and self._free_descriptor(spared):
                     freed = True  # once in a turn, so that a newcomer is heard before another replaces it
@@ -288,22 +277,20 @@ class Clients:
 
     def _free_descriptor(self, spared: Connection | None) -> bool:
         """Free a descriptor for a client that waits: the spare one, or that of one of the newest clients."""
-        if not select([self.listener], [], [], 0.0)[0]:  # accept says that none is free before it looks
+        if not select([self._listener], [], [], 0.0)[0]:  # accept says that none is free before it looks
             return False
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
             return True
-        if not any(client is not spared for client in self):
-            return False
-        self._make_room(spared)
-        return True
+        return self._make_room(spared)
 
-    def _make_room(self, spared: Connection | None) -> None:
-        """Disconnect one of the newest clients."""
+    def _make_room(self, spared: Connection | None) -> bool:
+        """Disconnect one of the newest clients; return whether there was one."""
         others = [client for client in self if client is not spared]
-        changing = others[-max(1, min(CHANGING, len(others) // 8)) :]
-        self.leave(changing[0], "was disconnected: no place is free, and another client came")
+        for client in others[-max(1, min(CHANGING, len(others) // 8)) :][:1]:
+            self.leave(client, "was disconnected: no place is free, and another client came")
+        return bool(others)
 
     def leave(self, client: Connection, why: str, *, discard: bool = False) -> None:
         """Disconnect a client, if it is still there; `discard` what has not arrived yet."""
@@ -356,4 +343,4 @@ class Clients:
         if self._spare is not None:
             os.close(self._spare)
         self.selector.close()
-        self.listener.close()
+        self._listener.close()

@@ -38,7 +38,7 @@ SILENT_S = 5.0  # it gives one every 0.5 s; a disk may delay it
 
 
 class Guard:
-    """The watchdog process, from the monitor's side; `look_s` is the time between two of its looks."""
+    """The watchdog process, which looks every `look_s`, from the monitor's side."""
 
     def __init__(self, look_s: float = watchdog.LOOK_S) -> None:
         self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s

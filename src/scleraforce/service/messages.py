@@ -5,7 +5,6 @@ The first message to a companion is its settings. `channel` turns messages into 
 its own.
 """
 
-import json
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -31,13 +30,11 @@ LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 2
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A decision of the monitor and its event.
+    """A decision of the monitor and its event: "frame", "tick", "reset", ...; "again" repeats one, with its number.
 
-    `event` is "frame", "tick", "reset", "opinion", ...; "again" repeats the last decision, with its number.
     `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
-    could not be read. `overtaken` counts the frames since the start that newer ones overtook, `lost` the ones of them
-    that were never read.
+    could not be read. `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
     """
 
     number: int
@@ -93,11 +90,6 @@ class Entry:
         for name, value in vars(self).items():
             record |= reading if name == "verdict" else {name: finite(value)}
         return record | {"class": verdict.predicted if verdict else None}
-
-    @property
-    def text(self) -> str:
-        """The JSON object in one line, for the STRING `ForceReading`, the log and the console."""
-        return json.dumps(self.as_json())
 
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
@@ -173,19 +165,15 @@ class Outline(_Message, frozen=True, kw_only=True):
     inner: tuple[float | None, ...]
 
 
-class ClientRole(Struct, frozen=True, kw_only=True):
-    """A client of the monitor: its address, and its role, "scanner" or "listener"."""
-
-    address: str
-    role: str
-
-
 class Rates(_Message, frozen=True, kw_only=True):
-    """To the console, twice a second: frames per second, frames lost since the start, and the clients."""
+    """To the console, twice a second: frames per second, frames lost since the start, and the clients.
+
+    Of a client, `clients` has the `address` and the `role`, "scanner" or "listener".
+    """
 
     frames_per_second: float
     lost: int
-    clients: tuple[ClientRole, ...]
+    clients: tuple[dict[str, str], ...]
 
 
 class ResetAsked(_Message, frozen=True, kw_only=True):
@@ -248,10 +236,9 @@ class WithdrawalKept(_Message, frozen=True, kw_only=True):
 
 
 class BlackBoxSettings(_Message, frozen=True, kw_only=True):
-    """Settings of the black box.
+    """Settings of the black box: `folder` is created, `record`, for the whole session, must not exist.
 
-    `folder` is created if it is missing; `info`, of each recording.toml, has `force`; `record`, for the whole session,
-    must not exist. `keep_s` before a withdrawal are kept; a ring that holds less loses the oldest frames.
+    `info`, of each recording.toml, has `force`. `keep_s` before a withdrawal are kept, if the ring holds as much.
     """
 
     folder: Path

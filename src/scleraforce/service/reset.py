@@ -36,10 +36,6 @@ class ResetToken:
 
     The right token is always accepted, however many wrong ones came: it is too long to be guessed, and a limit on
     guesses must not lock the operator out.
-
-    >>> token = ResetToken(token_digest("right"))
-    >>> token.knows("right"), token.knows("wrong")
-    (True, False)
     """
 
     def __init__(self, digest: str) -> None:

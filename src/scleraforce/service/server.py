@@ -285,7 +285,7 @@ class Server:
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         clients = tuple(
-            messages.ClientRole(address=client.address, role="scanner" if client is self._scanner else "listener")
+            {"address": client.address, "role": "scanner" if client is self._scanner else "listener"}
             for client in self._clients
         )
         rate = (self.session.frames - frames) / (now_s - since_s)

@@ -14,7 +14,7 @@ from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Boar
 from scleraforce.service.console.hub import SHARES, Pictures, Thrift
 from scleraforce.service.console.server import refusal
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import ClientRole, CompanionMessage, Decided, Entry, Outline, Rates
+from scleraforce.service.messages import CompanionMessage, Decided, Entry, Outline, Rates
 
 MOST_PIXELS = SHARES[0].pixels
 
@@ -30,7 +30,7 @@ def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:
     return board
 
 
-RATES = Rates(frames_per_second=99.0, lost=3, clients=(ClientRole(address="a:1", role="scanner"),))
+RATES = Rates(frames_per_second=99.0, lost=3, clients=({"address": "a:1", "role": "scanner"},))
 
 
 def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None:

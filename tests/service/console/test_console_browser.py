@@ -202,13 +202,13 @@ def test_a_server_that_hangs_is_told_within_the_half_second_and_comes_back_by_it
         found = opened(monitor.address)
         with going_on(watching(monitor)):
             found.shows(word="WATCHING")
-        os.kill(monitor.child.pid, signal.SIGSTOP)
+        os.kill(monitor.child.process.pid, signal.SIGSTOP)
         try:
             found.shows(word="NO ANSWER", sentence="The console's server does not answer. Treat this as a withdrawal.")
             assert not found.looks_live()
             sleep(3.0)  # the page has tried another connection by now
         finally:
-            os.kill(monitor.child.pid, signal.SIGCONT)
+            os.kill(monitor.child.process.pid, signal.SIGCONT)
         with going_on(watching(monitor)):
             found.shows(word="WATCHING", force="12.3")
 

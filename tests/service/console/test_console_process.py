@@ -263,7 +263,7 @@ def test_when_the_monitor_dies_pages_are_told_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
     program = (
         "import time; from console_monitor import ConsoleMonitor; started = ConsoleMonitor();"
-        "started.entry('WATCHING'); print(started.port, started.child.pid, flush=True); time.sleep(60)"
+        "started.entry('WATCHING'); print(started.port, started.child.process.pid, flush=True); time.sleep(60)"
     )
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(

@@ -9,8 +9,6 @@ from math import isfinite
 from statistics import median
 from typing import Any
 
-from msgspec import to_builtins
-
 from scleraforce.service.messages import CompanionMessage, Decided, Entry, Outline, Rates
 
 SENTENCES = {
@@ -100,7 +98,7 @@ class Step:
 
 
 class History:
-    """Steps of `STEP_S`, the last `HISTORY_S` of them; a step in which nothing was decided is absent."""
+    """The steps of the last `HISTORY_S`; a step in which nothing was decided is absent."""
 
     def __init__(self) -> None:
         self._steps: deque[Step] = deque()
@@ -143,7 +141,7 @@ class Board:
         self.history = History()
 
     def take(self, message: CompanionMessage, now_s: float) -> bool:
-        """Take a message of the monitor; return whether pages must be told at once."""
+        """Take a message of the monitor; return whether pages need it at once."""
         self._heard_s = now_s
         match message:
             case Decided(entry=entry):
@@ -191,7 +189,7 @@ class Board:
             "latency_ms": self._latency_ms(now_s),
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,
-            "clients": to_builtins(self._rates.clients) if self._rates else [],
+            "clients": self._rates.clients if self._rates else [],
             "steps": [step.as_json() for step in self.history.since(since)],
         }
 
