@@ -4,32 +4,9 @@ import numpy as np
 from library_arrays import values_at
 from numpy.typing import NDArray
 
-from scleraforce.library import prediction
-from scleraforce.library.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
+from scleraforce.library import prediction, unknowns as at
+from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
 from scleraforce.library.prediction import LEAST_SD, Walls, cut_by_plane, shining
-from scleraforce.library.unknowns import (
-    DEPTH,
-    FORM,
-    GAP,
-    GAP_STEP_M,
-    INNER_OFFSET,
-    IOP,
-    LATERAL,
-    LOG_PRESSURE_STEP,
-    MODULUS,
-    NAMES,
-    POLE,
-    POLE_STEP,
-    PRESSURE,
-    ROTATION,
-    SHINE,
-    SIZE,
-    THICKNESS,
-    THICKNESS_STEP_M,
-    TIP,
-    TIP_STEP_M,
-    form_depths,
-)
 
 Array = NDArray[np.float64]
 
@@ -37,62 +14,94 @@ Array = NDArray[np.float64]
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     """What a frame shows at places, and its derivatives by differences; pose and form have formulas of their own."""
     depth, slope, seen = _shown(walls, unknown, unknown, places)
-    jacobian = np.zeros((len(depth), len(NAMES)))
+    jacobian = np.zeros((len(depth), len(at.NAMES)))
     for place, step in _inward(walls, unknown).items():
         moved = unknown.copy()
         moved[place] += step
         jacobian[:, place] = (_shown(walls, moved, unknown, places)[0] - depth) / (moved[place] - unknown[place])
-    pose = unknown[LATERAL], unknown[DEPTH]
-    jacobian[:, [LATERAL, DEPTH, ROTATION]] = np.stack(pose_derivatives(places, depth, slope, pose), axis=1)
-    jacobian[:, MODULUS] = -jacobian[:, walls.pressure]
-    jacobian[:, SIZE] = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
-    for place in (TIP, GAP, THICKNESS):
-        jacobian[:, SIZE] -= unknown[place] * jacobian[:, place]
-    jacobian[:, INNER_OFFSET] = places.is_inner
-    formed, form_slope, jacobian[:, FORM] = form_depths(
-        unknown[FORM], places.lateral_m - unknown[LATERAL], places.is_inner
-    )
-    jacobian[:, LATERAL] -= form_slope
+    pose = unknown[at.LATERAL], unknown[at.DEPTH]
+    jacobian[:, [at.LATERAL, at.DEPTH, at.ROTATION]] = np.stack(pose_derivatives(places, depth, slope, pose), axis=1)
+    jacobian[:, at.MODULUS] = -jacobian[:, walls.pressure]
+    jacobian[:, at.SIZE] = depth - unknown[at.DEPTH] - slope * (places.lateral_m - unknown[at.LATERAL])
+    for place in (at.TIP, at.GAP, at.THICKNESS):
+        jacobian[:, at.SIZE] -= unknown[place] * jacobian[:, place]
+    jacobian[:, at.INNER_OFFSET] = places.is_inner
+    from_contact_m = places.lateral_m - unknown[at.LATERAL]
+    formed = at.form_depths(unknown[at.FORM], from_contact_m, places.is_inner)
+    form_slope, jacobian[:, at.FORM] = _form_slopes(unknown[at.FORM], from_contact_m, places.is_inner)
+    jacobian[:, at.LATERAL] -= form_slope
     shine = (1.0 - places.is_inner) * shining(slope + form_slope)
-    jacobian[:, SHINE] = -shine
+    jacobian[:, at.SHINE] = -shine
     jacobian[~seen] = 0.0
-    offset = unknown[INNER_OFFSET] * places.is_inner + formed - unknown[SHINE] * shine
+    offset = unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
     return Placed(depth + offset, slope + form_slope, jacobian, seen)
 
 
 def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Depths and slopes of an even wall at places, and whether they are reached."""
-    state, size, pole = prediction._library_place(walls, unknown[None]), np.exp(unknown[SIZE]), unknown[None, POLE]
+    state, size, pole = (
+        prediction._library_place(walls, unknown[None]),
+        np.exp(unknown[at.SIZE]),
+        unknown[None, at.POLE],
+    )
     library = walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(curves, unknown[None, GAP], prediction.ring_motion(library, walls.rings, state, pole) * size)
-    return curve_depths(place_curves(section, pose[LATERAL], pose[DEPTH], pose[ROTATION])[0], places)
+    section = cut_by_plane(
+        curves, unknown[None, at.GAP], prediction.ring_motion(library, walls.rings, state, pole) * size
+    )
+    outer, inner = place_curves(section, pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])[0]
+    parts = smoothed(outer, places), depths_along(inner, places.lateral_m[places.outer :])
+    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
+    return depth, slope, seen
+
+
+def smoothed(outer: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss and Hermite's three points."""
+    lateral, apart = places.lateral_m[: places.outer], np.sqrt(3.0) * places.smoothing_m
+    found = depths_along(outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel())
+    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
+    return depth, slope, found[2].reshape(3, -1)[1]
+
+
+def _form_slopes(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[Array, Array]:
+    """Slope (place,) of `form_depths`, and its derivatives (place, form)."""
+    slopes, turned = form[6] * is_inner, np.empty((len(from_contact_m), len(form)))
+    turned[:, 6] = from_contact_m * is_inner
+    for side, first in ((-1.0, 0), (1.0, 3)):
+        limbus_m, angle, curvature = form[first : first + 3]
+        beyond = side * from_contact_m - limbus_m
+        root = np.sqrt(beyond**2 + at.SOFT_M**2)
+        ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
+        by_beyond = (angle + curvature * ramp) * rise
+        slopes = slopes + side * by_beyond
+        turned[:, first : first + 3] = np.stack([-by_beyond, ramp, 0.5 * ramp**2], axis=1)
+    return slopes, turned
 
 
 def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
     """Steps of the unknowns that move a wall; those that would leave the library go the other way."""
-    library, size = walls.library, np.exp(unknown[SIZE])
-    thickness = unknown[THICKNESS] / size
-    beyond = np.exp(unknown[walls.pressure] - unknown[MODULUS] + LOG_PRESSURE_STEP)
+    library, size = walls.library, np.exp(unknown[at.SIZE])
+    thickness = unknown[at.THICKNESS] / size
+    beyond = np.exp(unknown[walls.pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
     outside = {
-        TIP: unknown[TIP] / size + TIP_STEP_M > library.tip_m[-1],
-        GAP: False,
-        THICKNESS: thickness + THICKNESS_STEP_M > library.thickness_m[-1],
+        at.TIP: unknown[at.TIP] / size + at.TIP_STEP_M > library.tip_m[-1],
+        at.GAP: False,
+        at.THICKNESS: thickness + at.THICKNESS_STEP_M > library.thickness_m[-1],
         walls.pressure: beyond > library.iop_ratio_ends(thickness)[1],
-        POLE.start: unknown[POLE.start] > 0.0,
-        POLE.start + 1: unknown[POLE.start + 1] > 0.0,
+        at.POLE.start: unknown[at.POLE.start] > 0.0,
+        at.POLE.start + 1: unknown[at.POLE.start + 1] > 0.0,
     }
-    steps = (TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP, POLE_STEP, POLE_STEP)
+    steps = (at.TIP_STEP_M, at.GAP_STEP_M, at.THICKNESS_STEP_M, at.LOG_PRESSURE_STEP, at.POLE_STEP, at.POLE_STEP)
     return {place: -step if out else step for (place, out), step in zip(outside.items(), steps, strict=True)}
 
 
 def off_the_law(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
     """How far pressures are off their globe's law, and the standard deviation of that, (sample,) each."""
     known, library = walls.globe, walls.library
-    volume = np.exp(3.0 * unknown_su[:, SIZE]) * values_at(
+    volume = np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
         library, library.tables.volumes, *prediction._library_place(walls, unknown_su)
     )
     mean, spread = known.globe(known.mean), known.globe(known.sd)
-    pressure, resting = np.exp(unknown_su[:, PRESSURE]), np.exp(unknown_su[:, IOP])
+    pressure, resting = np.exp(unknown_su[:, at.PRESSURE]), np.exp(unknown_su[:, at.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
     return off, np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)

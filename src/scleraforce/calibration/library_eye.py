@@ -300,5 +300,5 @@ def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStud
         return boundaries
     from_contact_m = boundaries.lateral_m - fit.contact_m
     both = (np.full_like(from_contact_m, is_inner) for is_inner in (0.0, 1.0))
-    added = [form_depths(fit.unknown[FORM], from_contact_m, is_inner)[0] for is_inner in both]
+    added = [form_depths(fit.unknown[FORM], from_contact_m, is_inner) for is_inner in both]
     return replace(boundaries, depth_m=boundaries.depth_m - np.stack(added))

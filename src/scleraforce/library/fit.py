@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.library import unknowns as at
 from scleraforce.library.fit_starts import (
     LARGEST_N,
     bearing_start,
@@ -37,19 +38,6 @@ from scleraforce.library.prediction import (
 )
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
-from scleraforce.library.unknowns import (
-    FORM,
-    FORM_ENDS,
-    GAP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    SIZE,
-    THICKNESS,
-    TIP,
-)
 
 Array = NDArray[np.float64]
 _Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
@@ -57,12 +45,12 @@ _Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-# What is farther off is no wall. Virtual eyes reach 9 um, those with a cornea in view 13 um.
+# Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13 um.
 NO_WALL_M = 20e-6
 LEAST_NOISE = 0.3  # of a frame's boundaries, over POINT_SD_M: a small misfit may be chance
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
-HEAVY_CAUCHY = 2.0  # standard deviations, of what has a heavy prior
+HEAVY_CAUCHY = 2.0  # standard deviations, of unknowns with a heavy prior
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
@@ -70,9 +58,9 @@ LARGEST_LOG_SIZE = 0.5
 # A limbus is looked for where a fit leaves aside more than such a share of the columns, or loses more than 99 % of the
 # fits of even walls of the library do (138 frames of 16 virtual eyes).
 LOST, STRAINED = 0.05, 30.0
-LIMBUS_STARTS = 4  # of those that are found, the best
+LIMBUS_STARTS = 4  # the best ones
 STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
-TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)  # differences of fits are told by it
+TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)  # for differences of fits
 FIRST_STEPS = replace(STOPPING, iterations=8)  # from each of several starts; the best is then followed to its end
 # Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
 # farther goes to and fro.
@@ -129,18 +117,14 @@ def fit_boundaries(
 ) -> BoundaryFit | None:
     """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
-    Args:
-        library: responses of walls.
-        lateral_m: lateral places of the frame's columns from its middle (column,), m.
-        depth_bc: depth of the outer and the inner boundary below the frame's top (2, column), m, free of refraction;
-            NaN where a boundary is not seen.
-        prior: of the unknowns.
-        smoothing_m: standard deviation of the Gaussian with which the segmentation smooths the outer boundary.
-        borne_n: the needle's force, if known: one more start in a sealed globe.
+    `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer
+    and the inner boundary below the frame's top, free of refraction; NaN where unseen. `smoothing_m`: standard
+    deviation of the Gaussian with which the segmentation smooths the outer boundary. `borne_n`: the needle's force, if
+    known: one more start in a sealed globe.
     """
     columns = _thinned(lateral_m, depth_bc, smoothing_m)
     outer = columns.places.outer
-    if outer < 2 * len(NAMES):
+    if outer < 2 * len(at.NAMES):
         return None
     problem = _problem(library, columns, prior)
     walls = problem.walls
@@ -166,7 +150,7 @@ def fit_from(
 
 
 def _problem(library: Library, columns: Columns, prior: Prior) -> "_Problem":
-    walls = Walls(library, prior.globe, gap_m=float(prior.mean[GAP]), thickness_m=float(prior.mean[THICKNESS]))
+    walls = Walls(library, prior.globe, gap_m=float(prior.mean[at.GAP]), thickness_m=float(prior.mean[at.THICKNESS]))
     return _Problem(walls, columns, prior)
 
 
@@ -205,8 +189,8 @@ def _along_valley(problem: "_Problem", best: _Fit) -> _Fit:
     for _ in range(VALLEY_ROUNDS):
         unknown, placed, cost = best
         spread_uz = problem.spread(unknown, placed)
-        with_pressure = spread_uz @ spread_uz[PRESSURE]
-        sd = float(np.sqrt(with_pressure[PRESSURE]))
+        with_pressure = spread_uz @ spread_uz[at.PRESSURE]
+        sd = float(np.sqrt(with_pressure[at.PRESSURE]))
         if sd < VALLEY_SD:
             break
         stride = VALLEY_STRIDE * with_pressure / sd
@@ -220,11 +204,11 @@ def _along_valley(problem: "_Problem", best: _Fit) -> _Fit:
 def _step(normal: Array, gradient: Array) -> Array:
     """Return the solution of normal equations, where the pole moves no farther than its effect is straight."""
     step: Array = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
-    farther = float(np.hypot(*step[POLE])) / POLE_STRIDE
+    farther = float(np.hypot(*step[at.POLE])) / POLE_STRIDE
     if farther <= 1.0:
         return step
-    pole, rest = step[POLE] / farther, slice(POLE.start)
-    return np.concatenate([np.linalg.solve(normal[rest, rest], gradient[rest] - normal[rest, POLE] @ pole), pole])
+    pole, rest = step[at.POLE] / farther, slice(at.POLE.start)
+    return np.concatenate([np.linalg.solve(normal[rest, rest], gradient[rest] - normal[rest, at.POLE] @ pole), pole])
 
 
 def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
@@ -233,13 +217,9 @@ def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
     column = column * step
     places = Places(lateral_m[column], boundary, smoothing_m)
-    return Columns(places, depth_bc[boundary, column], POINT_SD_M[boundary], _columns_as_one(places))
-
-
-def _columns_as_one(places: Places) -> float:
-    """Return how many neighbouring places share one error."""
     outer = places.lateral_m[: places.outer]
-    return max(1.0, CORRELATED_M / float(np.median(np.diff(outer)))) if len(outer) > 1 else 1.0
+    as_one = max(1.0, CORRELATED_M / float(np.median(np.diff(outer)))) if len(outer) > 1 else 1.0
+    return Columns(places, depth_bc[boundary, column], POINT_SD_M[boundary], as_one)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +241,7 @@ class _Problem:
         heavy = away[HEAVY] / (HEAVY_CAUCHY * self.prior.sd[HEAVY])
         away[HEAVY] = 0.0
         known = away @ self.prior.precision @ away + HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
-        off = self._off(unknown)
+        off = self._off(unknown[None])[0]
         known += off @ self.prior.calibrated @ off
         return placed, self.columns.loss(placed) + float(known)
 
@@ -272,38 +252,25 @@ class _Problem:
         precision[HEAVY, HEAVY] /= 1.0 + (away[HEAVY] / (HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
         slopes = np.stack([self.prior.same_force, law_slope(self.walls, unknown)])
         weighted = slopes.T @ self.prior.calibrated
-        return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ self._off(unknown)
+        off = self._off(unknown[None])[0]
+        return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ off
 
-    def _off(self, unknown: Array) -> Array:
-        """Return how far the force at a dent and the pressure are off what is known, in standard deviations (2,)."""
-        off: Array = self._all_off(unknown[None])[0]
-        return off
-
-    def _all_off(self, unknown_su: Array) -> Array:
-        """Return `_off` of each sample (sample, 2)."""
+    def _off(self, unknown_su: Array) -> Array:
+        """Return the deviations (sample, 2), in standard deviations, of the force at a dent and of the pressure."""
         same_force = (unknown_su - self.prior.mean) @ self.prior.same_force
         return np.stack([same_force, off_the_law(self.walls, unknown_su)], axis=1)
 
     def inside(self, unknown: Array) -> Array:
-        """Keep the dent within what the library holds, and the pressure."""
-        unknown[SIZE] = np.clip(unknown[SIZE], -LARGEST_LOG_SIZE, LARGEST_LOG_SIZE)
-        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
-        unknown[PRESSURE] = np.clip(unknown[PRESSURE], *self._log_pressure_ends(unknown))
-        unknown[FORM] = np.clip(unknown[FORM], *FORM_ENDS)
-        unknown[POLE] *= min(1.0, HIGHEST_POLE / max(float(np.hypot(*unknown[POLE])), HIGHEST_POLE))
-        return unknown
-
-    def _log_pressure_ends(self, unknown: Array) -> Array:
-        """The logarithms of the lowest and the highest pressure, Pa, that the library holds of a wall."""
+        """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
         library = self.walls.library
-        thickness = np.clip(unknown[THICKNESS] / np.exp(unknown[SIZE]), library.thickness_m[0], library.thickness_m[-1])
-        ends = library.iop_ratio_ends(thickness)
-        return np.asarray(np.log(ends) + unknown[MODULUS])
-
-    def _tension(self, unknown: Array) -> float:
-        """Return the pressure under the needle times the eye's radius, over E times the wall's thickness."""
-        radius_m = self.walls.library.radius_m * np.exp(unknown[SIZE])
-        return float(np.exp(unknown[self.walls.pressure] - unknown[MODULUS]) * radius_m / unknown[THICKNESS])
+        unknown[at.SIZE] = np.clip(unknown[at.SIZE], -LARGEST_LOG_SIZE, LARGEST_LOG_SIZE)
+        unknown[at.TIP] = np.clip(unknown[at.TIP], 0.0, library.tip_m[-1] * np.exp(unknown[at.SIZE]))
+        thickness = np.clip(unknown[at.THICKNESS] / np.exp(unknown[at.SIZE]), *library.thickness_m[[0, -1]])
+        log_ends = np.log(library.iop_ratio_ends(thickness)) + unknown[at.MODULUS]
+        unknown[at.PRESSURE] = np.clip(unknown[at.PRESSURE], *log_ends)
+        unknown[at.FORM] = np.clip(unknown[at.FORM], *at.FORM_ENDS)
+        unknown[at.POLE] *= min(1.0, HIGHEST_POLE / max(float(np.hypot(*unknown[at.POLE])), HIGHEST_POLE))
+        return unknown
 
     def result(self, unknown: Array, placed: Placed, cost: float) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
@@ -314,20 +281,22 @@ class _Problem:
         layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
         spread_uz = self.spread(unknown, placed, float(np.clip(misfit, LEAST_NOISE, 1e3)))
         draws_n = self._drawn_forces(unknown, spread_uz)
+        per_modulus = np.exp(unknown[self.walls.pressure] - unknown[at.MODULUS])
+        radius_m = self.walls.library.radius_m * np.exp(unknown[at.SIZE])
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
         return BoundaryFit(
             force_n=float(force),
             interval_n=(float(low_n), float(high_n)),
             draws_n=draws_n,
-            contact_m=float(unknown[LATERAL]),
-            tip_m=float(unknown[TIP]),
+            contact_m=float(unknown[at.LATERAL]),
+            tip_m=float(unknown[at.TIP]),
             misfit_m=misfit * float(POINT_SD_M[0]),
             outliers=float(np.mean((residual > OUTLIER_SD * max(1.0, misfit)) & ~layer)),
             wall_bmc=formed_wall(self.walls, unknown),
             unknown=unknown,
             sd=np.linalg.norm(spread_uz, axis=1),
             iop_pa=float(np.exp(unknown[self.walls.pressure])),
-            tension=self._tension(unknown),
+            tension=float(per_modulus * radius_m / unknown[at.THICKNESS]),
             loss=cost,
         )
 
@@ -340,12 +309,12 @@ class _Problem:
 
     def _drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
         """Return forces drawn from the posterior, with the model error of the library on top."""
-        normal, (level_z, growth_z) = _standard_normal(len(NAMES) + 2), _standard_normal(2, seed=1).T
+        normal, (level_z, growth_z) = _standard_normal(len(at.NAMES) + 2), _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
-        drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
+        drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
         drawn = keep_within(self.walls, drawn)
         library_n = force_n(self.walls, drawn)
-        eye_z = np.clip(self._all_off(drawn), -FARTHEST_EYE, FARTHEST_EYE)
+        eye_z = np.clip(self._off(drawn), -FARTHEST_EYE, FARTHEST_EYE)
         corrected_n = self.prior.discrepancy.corrected_n(library_n, level_z, growth_z, eye_z)
         return np.maximum(corrected_n * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1], 0.0)
 

@@ -11,23 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.library import unknowns as at
 from scleraforce.library.placement import Columns, Placed
 from scleraforce.library.prediction import Walls, force_n, place_walls, predict_wall
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.library.unknowns import (
-    DEPTH,
-    FORM,
-    FORM_ENDS,
-    IOP,
-    LATERAL,
-    MODULUS,
-    POLE,
-    PRESSURE,
-    ROTATION,
-    SIZE,
-    THICKNESS,
-    TIP,
-)
 
 Array = NDArray[np.float64]
 
@@ -46,22 +33,16 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 def starts(
     walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int, farthest_m: float = FARTHEST_M
 ) -> list[Array]:
-    """Return starts: dents that lie better than their neighbours, the best first, (unknown,) each.
+    """Return at most `count` starts: dents that lie better than their neighbours, the best first, (unknown,) each.
 
-    Each comes with its best lateral place and depth. A dent that lies much worse than the best is not a start.
-
-    Args:
-        walls: that may be seen.
-        mean: of the prior (unknown,).
-        lateral_m: places of the outer boundary that are seen (place,).
-        depth_m: its depth there (place,).
-        count: the most to return.
-        farthest_m: of a contact from the frame's middle.
+    Each has its best lateral place, at most `farthest_m` from the frame's middle, and depth. A dent that lies much
+    worse than the best is not a start. `mean` (unknown,) is the prior's; `lateral_m` and `depth_m` (place,) are the
+    outer boundary where it is seen.
     """
     # Dents crowd where they are shallow: forces grow quickest there.
-    tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
+    tips = walls.library.tip_m[-1] * np.exp(mean[at.SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
-    samples[:, TIP] = tips
+    samples[:, at.TIP] = tips
     samples, dent_s = _at_pressures(walls, samples)
     laid, cost = _laid(walls, samples, lateral_m, depth_m, farthest_m)
     least = np.full(DENTS, np.inf)
@@ -83,10 +64,10 @@ def bearing_start(walls: Walls, mean: Array, borne_n: float, lateral_m: Array, d
 def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, depth_m: Array) -> Array | None:
     """Return the best state of a sealed globe among those at much higher pressures than `fitted`.
 
-    None if all lie much worse than that one, or the globe has none. Arguments are those of `starts`.
+    None if all lie much worse than that one, or the globe has none; other arguments as for `starts`.
     """
     states = _by_pressure(walls, mean)
-    higher = (states[:, PRESSURE] > fitted[PRESSURE] + HIGHER) & (force_n(walls, states) < LARGEST_N)
+    higher = (states[:, at.PRESSURE] > fitted[at.PRESSURE] + HIGHER) & (force_n(walls, states) < LARGEST_N)
     laid, cost = _laid(walls, np.concatenate([fitted[None], states[higher]]), lateral_m, depth_m)
     best = int(np.argmin(cost[1:])) + 1 if higher.any() else 0
     return laid[best] if best and cost[best] <= MUCH_WORSE * cost[0] else None
@@ -99,19 +80,19 @@ def _laid(
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
     over_pole = samples.copy()
-    over_pole[:, POLE] = 0.0
+    over_pole[:, at.POLE] = 0.0
     outer = place_walls(walls, over_pole)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + farthest_m) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
     depth_sg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
     shifts = np.arange(-farthest_m, farthest_m + SHIFT_M / 2, SHIFT_M)
-    at = np.rint((lateral_m - shifts[:, None]) / GRID_M).astype(np.intp) + reach
-    rest = depth_m - depth_sg[:, at]  # (sample, shift, place)
+    cell = np.rint((lateral_m - shifts[:, None]) / GRID_M).astype(np.intp) + reach
+    rest = depth_m - depth_sg[:, cell]  # (sample, shift, place)
     down = np.median(rest, axis=2)
     cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
     every, best = np.arange(len(samples)), cost.argmin(axis=1)
     laid = samples.copy()
-    laid[:, LATERAL], laid[:, DEPTH] = shifts[best], down[every, best]
+    laid[:, at.LATERAL], laid[:, at.DEPTH] = shifts[best], down[every, best]
     return laid, cost[every, best]
 
 
@@ -122,13 +103,13 @@ def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp
         return dents_du, dents
     thickness, resting, size, modulus = _resting(walls, dents_du)
     rigidity = np.repeat([globe.lowest, globe.mean], len(dents))
-    tips = np.minimum(dents_du[:, TIP] / size, walls.library.tip_m[-1])
+    tips = np.minimum(dents_du[:, at.TIP] / size, walls.library.tip_m[-1])
     thickness, resting, tips, size, modulus = (np.tile(part, 2) for part in (thickness, resting, tips, size, modulus))
     law = globe.globe(rigidity * size**3).over(modulus)
     ratio = iop_ratio_at_dent(walls.library, thickness, resting, tips, law)
     borne = np.isfinite(ratio)
     samples = np.tile(dents_du, (2, 1))
-    samples[:, PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
+    samples[:, at.PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
     return samples[borne], np.tile(dents, 2)[borne]
 
 
@@ -143,23 +124,23 @@ def _by_pressure(walls: Walls, mean: Array) -> Array:
     held = library.displaced_m3(np.full(tips.size, thickness), np.repeat(ratios, tips.shape[1]), tips.ravel())
     reached = zip(volumes, held.reshape(tips.shape), strict=True)
     states = np.repeat(mean[None], PRESSURES, axis=0)
-    states[:, PRESSURE] = np.log(ratios * modulus)
-    states[:, TIP] = size * np.array([np.interp(volume, row, library.tip_m) for volume, row in reached])
+    states[:, at.PRESSURE] = np.log(ratios * modulus)
+    states[:, at.TIP] = size * np.array([np.interp(volume, row, library.tip_m) for volume, row in reached])
     return states[volumes <= held.reshape(tips.shape)[:, -1]]
 
 
 def _resting(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array, Array]:
     """Return thickness and pressure over E without the needle, in the library's size; that size, and E (sample,)."""
-    library, size, modulus = walls.library, np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
-    thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    resting = np.clip(np.exp(unknown_su[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
+    library, size, modulus = walls.library, np.exp(unknown_su[:, at.SIZE]), np.exp(unknown_su[:, at.MODULUS])
+    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    resting = np.clip(np.exp(unknown_su[:, at.IOP]) / modulus, *library.iop_ratio_ends(thickness))
     return thickness, resting, size, modulus
 
 
 PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)
 LEAST_COLUMNS = 5  # beyond a limbus
 SIDES = (-1.0, 1.0)
-POSE = [DEPTH, ROTATION]
+POSE = [at.DEPTH, at.ROTATION]
 CURVATURE = 2  # of a side's form
 MIDDLE_M = 1.5e-3  # to either side of the frame's: there lies the contact of a frame that can be read
 
@@ -175,11 +156,11 @@ def limbus_starts(columns: Columns, unknown: Array, placed: Placed, sides: Seque
     rest_m, pose = (columns.depth_m - placed.depth_m)[:outer], placed.jacobian[:outer, POSE]
     found = []
     for sign in sides:
-        along_m = sign * (columns.places.lateral_m[:outer] - unknown[LATERAL])
+        along_m = sign * (columns.places.lateral_m[:outer] - unknown[at.LATERAL])
         tried = [_limbus(place_m, along_m, rest_m, pose) for place_m in PLACES_M]
         off_m, moved, limbus = min(tried, key=lambda one: one[0])
         if np.isfinite(off_m):
-            start, first = unknown.copy(), FORM.start + (0 if sign < 0.0 else 3)
+            start, first = unknown.copy(), at.FORM.start + (0 if sign < 0.0 else 3)
             start[POSE] += moved
             start[first : first + 3] = limbus
             found.append(start)
@@ -206,15 +187,15 @@ def one_sided_starts(walls: Walls, columns: Columns, mean: Array, count: int) ->
 def _limbus(place_m: float, along_m: Array, rest_m: Array, pose: Array) -> tuple[float, Array, Array]:
     """Return the mean misfit of the surface with the best limbus at a place, the change of the pose, and that limbus.
 
-    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `pose`:
-    derivatives of the wall's depth by the unknowns of `POSE` (place, 2).
+    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `pose`
+    (place, 2): derivatives of the wall's depth by the pose.
     """
     beyond_m = np.maximum(along_m - place_m, 0.0)
     if np.count_nonzero(beyond_m) < LEAST_COLUMNS:
         return np.inf, np.zeros(2), np.zeros(3)
     basis = np.column_stack([pose, beyond_m, 0.5 * beyond_m**2])
     solution = np.linalg.lstsq(basis, rest_m, rcond=None)[0]
-    curvature = np.clip(solution[-1], *FORM_ENDS[:, CURVATURE])
+    curvature = np.clip(solution[-1], *at.FORM_ENDS[:, CURVATURE])
     if curvature != solution[-1]:
         bent_m = rest_m - curvature * basis[:, -1]
         solution[:-1], solution[-1] = np.linalg.lstsq(basis[:, :-1], bent_m, rcond=None)[0], curvature

@@ -8,7 +8,6 @@ wall does not pull the wall along (Huber and Ronchetti, Robust Statistics, 2009,
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import sqrt
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +20,7 @@ Array = NDArray[np.float64]
 class Places:
     """Places on a frame, (place,): lateral m, and the boundary (0 outer, 1 inner), outer places first.
 
-    `smoothing_m`: standard deviation of the Gaussian that smoothed the outer boundary.
+    `smoothing_m`: standard deviation of the Gaussian that smoothed the outer boundary; the fit of a library heeds it.
     """
 
     lateral_m: Array
@@ -36,8 +35,7 @@ class Places:
     @property
     def is_inner(self) -> Array:
         """1 on the inner boundary, 0 on the outer, (place,)."""
-        inner: Array = (self.boundary == 1).astype(np.float64)
-        return inner
+        return np.asarray(self.boundary == 1, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +56,7 @@ def place_curves(curves: Array, lateral_m: float, depth_m: float, rotation_rad: 
 
 
 def pose_derivatives(places: Places, depth_m: Array, slope: Array, pose: tuple[float, float]) -> tuple[Array, ...]:
-    """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each.
-
-    `pose`: lateral place and depth of the section's origin, m.
-    """
+    """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each."""
     across, down = places.lateral_m - pose[0], depth_m - pose[1]
     return -slope, np.ones_like(depth_m), across + slope * down
 
@@ -71,23 +66,12 @@ def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArr
 
     Of a wall that folds back under itself, the part that comes first along the curve counts: light sees that.
     """
-    outer, inner = places.lateral_m[: places.outer], places.lateral_m[places.outer :]
-    parts = (_smoothed(curves_bsc[0], outer, places.smoothing_m), _depths_along(curves_bsc[1], inner))
+    parts = map(depths_along, curves_bsc, np.split(places.lateral_m, [places.outer]))
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     return depth, slope, seen
 
 
-def _smoothed(curve_sc: Array, at: Array, sd_m: float) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """As `_depths_along`, of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
-    if not sd_m:
-        return _depths_along(curve_sc, at)
-    apart = sqrt(3.0) * sd_m
-    found = _depths_along(curve_sc, (at + np.array([[-apart], [0.0], [apart]])).ravel())
-    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
-    return depth, slope, found[2].reshape(3, -1)[1]
-
-
-def _depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Interpolate a polyline without the parts that fold back; nothing is seen of one that only folds back."""
     lateral, down = curve_sc.T
     if (lateral[1:] <= lateral[:-1]).any():
@@ -121,8 +105,7 @@ class Columns:
 
     def residual(self, placed: Placed) -> Array:
         """Return how far the columns lie off along the normal, in standard deviations (place,)."""
-        residual: Array = (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
-        return residual
+        return (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
 
     def loss(self, placed: Placed) -> float:
         """Return Cauchy's loss of all columns."""
@@ -131,10 +114,7 @@ class Columns:
         return float(CAUCHY**2 * lost / self.as_one)
 
     def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
-        """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,).
-
-        `scale`: factor on the stated standard deviations.
-        """
+        """Return the weighted normal matrix (unknown, unknown) and gradient (unknown,), SDs times `scale`."""
         jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
         residual = self.residual(placed)
         weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.as_one * scale**2)
@@ -143,8 +123,7 @@ class Columns:
 
     def _depth_sd_m(self, placed: Placed) -> Array:
         """Return the standard deviation of the depths (place,): that along the normal, seen down a column."""
-        sd: Array = self.sd_m * np.sqrt(1 + placed.slope**2)
-        return sd
+        return self.sd_m * np.sqrt(1 + placed.slope**2)
 
 
 class Problem(Protocol):
@@ -152,15 +131,12 @@ class Problem(Protocol):
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and its cost."""
-        ...
 
     def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with the prior."""
-        ...
 
     def inside(self, unknown: Array) -> Array:
         """Return the nearest unknowns that can be predicted for."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

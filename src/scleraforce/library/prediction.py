@@ -1,4 +1,4 @@
-"""What a frame shows of a library's wall at given columns, its derivatives by the unknowns, and the globe's law.
+"""The picture of a library's wall in the columns of a frame, its derivatives by the unknowns, and the globe's law.
 
 The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
 gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
@@ -19,52 +19,22 @@ The form of an eye that is not an even sphere is added at rest (`library.unknown
 """
 
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known import OPEN, KnownGlobe
+from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.fit_loops import Law, Rings, off_the_laws, predict
 from scleraforce.library.placement import Placed, Places, place_curves
 from scleraforce.library.responses import Library
-from scleraforce.library.unknowns import (
-    DEPTH,
-    FORM,
-    GAP,
-    IOP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    ROTATION,
-    SHINING_SLOPE,
-    SIZE,
-    THICKNESS,
-    TIP,
-    form_depths,
-)
-from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]
 
 STATION_RAD = 0.04  # between the places
-
-
-def section_rings(library: Library, gap_m: float, thickness_m: float) -> Rings:
-    """Return the rings of sections about `gap_m` from the needle axis, of walls about `thickness_m` thick."""
-    reach = np.sin(library.node_angles())
-    count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
-    stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
-    across = gap_m / (library.radius_m - np.array([[0.0], [thickness_m]]))
-    rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
-    wanted = np.concatenate([-rings, rings], axis=1)
-    left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
-    share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
-    return Rings(section_places(stations, across), left, share)
 
 
 def ring_motion(library: Library, rings: Rings, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
@@ -100,25 +70,42 @@ class Walls:
 
     @cached_property
     def rings(self) -> Rings:
-        """Rings of the walls' sections."""
-        return section_rings(self.library, self.gap_m, self.thickness_m)
+        """Rings of the walls' sections, at the approximate gap and thickness."""
+        angles = self.library.node_angles()
+        reach = np.sin(angles)
+        count = int(np.ceil(angles[-1] / STATION_RAD)) + 1
+        stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
+        across = self.gap_m / (self.library.radius_m - np.array([[0.0], [self.thickness_m]]))
+        rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
+        wanted = np.concatenate([-rings, rings], axis=1)
+        left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
+        share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
+        return Rings(section_places(stations, across), left, share)
+
+    @cached_property
+    def law(self) -> Law:
+        """Law of the globe, of its mean rigidity and of its standard deviation."""
+        mean, spread = self.globe.globe(self.globe.mean), self.globe.globe(self.globe.sd)
+        return Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
 
     @property
     def pressure(self) -> int:
         """Index of the unknown that is the pressure under the needle: the IOP in an open globe."""
-        return PRESSURE if self.globe.can_be_sealed else IOP
+        return at.PRESSURE if self.globe.can_be_sealed else at.IOP
 
 
 def force_n(walls: Walls, unknown_su: Array) -> Array:
     """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
-    size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
+    size, modulus = np.exp(unknown_su[:, at.SIZE]), np.exp(unknown_su[:, at.MODULUS])
     forces: Array = modulus * size**2 * walls.library.forces(*_library_place(walls, unknown_su))
     return forces
 
 
 def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
     """Return the volume that the dent displaces for each set of unknowns, (sample,)."""
-    volumes: Array = np.exp(3.0 * unknown_su[:, SIZE]) * walls.library.displaced_m3(*_library_place(walls, unknown_su))
+    volumes: Array = np.exp(3.0 * unknown_su[:, at.SIZE]) * walls.library.displaced_m3(
+        *_library_place(walls, unknown_su)
+    )
     return volumes
 
 
@@ -127,14 +114,14 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose, and none has a form of its own.
     """
-    size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
+    size, gap, pose = np.exp(unknown_su[:, at.SIZE]), unknown_su[:, at.GAP], unknown_su[0]
     place = _library_place(walls, unknown_su)
     curves_sbnc = walls.library.shapes(*place).astype(np.float64) * size[:, None, None, None]
     moved = None
-    if unknown_su[:, POLE].any():
-        motion = ring_motion(walls.library, walls.rings, place, unknown_su[:, POLE])
+    if unknown_su[:, at.POLE].any():
+        motion = ring_motion(walls.library, walls.rings, place, unknown_su[:, at.POLE])
         moved = motion * size[:, None, None, None, None]
-    return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
+    return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:
@@ -142,38 +129,34 @@ def formed_wall(walls: Walls, unknown: Array) -> Array:
     placed: Array = place_walls(walls, unknown[None])[0]
     for is_inner, curve in enumerate(placed):
         is_boundary = np.full(len(curve), float(is_inner))
-        curve[:, 1] += form_depths(unknown[FORM], curve[:, 0] - unknown[LATERAL], is_boundary)[0]
+        curve[:, 1] += at.form_depths(unknown[at.FORM], curve[:, 0] - unknown[at.LATERAL], is_boundary)
     return placed
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     """Predict the depths and slopes at places for unknowns in the order of `NAMES`, with their derivatives."""
     count = len(places.lateral_m)
-    placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
+    placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(at.NAMES))), np.empty(count, dtype=np.bool_))
     looked_at = places.lateral_m, places.outer, places.smoothing_m
     predict(walls.library.tables, walls.rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
     return placed
 
 
 def shining(slope: Array) -> Array:
-    """Return how far the mirror reflection moves the edge of a surface of a slope, over where it faces the light.
-
-    >>> shining(np.array([0.0, SHINING_SLOPE])).round(3)
-    array([1.   , 0.368])
-    """
-    share: Array = np.exp(-((slope / SHINING_SLOPE) ** 2))
+    """Return the shift of the edge by the mirror reflection, over that of a surface that faces the light."""
+    share: Array = np.exp(-((slope / at.SHINING_SLOPE) ** 2))
     return share
 
 
 def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
     """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
-    library, size = walls.library, np.exp(unknown_su[:, SIZE])
-    thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    ratio = np.exp(unknown_su[:, walls.pressure] - unknown_su[:, MODULUS])
+    library, size = walls.library, np.exp(unknown_su[:, at.SIZE])
+    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    ratio = np.exp(unknown_su[:, walls.pressure] - unknown_su[:, at.MODULUS])
     return (
         thickness,
         np.clip(ratio, *library.iop_ratio_ends(thickness)),
-        np.clip(unknown_su[:, TIP] / size, library.tip_m[0], library.tip_m[-1]),
+        np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1]),
     )
 
 
@@ -211,21 +194,21 @@ def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.
     beyond = np.maximum.accumulate(square > 0.0, axis=2)
     first = np.argmax(beyond, axis=2, keepdims=True)
     before = np.maximum(first - 1, 0)
-    near, far = (np.take_along_axis(square, at, axis=2) for at in (before, first))
+    near, far = (np.take_along_axis(square, node, axis=2) for node in (before, first))
     share = np.where(first > 0, -near / np.maximum(far - near, 1e-30), 1.0)
-    top, below = (np.take_along_axis(depth, at, axis=2) for at in (before, first))
+    top, below = (np.take_along_axis(depth, node, axis=2) for node in (before, first))
     middle = top + np.clip(share, 0.0, 1.0) * (below - top)
     lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
     return lateral, np.where(beyond, depth, middle), first
 
 
-MOVING = (TIP, THICKNESS, MODULUS, IOP, SIZE, PRESSURE)
-STEPS = np.where(np.isin(MOVING, [TIP, THICKNESS]), 1e-7, 1e-4)  # m, or of a logarithm
+MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)
+STEPS = np.where(np.isin(MOVING, [at.TIP, at.THICKNESS]), 1e-7, 1e-4)  # m, or of a logarithm
 LEAST_SD = 3e-3  # relative, of the pressure that the law gives: volumes of the library
 
 
 def off_the_law(walls: Walls, unknown_su: Array) -> Array:
-    """Return how far unknowns are off the globe's law (sample,), in standard deviations; 0 if the globe is open."""
+    """Return the distance of unknowns from the globe's law (sample,), in standard deviations; 0 in an open globe."""
     if not walls.globe.can_be_sealed:
         return np.zeros(len(unknown_su))
     off, sd = _off(walls, unknown_su)
@@ -234,7 +217,7 @@ def off_the_law(walls: Walls, unknown_su: Array) -> Array:
 
 def law_slope(walls: Walls, unknown: Array) -> Array:
     """Return the derivative of `off_the_law` by each unknown (unknown,)."""
-    slope = np.zeros(len(NAMES))
+    slope = np.zeros(len(at.NAMES))
     if walls.globe.can_be_sealed:
         moving = list(MOVING)
         varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
@@ -250,23 +233,15 @@ def keep_within(walls: Walls, unknown_su: Array) -> Array:
     if not known.can_be_sealed:
         return unknown_su
     volume = displaced_m3(walls, unknown_su)
-    resting_pa = np.exp(unknown_su[:, IOP])
+    resting_pa = np.exp(unknown_su[:, at.IOP])
     ends = [np.log(known.globe(k).pressure(resting_pa, volume)) for k in (known.lowest, known.highest)]
     kept = unknown_su.copy()
-    kept[:, PRESSURE] = np.clip(kept[:, PRESSURE], *ends)
+    kept[:, at.PRESSURE] = np.clip(kept[:, at.PRESSURE], *ends)
     return kept
 
 
-@lru_cache(maxsize=8)
-def _laws(known: KnownGlobe) -> tuple[Globe, Globe]:
-    """Return the globes of the mean rigidity and of its standard deviation."""
-    return known.globe(known.mean), known.globe(known.sd)
-
-
 def _off(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
-    """Return how far level(P) is off its mean and its standard deviation, (sample,) each."""
-    mean, spread = _laws(walls.globe)
+    """Return the distance of level(P) from its mean and its standard deviation, (sample,) each."""
     off, sd = np.empty(len(unknown_su)), np.empty(len(unknown_su))
-    law = Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
-    off_the_laws(walls.library.tables, law, unknown_su, off, sd)
+    off_the_laws(walls.library.tables, walls.law, unknown_su, off, sd)
     return off, sd

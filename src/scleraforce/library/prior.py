@@ -7,34 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
+from scleraforce.library import unknowns as at
 from scleraforce.library.base import pole_direction
 from scleraforce.library.plan import LARGEST_POLAR_DEG
-from scleraforce.library.unknowns import (
-    DEPTH,
-    FORM,
-    GAP,
-    INNER_OFFSET,
-    IOP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    ROTATION,
-    SHINE,
-    SIZE,
-    THICKNESS,
-    TIP,
-)
 from scleraforce.study import ReaderStudy
 
 Array = NDArray[np.float64]
 
-FREE_SD = {TIP: 10e-3, LATERAL: 1e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
+FREE_SD = {at.TIP: 10e-3, at.LATERAL: 1e-3, at.DEPTH: 2e-3, at.ROTATION: 0.05, at.SIZE: 0.03, at.INNER_OFFSET: 15e-6}
 # Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
-# of 60 drawn eyes, with the noise of what is fitted to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
+# of 60 drawn eyes, with the noise of the fit to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
 SHINE_MEAN_M, SHINE_SD_M = 3e-6, 2.3e-6
-KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
+KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
 PRESSURE_SD = 3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
 FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
@@ -47,7 +31,7 @@ POLE_SD = 0.03  # of where the pole lies, where polar angle and direction are st
 UNSURE_POLE_SD = 0.15  # where the direction alone is
 # Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres, some are far from it; and now
 # and then another layer is taken for the inner boundary.
-HEAVY = np.array([INNER_OFFSET, *(FORM.start + np.array([1, 2, 4, 5, 6]))])
+HEAVY = np.array([at.INNER_OFFSET, *(at.FORM.start + np.array([1, 2, 4, 5, 6]))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,23 +56,25 @@ class Prior:
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     """Return the prior of a frame's unknowns: the known eye, else the ranges that the model was trained for."""
-    mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+    mean, sd = np.zeros(len(at.NAMES)), np.zeros(len(at.NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
-    mean[SHINE], sd[SHINE] = SHINE_MEAN_M, SHINE_SD_M
-    mean[FORM], sd[FORM] = FORM_MEAN, FORM_SD
-    mean[POLE], sd[POLE] = _pole(known)
-    mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
-    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
+    mean[at.SHINE], sd[at.SHINE] = SHINE_MEAN_M, SHINE_SD_M
+    mean[at.FORM], sd[at.FORM] = FORM_MEAN, FORM_SD
+    mean[at.POLE], sd[at.POLE] = _pole(known)
+    mean[at.GAP], sd[at.GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[at.GAP])
+    mean[at.THICKNESS], sd[at.THICKNESS] = _stated(
+        known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[at.THICKNESS]
+    )
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
-    mean[IOP], sd[IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[IOP])
+    mean[at.IOP], sd[at.IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP])
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
-    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
-    mean[PRESSURE], sd[PRESSURE] = mean[IOP], PRESSURE_SD
+    mean[at.MODULUS], sd[at.MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
+    mean[at.PRESSURE], sd[at.PRESSURE] = mean[at.IOP], PRESSURE_SD
     own = known.has_own_modulus
-    same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
-    precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
+    same_force = _same_force(mean, sd) if own else np.zeros(len(at.NAMES))
+    precision = np.diag(np.where(own & (np.arange(len(at.NAMES)) == at.MODULUS), 0.0, sd**-2.0))
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
@@ -109,9 +95,9 @@ def _same_force(mean: Array, sd: Array) -> Array:
     The modulus was fitted to dents and forces at the stated thickness and IOP. If these are wrong, so is the modulus,
     and yet the force that belongs to a dent is right: that force is known.
     """
-    along = np.zeros(len(NAMES))
-    along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
-    return np.asarray(along / sd[MODULUS])
+    along = np.zeros(len(at.NAMES))
+    along[[at.MODULUS, at.THICKNESS, at.IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[at.THICKNESS], FORCE_BY_LOG_IOP
+    return np.asarray(along / sd[at.MODULUS])
 
 
 def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
@@ -130,4 +116,4 @@ def form_size(unknown: Array) -> float:
     >>> form_size(np.zeros(len(NAMES)))
     0.0
     """
-    return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - FORM.start]).max())
+    return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - at.FORM.start]).max())

@@ -21,25 +21,18 @@ FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 
 SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 
-def form_depths(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[Array, Array, Array]:
-    """Return the contributions of a form (7,) to depths and slopes, (place,) each, and their derivatives (place, form).
+def form_depths(form: Array, from_contact_m: Array, is_inner: Array) -> Array:
+    """Return the contribution of a form (7,) to depths (place,), m.
 
     `from_contact_m`: lateral distance from the contact (place,); `is_inner`: 1 on the inner boundary, 0 on the outer.
     """
-    wedge = form[6]
-    depths, slopes = wedge * from_contact_m * is_inner, wedge * is_inner
-    turned = np.empty((len(from_contact_m), len(FORMS)))
-    turned[:, 6] = from_contact_m * is_inner
+    depths: Array = form[6] * from_contact_m * is_inner
     for side, first in ((-1.0, 0), (1.0, 3)):
         limbus_m, angle, curvature = form[first : first + 3]
         beyond = side * from_contact_m - limbus_m
-        root = np.sqrt(beyond**2 + SOFT_M**2)
-        ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
-        by_beyond = (angle + curvature * ramp) * rise
+        ramp = 0.5 * (beyond + np.sqrt(beyond**2 + SOFT_M**2))
         depths = depths + (angle + 0.5 * curvature * ramp) * ramp
-        slopes = slopes + side * by_beyond
-        turned[:, first : first + 3] = np.stack([-by_beyond, ramp, 0.5 * ramp**2], axis=1)
-    return depths, slopes, turned
+    return depths
 
 
 # (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known import Known
+from scleraforce.library import unknowns as at
 from scleraforce.library.fit import NO_WALL_M, BoundaryFit
 from scleraforce.library.prior import Prior
-from scleraforce.library.unknowns import FORM, FORMS, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.reader.answer import Answer, Reading, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
@@ -128,13 +128,13 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
         return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"
     away = np.abs(fit.unknown - prior.mean) / prior.sd
-    if not away[SIZE] <= DEVIATION_SD:
-        return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[SIZE]):.2f} times as large"
-    form = dict(zip(FORMS, fit.unknown[FORM].tolist(), strict=True))
+    if not away[at.SIZE] <= DEVIATION_SD:
+        return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+    form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
     if all(form[f"{side}_angle_rad"] < CORNEA_RAD or form[f"{side}_curvature"] > CORNEA_CURVATURE for side in SIDES):
         return "not the wall of an eye: it bends like a cornea on both sides of the contact"
-    shown_m, stated_m = float(fit.unknown[THICKNESS] + fit.unknown[INNER_OFFSET]), float(prior.mean[THICKNESS])
-    slack_m = DEVIATION_SD * float(prior.sd[THICKNESS])
+    shown_m, stated_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]), float(prior.mean[at.THICKNESS])
+    slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
         return (
             f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not {from_si(stated_m, 'um'):.0f} µm as it should"
