@@ -98,5 +98,5 @@ def _deciding(module: str) -> set[Path]:
             found.add(file)
             for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
                 waiting.append(imported)
-                waiting += (f"{imported}.{part.strip()}" for part in names.split(","))  # of a package: its modules
+                waiting += (f"{imported}.{part.split()[0]}" for part in names.split(","))  # of a package: its modules
     return found

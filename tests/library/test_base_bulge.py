@@ -13,11 +13,11 @@ from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.known import Known
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
-from scleraforce.library.prediction import THICKNESS as FIT_THICKNESS, Walls, place_walls
+from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
-from scleraforce.library.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP
+from scleraforce.library.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS as FIT_THICKNESS, TIP
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh

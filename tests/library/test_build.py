@@ -17,7 +17,7 @@ from effects import contents
 from small_models import rehash_store
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.library.build import build_library, cached_library, library_cache, solve_path
+from scleraforce.library.build import build_library, cached_library, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import (
     create_library,
@@ -208,24 +208,22 @@ def test_units_are_the_paths_of_every_stiffening_and_those_of_the_first_with_oth
     places = [plan.place(unit) for unit in range(PATHS)]
     assert places == [(b, t, p) for b in range(5) for t in range(4) for p in range(5)]
     for unit in (0, 27, PATHS - 1):
-        b, t, p = plan.place(unit)
-        assert plan.stiffening_of(unit) == plan.stiffening[b]
-        assert plan.support_rad(unit) == pytest.approx(0.5 * np.pi)
-        assert plan.wall(unit) == pytest.approx(
-            (plan.thickness_m[t], plan.tension[p] * plan.thickness_m[t] / plan.radius_m), rel=1e-12
-        )
-    assert {plan.stiffening_of(unit) for unit in range(PATHS, UNITS)} == {0.0}
-    assert all(plan.support_rad(unit) != pytest.approx(0.5 * np.pi) for unit in range(PATHS, UNITS))
+        (b, t, p), path = plan.place(unit), plan.path(unit)
+        assert (path.stiffening, path.thickness_m) == (plan.stiffening[b], plan.thickness_m[t])
+        assert path.support_rad == pytest.approx(0.5 * np.pi)
+        assert path.iop_ratio == pytest.approx(plan.tension[p] * plan.thickness_m[t] / plan.radius_m, rel=1e-12)
+    others = [plan.path(unit) for unit in range(PATHS, UNITS)]
+    assert {path.stiffening for path in others} == {0.0}
+    assert all(path.support_rad != pytest.approx(0.5 * np.pi) for path in others)
 
 
 @pytest.mark.parametrize(("unit", "stiffening"), [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)])
 def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     plan = plan_library(Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16)))
     force_d, displaced_d, curves_dbnc = solve_path(plan, unit)
-    thickness_m, iop_ratio = plan.wall(unit)
-    assert (thickness_m, iop_ratio) == plan.wall(6)
+    wall = plan.path(6)
     expected = axisymmetric_path(
-        12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:],
+        12e-3, wall.thickness_m, 0.45, 0.35e-3, wall.iop_ratio, tips_m=plan.tip_m[1:],
         stiffening=float(plan.stiffening[unit // 16]), size=MeridianSize(16, 1),
     )  # fmt: skip
     assert plan.stiffening[unit // 16] == pytest.approx(stiffening)
@@ -336,7 +334,8 @@ def test_the_key_changes_with_the_plan_and_with_the_code(monkeypatch, tmp_path):
 
 def test_the_cache_lies_where_the_system_keeps_caches(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    assert library_cache() == tmp_path / "caches" / "scleraforce" / "libraries"
+    cached_library(CACHED, workers=1, solve=solve_analytic)
+    assert list((tmp_path / "caches" / "scleraforce" / "libraries").glob("*.zarr"))
 
 
 def test_a_cache_that_cannot_be_written_is_named(tmp_path):

@@ -113,7 +113,7 @@ def test_the_part_near_the_needle_is_the_same_material(library):
 
 
 def test_a_library_that_does_not_fit_together_is_refused(library):
-    with pytest.raises(InputError, match="do not fit"):
+    with pytest.raises(InputError, match="of the axes"):
         replace(library, tip_m=library.tip_m[:-1])
     with pytest.raises(InputError, match="increase"):
         replace(library, tip_m=library.tip_m[::-1])

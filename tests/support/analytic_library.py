@@ -101,12 +101,10 @@ def draw_walls(rng, count):
 
 def solve_analytic(plan, number):
     """Return a path of a plan like `library.build.solve_path`, for tests of the code around the solver."""
-    thickness_m, iop_ratio = plan.wall(number)
-    wall = thickness_m, iop_ratio * (1.0 + 0.05 * np.log1p(plan.stiffening_of(number)))
-    tip_m = plan.tip_m if number < plan.paths else plan.tip_m[: plan.support_tips]
-    forces = force_ratio(*wall, tip_m) * (1.0 + 0.05 * np.cos(plan.support_rad(number)))
-    volumes = displaced_m3(*wall, tip_m)
-    return SolvedPath(forces, volumes, curves(*wall, tip_m, node_angles(plan.nodes)).astype(np.float32))
+    path = plan.path(number)
+    state = path.thickness_m, path.iop_ratio * (1.0 + 0.05 * np.log1p(path.stiffening)), path.tip_m
+    forces = force_ratio(*state) * (1.0 + 0.05 * np.cos(path.support_rad))
+    return SolvedPath(forces, displaced_m3(*state), curves(*state, node_angles(plan.nodes)).astype(np.float32))
 
 
 def solve_slowly(plan, number):

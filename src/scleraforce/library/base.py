@@ -75,8 +75,7 @@ def section_places(along: Floats, across: Floats) -> Floats:
 
 def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:
     """Return the angles from the axis of the nodes of a wall that has hardly moved (node,)."""
-    outer: Floats = undented_bnc[0]
-    return np.arctan2(outer[:, 0], radius_m - outer[:, 1])
+    return np.arctan2(undented_bnc[0, :, 0], radius_m - undented_bnc[0, :, 1])
 
 
 def undented_motion(undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats) -> Floats:
@@ -87,21 +86,15 @@ def undented_motion(undented_sbnc: Floats, angles_n: Floats, radius_m: float, th
     radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
     at_rest = radii_sb[..., None, None] * np.stack([np.sin(angles_n), np.cos(angles_n)], axis=-1)
     now = np.stack([undented_sbnc[..., 0], radius_m - undented_sbnc[..., 1]], axis=-1)
-    moved: Floats = now - at_rest
-    return moved
+    return np.asarray(now - at_rest)
 
 
 def base_bulge(motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
     """Return the motion from the wall about the needle axis to that about the eye's (sample, boundary, place, 3), m.
 
-    Its parts are along the section, across it, and down.
-
-    Args:
-        motion_sbnc: of walls under the pressure alone (`undented_motion`).
-        angles_n: of their nodes.
-        places_sbpc: unit vectors to the places at rest: along the section, across it, up along the needle axis; one
-            sample for all, or one for each.
-        pole_s2: direction of the eye's pole (`pole_direction`).
+    Its parts are along the section, across it, and down. `motion_sbnc`: of walls under the pressure alone
+    (`undented_motion`), whose nodes are at `angles_n`. `places_sbpc`: unit vectors to the places at rest, along the
+    section, across it, up along the needle axis; one sample for all, or one for each.
     """
     upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
     eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
@@ -153,7 +146,7 @@ def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
 POLAR_ANGLES = 11
 SHARE = 0.5  # of the stiffening that remains where neighbouring directions share the load
 DIRECTIONS = 4  # around half of the needle axis; the force is 0.02 % off at 35 deg, 0.5 % at 50 deg
-RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # where it stands among the supports
+RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # its place among the supports
 
 
 def base_angle(polar_rad: float, azimuth_rad: Floats) -> Floats:
@@ -162,8 +155,7 @@ def base_angle(polar_rad: float, azimuth_rad: Floats) -> Floats:
     >>> base_angle(np.radians(50.0), np.radians([0.0, 90.0, 180.0])).round(6)
     array([0.698132, 1.570796, 2.443461])
     """
-    angle: Floats = np.arctan2(np.cos(polar_rad), np.cos(azimuth_rad) * np.sin(polar_rad))
-    return angle
+    return np.asarray(np.arctan2(np.cos(polar_rad), np.cos(azimuth_rad) * np.sin(polar_rad)))
 
 
 def base_stiffness(
@@ -171,12 +163,8 @@ def base_stiffness(
 ) -> tuple[Floats, Floats]:
     """Return polar angles of the contact (a,), rad, and the factor of the force there (a, t, p, d).
 
-    Args:
-        thickness_m: thicknesses of the library (t,), m.
-        tension: tensions p R/(E t) (p,).
-        tip_m: tips (d,), m.
-        force_tpd: F/E with the clamp at 90 degrees.
-        support_force_bklt: F/E with the clamps of the plan, at its thicknesses and tensions, at the first tips.
+    `force_tpd`: F/E with the clamp at 90 degrees, over the library's axes. `support_force_bklt`: F/E with the clamps of
+    the plan, at its thicknesses and tensions, at the first tips.
     """
     tips = support_force_bklt.shape[3]
     counts = support_force_bklt.shape[1:3]

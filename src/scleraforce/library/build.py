@@ -41,8 +41,8 @@ SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond 
 class SolvedPath(NamedTuple):
     """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
 
-    force_d: NDArray[np.float64]
-    displaced_d: NDArray[np.float64]
+    force_d: Floats
+    displaced_d: Floats
     curves_dbnc: NDArray[np.float32]
 
 
@@ -74,7 +74,7 @@ def build_library(
     Args:
         study: the study.
         out: place of the store; an incomplete store of the same plan is completed.
-        workers: processes, or those of a cluster (`cluster_workers`); by default one for each core of this process.
+        workers: processes, here or on a cluster (`cluster_workers`); by default one for each core of this process.
         progress: called with the number of paths that are newly done (or found done, at the start).
         solve: solves a path; by default `solve_path`.
 
@@ -105,27 +105,25 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     Raises:
         SolverError: the path cannot be followed to its last tip.
     """
-    thickness_m, iop_ratio = plan.wall(unit)
-    tips_m = plan.tip_m if unit < plan.paths else plan.tip_m[: plan.support_tips]
+    planned = plan.path(unit)
     path = axisymmetric_path(
         plan.radius_m,
-        thickness_m,
+        planned.thickness_m,
         plan.poisson_ratio,
         plan.needle_radius_m,
-        iop_ratio,
-        tips_m=tips_m[1:],
+        planned.iop_ratio,
+        tips_m=planned.tip_m[1:],
         max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
-        support_rad=plan.support_rad(unit),
-        stiffening=plan.stiffening_of(unit),
+        support_rad=planned.support_rad,
+        stiffening=planned.stiffening,
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
-    force_d, displaced_d, curves_dbnc = (
-        _gone_on(values, path.tip_m, tips_m) for values in (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
-    )
+    solved = (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
+    force_d, displaced_d, curves_dbnc = (_extrapolated(values, path.tip_m, planned.tip_m) for values in solved)
     return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))
 
 
-def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Floats:
+def _extrapolated(values: Floats, solved_m: Floats, tips_m: Floats) -> Floats:
     """Return values (solved tip, ...) at all tips (tip,): beyond the last one on the line through the last two."""
     slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
     beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
@@ -133,11 +131,6 @@ def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m:
 
 
 KEY_LETTERS = 32  # of the key, in a file name
-
-
-def library_cache() -> Path:
-    """Return the folder of the cache."""
-    return user_cache_path("scleraforce") / "libraries"
 
 
 def cached_library(
@@ -150,23 +143,28 @@ def cached_library(
 ) -> Library:
     """Return the library of a study; the first time it is built, which takes a minute or two.
 
-    `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. The other
-    arguments are those of `build_library`.
-
-    Raises:
-        InputError: the cache cannot be written.
-        SolverError: a path could not be followed.
+    `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. Other
+    arguments and errors as for `build_library`; a cache that cannot be written raises `InputError`.
     """
-    folder = folder or library_cache()
+    folder = folder or user_cache_path("scleraforce") / "libraries"
     place = folder / f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}.zarr"
     if found := _stored(place):
         return found
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with FileLock(place.with_suffix(".lock")):  # it ends with the process that holds it
-            if found := _stored(place):  # somebody else has built it meanwhile
+            if found := _stored(place):  # another process has built it meanwhile
                 return found
-            _build(study, place, workers, progress, solve)
+            begun = place.with_suffix(".begun")
+            build = partial(build_library, study, begun, workers=workers, progress=progress, solve=solve)
+            try:
+                build()
+            except InputError:  # the content of `begun` cannot be continued
+                shutil.rmtree(begun, ignore_errors=True)
+                build()
+            if place.exists():
+                shutil.rmtree(place)  # it was damaged
+            begun.rename(place)
     except OSError as fault:
         raise InputError(f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches") from fault
     return open_library(place)
@@ -178,22 +176,3 @@ def _stored(place: Path) -> Library | None:
         with suppress(InputError):
             return open_library(place)
     return None
-
-
-def _build(
-    study: Study,
-    place: Path,
-    workers: int | None,
-    progress: Callable[[int], None] | None,
-    solve: PathSolver | None,
-) -> None:
-    """Build a library, or finish an interrupted run, and put it into its place."""
-    begun = place.with_suffix(".begun")
-    try:
-        build_library(study, begun, workers=workers, progress=progress, solve=solve)
-    except InputError:  # what was left there cannot be continued
-        shutil.rmtree(begun, ignore_errors=True)
-        build_library(study, begun, workers=workers, progress=progress, solve=solve)
-    if place.exists():
-        shutil.rmtree(place)  # it was damaged
-    begun.rename(place)

@@ -9,34 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
+from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
 from scleraforce.library.sealed import level_of
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_at
-from scleraforce.library.unknowns import (
-    DEPTH,
-    FORM,
-    GAP,
-    GAP_STEP_M,
-    INNER_OFFSET,
-    IOP,
-    LATERAL,
-    LOG_PRESSURE_STEP,
-    MODULUS,
-    POLE,
-    POLE_STEP,
-    PRESSURE,
-    ROTATION,
-    SAME_CURVES_AND_MOTION,
-    SHINE,
-    SHINING_SLOPE,
-    SIZE,
-    SOFT_M,
-    THICKNESS,
-    THICKNESS_STEP_M,
-    TIP,
-    TIP_STEP_M,
-)
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
@@ -67,7 +44,7 @@ class States(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """Where sections meet the library's rings, and the places at which the base's effect on them is computed.
+    """The crossings of sections and the library's rings, and places at which the base's effect is computed.
 
     `places` (boundary, place, 3): unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary,
     left nodes and right ones), from the axis outwards on either side, lies between the place `left` and the next one,
@@ -257,9 +234,9 @@ def _depths_along(
             slope[place] += weight * steep
 
 
-ALONG, ACROSS = POLE.start, POLE.start + 1
-LEFT, RIGHT, WEDGE = FORM.start, FORM.start + 3, FORM.start + 6
-CURVES_OF, MOTION_OF = SAME_CURVES_AND_MOTION.astype(np.intp)
+ALONG, ACROSS = at.POLE.start, at.POLE.start + 1
+LEFT, RIGHT, WEDGE = at.FORM.start, at.FORM.start + 3, at.FORM.start + 6
+CURVES_OF, MOTION_OF = at.SAME_CURVES_AND_MOTION.astype(np.intp)
 
 
 class Law(NamedTuple):
@@ -280,10 +257,10 @@ def off_the_laws(tables: SplineTables, law: Law, unknown_su: Floats, off: Floats
     rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
     for sample in range(len(off)):
         unknown = unknown_su[sample]
-        thickness, ratio, tip = _library_place(tables, unknown, PRESSURE)
+        thickness, ratio, tip = _library_place(tables, unknown, at.PRESSURE)
         state_weights(tables, thickness, ratio, tip, rows, weights)
-        volume = np.exp(3.0 * unknown[SIZE]) * value_at(tables.volumes, rows, weights)
-        pressure, resting = np.exp(unknown[PRESSURE]), np.exp(unknown[IOP])
+        volume = np.exp(3.0 * unknown[at.SIZE]) * value_at(tables.volumes, rows, weights)
+        pressure, resting = np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
         risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
         slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure
         off[sample] = risen - law.mean_rate * volume
@@ -305,7 +282,7 @@ def predict(
     seen: NDArray[np.bool_],
 ) -> None:
     """Write the prediction at places (`placement.Placed`); `pressure`: index of the pressure under the needle."""
-    moving = np.array([TIP, GAP, THICKNESS, pressure, ALONG, ACROSS])
+    moving = np.array([at.TIP, at.GAP, at.THICKNESS, pressure, ALONG, ACROSS])
     moved = np.empty(len(moving))
     varied = np.empty((len(moving) + 1, len(unknown)))
     varied[:] = unknown
@@ -318,35 +295,35 @@ def predict(
     jacobian[:] = 0.0
     for place in range(len(at_m)):
         is_inner = 0.0 if place < outer else 1.0
-        across, deep = at_m[place] - unknown[LATERAL], depths[0, place]
+        across, deep = at_m[place] - unknown[at.LATERAL], depths[0, place]
         formed, form_slope = _form(unknown, across, is_inner, jacobian[place])
         row, steep = jacobian[place], slope[place]
-        by_size = deep - unknown[DEPTH] - steep * across
+        by_size = deep - unknown[at.DEPTH] - steep * across
         for number in range(len(moving)):
             row[moving[number]] = (depths[number + 1, place] - deep) / moved[number]
-        for number in (TIP, GAP, THICKNESS):
+        for number in (at.TIP, at.GAP, at.THICKNESS):
             by_size -= unknown[number] * row[number]
-        row[MODULUS], row[SIZE], row[INNER_OFFSET] = -row[pressure], by_size, is_inner
-        row[LATERAL], row[DEPTH] = -steep - form_slope, 1.0
-        row[ROTATION] = across + steep * (deep - unknown[DEPTH])
+        row[at.MODULUS], row[at.SIZE], row[at.INNER_OFFSET] = -row[pressure], by_size, is_inner
+        row[at.LATERAL], row[at.DEPTH] = -steep - form_slope, 1.0
+        row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
         slope[place] = steep + form_slope
-        shine = (1.0 - is_inner) * np.exp(-((slope[place] / SHINING_SLOPE) ** 2))
-        row[SHINE] = -shine
+        shine = (1.0 - is_inner) * np.exp(-((slope[place] / at.SHINING_SLOPE) ** 2))
+        row[at.SHINE] = -shine
         if not seen[place]:
             row[:] = 0.0
-        depth_m[place] = deep + unknown[INNER_OFFSET] * is_inner + formed - unknown[SHINE] * shine
+        depth_m[place] = deep + unknown[at.INNER_OFFSET] * is_inner + formed - unknown[at.SHINE] * shine
 
 
 @compiled
 def _library_place(tables: SplineTables, unknown: Floats, pressure: int) -> tuple[float, float, float]:
     """Return thickness, pressure over E and tip in the library's own size (`prediction`)."""
-    size = np.exp(unknown[SIZE])
+    size = np.exp(unknown[at.SIZE])
     low, high = tables.thickness_ends_m
-    thickness = min(max(unknown[THICKNESS] / size, low), high)
+    thickness = min(max(unknown[at.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
     least, most = tables.tension_ends[0] * per_tension, tables.tension_ends[1] * per_tension
-    ratio = min(max(np.exp(unknown[pressure] - unknown[MODULUS]), least), most)
-    return thickness, ratio, min(max(unknown[TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
+    ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
+    return thickness, ratio, min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
 
 
 @compiled
@@ -356,29 +333,31 @@ def _states(tables: SplineTables, varied: Floats, pressure: int) -> States:
     thickness, ratio, tip, size = np.empty(walls), np.empty(walls), np.empty(walls), np.empty(walls)
     for wall in range(walls):
         thickness[wall], ratio[wall], tip[wall] = _library_place(tables, varied[wall], pressure)
-        size[wall] = np.exp(varied[wall, SIZE])
+        size[wall] = np.exp(varied[wall, at.SIZE])
     return States(
-        thickness, ratio, tip, size, varied[:, GAP].copy(), varied[:, ALONG : ACROSS + 1].copy(), CURVES_OF, MOTION_OF,
-        varied[0, LATERAL], varied[0, DEPTH], varied[0, ROTATION],
+        thickness, ratio, tip, size, varied[:, at.GAP].copy(), varied[:, ALONG : ACROSS + 1].copy(),
+        CURVES_OF, MOTION_OF, varied[0, at.LATERAL], varied[0, at.DEPTH], varied[0, at.ROTATION],
     )  # fmt: skip
 
 
 @compiled
 def _step(tables: SplineTables, unknown: Floats, place: int, pressure: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other way (`prediction`)."""
-    size = np.exp(unknown[SIZE])
-    if place == TIP:
-        return -TIP_STEP_M if unknown[TIP] / size + TIP_STEP_M > tables.tip_m[-1] else TIP_STEP_M
-    if place == GAP:
-        return GAP_STEP_M
-    thickness = unknown[THICKNESS] / size
-    if place == THICKNESS:
-        return -THICKNESS_STEP_M if thickness + THICKNESS_STEP_M > tables.thickness_ends_m[1] else THICKNESS_STEP_M
-    if place == pressure:
-        highest = tables.tension_ends[1] * (thickness / tables.radius_m)
-        beyond = np.exp(unknown[pressure] - unknown[MODULUS] + LOG_PRESSURE_STEP) > highest
-        return -LOG_PRESSURE_STEP if beyond else LOG_PRESSURE_STEP
-    return -POLE_STEP if unknown[place] > 0.0 else POLE_STEP
+    size = np.exp(unknown[at.SIZE])
+    thickness = unknown[at.THICKNESS] / size
+    step, leaves = at.POLE_STEP, unknown[place] > 0.0
+    if place == at.TIP:
+        step = at.TIP_STEP_M
+        leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
+    elif place == at.GAP:
+        step, leaves = at.GAP_STEP_M, False
+    elif place == at.THICKNESS:
+        step = at.THICKNESS_STEP_M
+        leaves = thickness + step > tables.thickness_ends_m[1]
+    elif place == pressure:
+        step, highest = at.LOG_PRESSURE_STEP, tables.tension_ends[1] * (thickness / tables.radius_m)
+        leaves = np.exp(unknown[pressure] - unknown[at.MODULUS] + step) > highest
+    return -step if leaves else step
 
 
 @compiled
@@ -389,7 +368,7 @@ def _form(unknown: Floats, from_contact_m: float, is_inner: float, row: Floats) 
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
         angle, curvature = unknown[first + 1], unknown[first + 2]
         beyond = side * from_contact_m - unknown[first]
-        root = np.sqrt(beyond**2 + SOFT_M**2)
+        root = np.sqrt(beyond**2 + at.SOFT_M**2)
         ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
         by_beyond = (angle + curvature * ramp) * rise
         depth += (angle + 0.5 * curvature * ramp) * ramp

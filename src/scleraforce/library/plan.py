@@ -20,12 +20,23 @@ from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 Floats = NDArray[np.float64]
 
 METHOD = 1  # number of the way in which load paths are computed: raise it when they move
-TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power
+TIP_GRADING = 1.5  # tips are like the numbers 0, 1, 2 ... to this power
 LARGEST_POLAR_DEG = 55.0  # of a contact
 SUPPORTS_DEG = (35.0, 40.0, 55.0, 70.0, 110.0, 125.0, 140.0, 145.0)  # beside 90: where its base may lie
-SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, among those of the library
+SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, of the library's
 LITTLE_STIFFENING = 0.2  # b, below which states change evenly with it, and above with its logarithm
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedPath:
+    """A load path to solve: its wall, tissue, clamp (angle from the needle axis), and tips (d,), m."""
+
+    thickness_m: float
+    iop_ratio: float
+    stiffening: float
+    support_rad: float
+    tip_m: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,17 +93,14 @@ class LibraryPlan:
     @property
     def support_shape(self) -> tuple[int, int, int]:
         """Supports, thicknesses and tensions of the paths with another support."""
-        return len(SUPPORTS_DEG), len(self.support_thicknesses), len(self.support_tensions)
+        thicknesses, tensions = self._with_supports
+        return len(SUPPORTS_DEG), len(thicknesses), len(tensions)
 
     @property
-    def support_thicknesses(self) -> NDArray[np.intp]:
-        """Which thicknesses have paths with other supports."""
-        return evenly_picked(self.grid.thicknesses, SUPPORT_THICKNESSES)
-
-    @property
-    def support_tensions(self) -> NDArray[np.intp]:
-        """Which tensions have paths with other supports."""
-        return evenly_picked(self.grid.tensions, SUPPORT_TENSIONS)
+    def _with_supports(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices of the thicknesses and tensions that have paths with other supports."""
+        grid = self.grid
+        return evenly_picked(grid.thicknesses, SUPPORT_THICKNESSES), evenly_picked(grid.tensions, SUPPORT_TENSIONS)
 
     @property
     def support_tips(self) -> int:
@@ -101,31 +109,33 @@ class LibraryPlan:
 
     def place(self, unit: int) -> tuple[int, ...]:
         """Return the place of a unit: (stiffening, thickness, tension), or (support, thickness, tension)."""
-        if unit < self.paths:
-            shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
-            return tuple(int(number) for number in np.unravel_index(unit, shape))
-        return tuple(int(number) for number in np.unravel_index(unit - self.paths, self.support_shape))
+        shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
+        within = (unit, shape) if unit < self.paths else (unit - self.paths, self.support_shape)
+        return tuple(int(number) for number in np.unravel_index(*within))
 
-    def wall(self, unit: int) -> tuple[float, float]:
-        """Return the thickness, m, and the IOP ratio of a unit.
+    def path(self, unit: int) -> PlannedPath:
+        """Return the load path of a unit.
 
-        >>> plan = plan_library(Study())
-        >>> tuple(float(f"{value:.3g}") for value in plan.wall(0))
-        (0.00035, 5.83e-06)
+        >>> path = plan_library(Study()).path(0)
+        >>> f"{path.thickness_m:.3g} {path.iop_ratio:.3g}"
+        '0.00035 5.83e-06'
         """
-        thickness, tension = self.place(unit)[-2:]
-        if unit >= self.paths:
-            thickness, tension = int(self.support_thicknesses[thickness]), int(self.support_tensions[tension])
+        first, thickness, tension = self.place(unit)
+        stiffening, support_rad, tip_m = float(self.stiffening[0]), 0.5 * np.pi, self.tip_m
+        if unit < self.paths:
+            stiffening = float(self.stiffening[first])
+        else:
+            support_rad, tip_m = float(np.radians(SUPPORTS_DEG[first])), tip_m[: self.support_tips]
+            thicknesses, tensions = self._with_supports
+            thickness, tension = int(thicknesses[thickness]), int(tensions[tension])
         thickness_m = float(self.thickness_m[thickness])
-        return thickness_m, float(self.tension[tension]) * thickness_m / self.radius_m
-
-    def stiffening_of(self, unit: int) -> float:
-        """Return b of a unit's tissue."""
-        return float(self.stiffening[self.place(unit)[0] if unit < self.paths else 0])
-
-    def support_rad(self, unit: int) -> float:
-        """Return the angle from the needle axis at which a unit's wall is clamped, rad."""
-        return 0.5 * np.pi if unit < self.paths else float(np.radians(SUPPORTS_DEG[self.place(unit)[0]]))
+        return PlannedPath(
+            thickness_m=thickness_m,
+            iop_ratio=float(self.tension[tension]) * thickness_m / self.radius_m,
+            stiffening=stiffening,
+            support_rad=support_rad,
+            tip_m=tip_m,
+        )
 
     @property
     def recipe(self) -> str:
@@ -144,11 +154,7 @@ class LibraryPlan:
 
 
 def plan_library(study: Study) -> LibraryPlan:
-    """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles.
-
-    Raises:
-        InputError: the wall would burst.
-    """
+    """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
     eye, needle = study.eye, study.needle
     middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
     highest, burst = study.library.tension.bounds[1], burst_tension(eye.poisson_ratio)
@@ -164,11 +170,7 @@ def plan_library(study: Study) -> LibraryPlan:
 
 
 def parse_plan(recipe: str, name: str) -> LibraryPlan:
-    """Return the plan of a recipe; `name` is used in messages.
-
-    Raises:
-        InputError: it is not the recipe of a plan.
-    """
+    """Return the plan of a recipe; `name` is used in messages."""
     try:
         given = parse_json(recipe)
         entries = given["grid"].items()
@@ -183,7 +185,7 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
 
 
 def _numbers(record: LibraryPlan | LibraryStudy) -> bool:
-    """Whether every number field has its own type."""
+    """Return True if every number field has its own type."""
     return all(type(getattr(record, item.name)) is item.type for item in fields(record) if item.type in (int, float))
 
 

@@ -7,7 +7,7 @@ at about the same one. A path is stored at given displacements of the tip, in wh
 force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
 tension and tip.
 
-The paths are those of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
+The paths are of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
 side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base`), and
 the dent displaces less, because the contact rises less under the pressure (`library.base`).
 """
@@ -37,7 +37,7 @@ from scleraforce.units import HumanUnit, from_si
 
 Floats = NDArray[np.float64]
 
-SLACK = 1e-9  # relative: an end of a range may be computed in two ways
+SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
 
 
 def weight_products(
@@ -51,11 +51,7 @@ def weight_products(
 
 
 def check_inside(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
-    """Check that all values lie in a range; the message gives them in `unit`s, named `printed` if given.
-
-    Raises:
-        InputError: a value is outside, or is not a number.
-    """
+    """Raise `InputError` for a value outside a range, or that is not a number; `printed` is the unit's name."""
     values = np.asarray(values)
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
     if outside.any():
@@ -69,11 +65,7 @@ def check_inside(name: str, values: Floats, low: float, high: float, unit: Human
 def check_tension(
     tension: Floats, thickness_m: Floats, ends: tuple[float, float], radius_m: float, poisson_ratio: float
 ) -> None:
-    """Check that tensions lie within a library's; the message gives them as the wall's IOP/E.
-
-    Raises:
-        InputError: one is outside, or is not a number.
-    """
+    """Raise `InputError` for a tension outside a library's; the message gives it as the wall's IOP/E."""
     inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
     if inside.all():
         return
@@ -92,40 +84,27 @@ def inside_ends(values: Floats, axis: Floats) -> Floats:
 
 
 def check_arrays(library: "Library") -> None:
-    """Check the shapes and values of a library.
-
-    Raises:
-        InputError: names the array that does not fit.
-    """
+    """Raise `InputError`, which names the array, if shapes or values of a library do not fit together."""
     shape = (len(library.thickness_m), len(library.tension), len(library.tip_m))
-    if min(shape) < SUPPORT:
-        raise InputError(f"library: {shape} thicknesses, tensions, tips; must be at least {SUPPORT} of each")
-    if {library.force_ratio_tpd.shape, library.displaced_tpd.shape} != {shape} or library.curves_tpdbnc.shape[:4] != (
-        *shape,
-        2,
-    ):
-        raise InputError(f"library: forces {library.force_ratio_tpd.shape}, volumes {library.displaced_tpd.shape} and "
-                         f"curves {library.curves_tpdbnc.shape} do not fit the axes {shape}")  # fmt: skip
-    if library.stiffness_atpd.shape != (len(library.polar_rad), *shape) or len(library.polar_rad) < SUPPORT:
-        raise InputError(f"library: stiffness {library.stiffness_atpd.shape} does not fit {len(library.polar_rad)} "
-                         f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
-    if library.undented_tpbnc.ndim != 5 or library.undented_tpbnc.shape[:3] != (*shape[:2], 2):
-        raise InputError(f"library: walls without the needle {library.undented_tpbnc.shape} do not fit the axes "
-                         f"{shape[:2]}")  # fmt: skip
-    check_inside(
-        "polar angle",
-        np.asarray(library.contact_polar_rad),
-        float(library.polar_rad[0]),
-        float(library.polar_rad[-1]),
-        "deg",
-    )
-    for axis in (library.polar_rad, library.thickness_m, library.tension, library.tip_m):
-        if not (np.diff(axis) > 0.0).all():
-            raise InputError("library: an axis that does not increase")
-    both = (library.curves_tpdbnc, library.undented_tpbnc)
-    for walls in both:
-        if walls.shape[-2] < 2 or walls.shape[-1] != 2:
-            raise InputError(f"library: curves {walls.shape}; at least two points of two coordinates")
+    polar_rad = library.polar_rad
+    if min(*shape, len(polar_rad)) < SUPPORT:
+        raise InputError(f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
+                         f"least {SUPPORT} of each")  # fmt: skip
+    shapes = {
+        "force_ratio_tpd": shape,
+        "displaced_tpd": shape,
+        "stiffness_atpd": (len(polar_rad), *shape),
+        "curves_tpdbnc": (*shape, 2, library.curves_tpdbnc.shape[-2], 2),
+        "undented_tpbnc": (*shape[:2], 2, library.undented_tpbnc.shape[-2], 2),
+    }
+    arrays = {name: getattr(library, name) for name in shapes}
+    for name, array in arrays.items():
+        if array.shape != shapes[name] or ("bn" in name and array.shape[-2] < 2):
+            raise InputError(f"library: {name} {array.shape}: two points at least, of the axes {shape}")
+    axes = (polar_rad, library.thickness_m, library.tension, library.tip_m)
+    check_inside("polar angle", np.asarray(library.contact_polar_rad), polar_rad[0], polar_rad[-1], "deg")
+    if not all((np.diff(axis) > 0.0).all() for axis in axes):
+        raise InputError("library: an axis that does not increase")
     sizes = (
         library.radius_m,
         library.needle_radius_m,
@@ -136,9 +115,7 @@ def check_arrays(library: "Library") -> None:
     if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= library.poisson_ratio < 0.5:
         raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                          f"Poisson's ratio {library.poisson_ratio}: impossible")  # fmt: skip
-    axes = (library.thickness_m, library.tension, library.tip_m, library.polar_rad)
-    values = (*axes, library.force_ratio_tpd, library.displaced_tpd, *both, library.stiffness_atpd)
-    if not all(np.isfinite(array).all() for array in values):
+    if not all(np.isfinite(array).all() for array in (*axes, *arrays.values())):
         raise InputError("library: values that are not finite")
 
 
@@ -152,6 +129,8 @@ OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 30 M
 @dataclass(frozen=True, kw_only=True)
 class Library:
     """Load paths over thickness and tension, and their interpolation. All evaluation is vectorised over samples.
+
+    A sample outside of the library raises `InputError`, which names the value and the range.
 
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
     `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
@@ -180,81 +159,49 @@ class Library:
     stiffened: StiffenedWalls | None = None
     weights: InitVar[SplineWeights | None] = None  # of its walls, where another library has them already
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
-    _others: "OrderedDict[float, Library]" = field(init=False, repr=False, compare=False)
+    _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
 
     def __post_init__(self, weights: SplineWeights | None) -> None:
         check_arrays(self)
         own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if weights is None else weights)
-        object.__setattr__(self, "_others", OrderedDict())
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
-        """Return the first state on loading that carries a force.
-
-        Args:
-            thickness_m: wall thickness (sample,), m.
-            iop_ratio: IOP/E (sample,).
-            force_ratio: F/E (sample,), m^2.
-
-        Raises:
-            InputError: a sample lies outside the library; names the value and the range.
-        """
-        walls = self._walls(thickness_m, iop_ratio)
-        tip_m = self._tips(walls, thickness_m, iop_ratio, force_ratio)
-        curves_sbnc = self._curves(thickness_m, iop_ratio, tip_m)
-        return Responses(curves_sbnc, tip_m, np.asarray(force_ratio, dtype=np.float64))
+        """Return the first state on loading (sample,) of walls, m, at IOP/E that carries a force F/E, m^2."""
+        tip_m = self.tips(thickness_m, iop_ratio, force_ratio)
+        return Responses(self._curves(thickness_m, iop_ratio, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
 
     def at_tip(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Responses:
-        """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments.
-
-        Raises:
-            InputError: a sample lies outside the library.
-        """
+        """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments."""
         forces = self.forces(thickness_m, iop_ratio, tip_m)
         tips = np.asarray(tip_m, dtype=np.float64)
         return Responses(self._curves(thickness_m, iop_ratio, tips), tips, forces)
 
     def shapes(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
-        """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work.
-
-        Raises:
-            InputError: a sample lies outside the library.
-        """
+        """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work."""
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         return self._curves(thickness_m, iop_ratio, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
-        """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost; errors of `shapes`."""
+        """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost."""
         return self._at_tips(self._state_coefficients, thickness_m, iop_ratio, tip_m)
 
     def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
-        """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3.
-
-        Raises:
-            InputError: a sample lies outside the library.
-        """
+        """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3."""
         return self._at_tips(self._volume_coefficients, thickness_m, iop_ratio, tip_m)
 
     def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
-        """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each.
-
-        Raises:
-            InputError: a sample lies outside the library.
-        """
+        """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each."""
         check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
-        d, of_d = self._splines[2].weights(inside_ends(tip_m, self.tip_m))
+        t, of_t = self._weights.splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        d, of_d = self._weights.splines[2].weights(inside_ends(tip_m, self.tip_m))
         rows, weights = weight_products(t, of_t, d, of_d, len(self.tip_m))
         both = (weights[:, None] @ self._volumes_along_pressure[rows])[:, 0]
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
-        """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`.
-
-        Raises:
-            InputError: a wall lies outside the library.
-        """
+        """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`."""
         rows, weights = self._walls(thickness_m, iop_ratio)
         undented = (weights[:, None] @ self._weights.of_undented[rows])[:, 0]
         undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
@@ -270,24 +217,14 @@ class Library:
         """Angles from the axis of the nodes of the walls without the needle."""
         return meridian_angles(self.undented_tpbnc[0, 0].astype(np.float64), self.radius_m)
 
-    def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> None:
-        """Check that walls lie in the library.
-
-        Raises:
-            InputError: one does not; names the value and the range.
-        """
-        self._check_walls(thickness_m, iop_ratio)
-
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and the highest IOP ratio (sample,) that the library holds for walls."""
         per_tension = np.asarray(thickness_m) / self.radius_m
         return self.tension[0] * per_tension, self.tension[-1] * per_tension
 
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
-        """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
-        return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
-
-    def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
+        """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
+        walls = self._walls(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
         tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
@@ -318,19 +255,11 @@ class Library:
         return largest
 
     def for_contact(self, polar_rad: float) -> "Library":
-        """Return the library of needles at a polar angle; it shares the arrays that do not depend on it.
-
-        Raises:
-            InputError: the polar angle is outside the library's range.
-        """
+        """Return the library of needles at a polar angle; it shares the arrays that do not depend on it."""
         return replace(self, contact_polar_rad=polar_rad, weights=self._weights)
 
     def for_stiffening(self, stiffening: float) -> "Library":
-        """Return the library of tissue that stiffens by b, at the same contact; the last few are cached.
-
-        Raises:
-            InputError: the library does not hold such tissue.
-        """
+        """Return the library of tissue that stiffens by b, at the same contact; the last few are cached."""
         if stiffening == self.stiffening:
             return self
         if self.stiffened is None:
@@ -366,15 +295,10 @@ class Library:
             self, curves_tpdbnc=curves_tpdbnc, stiffened=stiffened, weights=self._weights.within(curves_tpdbnc)
         )
 
-    @property
-    def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
-        """Splines over log thickness, log tension, tip."""
-        return self._weights.splines
-
     @cached_property
     def tables(self) -> SplineTables:
         """Tables that the loops of `states` interpolate; they share the library's arrays."""
-        thickness, tension, tip = (spline.pieces for spline in self._splines)
+        thickness, tension, tip = (spline.pieces for spline in self._weights.splines)
         return SplineTables(
             thickness=thickness,
             tension=tension,
@@ -412,28 +336,28 @@ class Library:
     def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        self._check_walls(thickness_m, iop_ratio)
+        self.check_walls(thickness_m, iop_ratio)
         return values_at(self.tables, coefficients, *_samples(thickness_m, iop_ratio, tip_m))
 
     @cached_property
     def _force_coefficients(self) -> Floats:
         """Spline weights over thickness and tension of the force and of its slope at the tips (t p, 2 d)."""
-        return values_and_slopes(self._splines, self._contact_forces, axis=2)
+        return values_and_slopes(self._weights.splines, self._contact_forces, axis=2)
 
     @cached_property
     def _state_coefficients(self) -> Floats:
         """Spline weights of the force (t p d,)."""
-        return tensor_coefficients(self._splines, self._contact_forces).reshape(-1)
+        return tensor_coefficients(self._weights.splines, self._contact_forces).reshape(-1)
 
     @cached_property
     def _volume_coefficients(self) -> Floats:
         """Spline weights of the displaced volume (t p d,)."""
-        return tensor_coefficients(self._splines, self._contact_volumes).reshape(-1)
+        return tensor_coefficients(self._weights.splines, self._contact_volumes).reshape(-1)
 
     @cached_property
     def _volumes_along_pressure(self) -> Floats:
         """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        return values_and_slopes(self._splines, self._contact_volumes, axis=1)
+        return values_and_slopes(self._weights.splines, self._contact_volumes, axis=1)
 
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for walls, each (sample, d)."""
@@ -442,22 +366,22 @@ class Library:
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
 
     def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
-        """Curves of states whose tips lie in the library, after a check that their walls do."""
-        self._check_walls(thickness_m, iop_ratio)
+        """Return the curves of states whose tips lie in the library."""
+        self.check_walls(thickness_m, iop_ratio)
         found = np.empty((len(tip_m), *self.curves_tpdbnc.shape[3:]), dtype=np.float32)
         thickness, ratio, tip = _samples(thickness_m, iop_ratio, tip_m)
         curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
         return found
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
-        """Return the walls' places between those of the library, after a check that they lie inside."""
-        tension = self._check_walls(thickness_m, iop_ratio)
-        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
-        p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
+        """Return the walls' places between the nodes of the library."""
+        tension = self.check_walls(thickness_m, iop_ratio)
+        t, of_t = self._weights.splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        p, of_p = self._weights.splines[1].weights(np.log(inside_ends(tension, self.tension)))
         return weight_products(t, of_t, p, of_p, len(self.tension))
 
-    def _check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
-        """Return the tensions of walls, after a check that they lie in the library."""
+    def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+        """Return the tensions of walls in the library (sample,)."""
         check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
         tension = self._tension(thickness_m, iop_ratio)
         check_tension(tension, thickness_m, self._ends(self.tension), self.radius_m, self.poisson_ratio)
@@ -477,11 +401,7 @@ def _samples(*values: Floats) -> list[Floats]:
 
 
 def library_of(walls: StiffenedWalls, **others: Any) -> Library:
-    """Return the library of walls, of their first stiffening; `others`: its other arguments.
-
-    Raises:
-        InputError: they do not belong together.
-    """
+    """Return the library of walls, of their first stiffening; `others`: its other arguments."""
     first = float(walls.stiffening[0])
     stiffened = walls if len(walls.stiffening) > 1 else None
     return Library(**walls.at(first), stiffening=first, stiffened=stiffened, **others)

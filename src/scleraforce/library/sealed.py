@@ -29,10 +29,7 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
 
     It then runs away (`mechanics.equilibrium.SealedDent`), or rises beyond the library. Dents count from the undented
     wall at that pressure. `iop_ratio` is the pressure without the needle over E; the globe is over E, and its rate a
-    number or (sample,).
-
-    Raises:
-        InputError: a sample without the needle lies outside the library, or its dent does.
+    number or (sample,). Walls without the needle, and dents, outside the library raise `InputError`.
     """
     library.check_walls(thickness_m, iop_ratio)
     thickness_m, iop_ratio, tip_m, rate = np.broadcast_arrays(thickness_m, iop_ratio, tip_m, globe.rate)
@@ -61,6 +58,18 @@ class SealedEyes(NamedTuple):
     highest: Floats
 
 
+class SealedEye(NamedTuple):
+    """One of them, with the weights over the tension of its wall's paths (p, 2 d) and a workspace (2 d,)."""
+
+    thickness_m: float
+    resting: float
+    force_ratio: float
+    rate: float
+    is_logarithmic: bool
+    along: Floats
+    path: Floats
+
+
 @compiled
 def pressures_under_forces(
     tables: SplineTables, eyes: SealedEyes, is_logarithmic: bool, tolerance: float, found: Floats
@@ -68,40 +77,34 @@ def pressures_under_forces(
     """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm."""
     columns = tables.paths.shape[1]
     along, path = np.empty((tables.tensions, columns)), np.empty(columns)
-    for eye in range(len(found)):
-        _paths_of_thickness(tables, eyes.thickness_m[eye], along)
-        found[eye] = _pressure(tables, eyes, eye, is_logarithmic, tolerance, along, path)
+    for n in range(len(found)):
+        _paths_of_thickness(tables, eyes.thickness_m[n], along)
+        thickness_m, resting = eyes.thickness_m[n], eyes.resting[n]
+        eye = SealedEye(thickness_m, resting, eyes.force_ratio[n], eyes.rate[n], is_logarithmic, along, path)
+        found[n] = _pressure(tables, eye, eyes.lowest[n], eyes.highest[n], tolerance)
 
 
 @compiled
-def _pressure(
-    tables: SplineTables,
-    eyes: SealedEyes,
-    eye: int,
-    is_logarithmic: bool,
-    tolerance: float,
-    along: Floats,
-    path: Floats,
-) -> float:
-    resting, rate = eyes.resting[eye], eyes.rate[eye]
-    most = _displaced(tables, eyes, eye, resting, along, path)
-    bound = _pressure_of_level(level_of(resting, is_logarithmic) + rate * (1.0 + SPARE) * most, is_logarithmic)
+def _pressure(tables: SplineTables, eye: SealedEye, lowest: float, highest: float, tolerance: float) -> float:
+    resting, rate = eye.resting, eye.rate
+    most = _displaced(tables, eye, resting)
+    bound = _pressure_of_level(level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most, eye.is_logarithmic)
     if rate > 0.0:
-        low, high, below = np.log(resting), np.log(min(max(bound, resting), eyes.highest[eye])), -rate * most
+        low, high, below = np.log(resting), np.log(min(max(bound, resting), highest)), -rate * most
     else:
-        low, high = np.log(eyes.lowest[eye]), np.log(resting)
-        below = _missing(tables, eyes, eye, low, is_logarithmic, along, path)
-    above = _missing(tables, eyes, eye, high, is_logarithmic, along, path)
+        low, high = np.log(lowest), np.log(resting)
+        below = _missing(tables, eye, low)
+    above = _missing(tables, eye, high)
     if above <= 0.0:
-        high = np.log(eyes.highest[eye])
-        above = _missing(tables, eyes, eye, high, is_logarithmic, along, path)
+        high = np.log(highest)
+        above = _missing(tables, eye, high)
     if below >= 0.0:
         return float(np.exp(low))
     if above <= 0.0:
         return float(np.exp(high))
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        missing = _missing(tables, eyes, eye, middle, is_logarithmic, along, path)
+        missing = _missing(tables, eye, middle)
         if missing < 0.0:
             low, below = middle, missing
         else:
@@ -110,33 +113,25 @@ def _pressure(
 
 
 @compiled
-def _missing(
-    tables: SplineTables,
-    eyes: SealedEyes,
-    eye: int,
-    log_ratio: float,
-    is_logarithmic: bool,
-    along: Floats,
-    path: Floats,
-) -> float:
+def _missing(tables: SplineTables, eye: SealedEye, log_ratio: float) -> float:
     """Return the error of the law at a pressure."""
     ratio = np.exp(log_ratio)
-    risen = level_of(ratio, is_logarithmic) - level_of(eyes.resting[eye], is_logarithmic)
-    return float(risen - eyes.rate[eye] * _displaced(tables, eyes, eye, ratio, along, path))
+    risen = level_of(ratio, eye.is_logarithmic) - level_of(eye.resting, eye.is_logarithmic)
+    return float(risen - eye.rate * _displaced(tables, eye, ratio))
 
 
 @compiled
-def _displaced(tables: SplineTables, eyes: SealedEyes, eye: int, ratio: float, along: Floats, path: Floats) -> float:
+def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
     """Return the volume that the force displaces at a pressure over E, m^3."""
-    weights = np.empty(SUPPORT)
-    first = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eyes.thickness_m[eye]), weights)
+    weights, path = np.empty(SUPPORT), eye.path
+    first = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m), weights)
     path[:] = 0.0
     for number in range(SUPPORT):
         for column in range(len(path)):
-            path[column] += weights[number] * along[first + number, column]
-    tip = _reached_tip(tables.tip_m, path, eyes.force_ratio[eye])
+            path[column] += weights[number] * eye.along[first + number, column]
+    tip = _reached_tip(tables.tip_m, path, eye.force_ratio)
     rows, of_rows = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
-    state_weights(tables, eyes.thickness_m[eye], ratio, tip, rows, of_rows)
+    state_weights(tables, eye.thickness_m, ratio, tip, rows, of_rows)
     return value_at(tables.volumes, rows, of_rows)
 
 
@@ -232,10 +227,7 @@ def iop_ratio_under_force(
     """Return the pressure over E under forces F/E (sample,), m^2; the library's highest where it rises beyond.
 
     Where a force is more than a wall carries, the dent counts as the library's deepest. `tolerance` is that of the
-    logarithm of the pressure; the other arguments are those of `iop_ratio_at_dent`.
-
-    Raises:
-        InputError: a wall lies outside the library.
+    logarithm of the pressure; other arguments and errors as for `iop_ratio_at_dent`.
     """
     walls = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio, globe.rate)
     found: Floats = walls[1].astype(np.float64)

@@ -40,21 +40,15 @@ def cut_rings(curves: NDArray[np.floating], gap_m: Floats | float, tilt_rad: Flo
 def cut_surfaces(curves_bnc: NDArray[np.floating], gap_m: float, tilt_rad: float = 0.0) -> Section:
     """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2): distance and depth, m.
 
-    The section goes from negative to positive lateral side, in the order of the material.
-
-    Raises:
-        InputError: the plane does not cut through both surfaces.
+    The section goes from negative to positive lateral side, in the order of the material. A plane that misses a
+    surface raises `InputError`, here and below.
     """
     square_bn, depth_bn = cut_rings(curves_bnc, gap_m, tilt_rad)
     return Section(*(section_curve(square_bn[boundary], depth_bn[boundary]) for boundary in (OUTER, INNER)))
 
 
 def highest_depths(curves_snc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats) -> Floats:
-    """Return the smallest depth of the section of each surface (sample,), m; the surfaces are (sample, node, 2).
-
-    Raises:
-        InputError: a plane misses its surface.
-    """
+    """Return the smallest depth of the section of each surface (sample,), m; the surfaces are (sample, node, 2)."""
     square, depth = cut_rings(curves_snc, gap_m[:, None], tilt_rad[:, None])
     first, middle = _middle(square, depth)
     beyond = np.arange(square.shape[1]) > first[:, None]
@@ -78,11 +72,7 @@ def _middle(square: Floats, depth: Floats) -> tuple[NDArray[np.intp], Floats]:
 
 
 def section_curve(square: Floats, depth: Floats) -> Floats:
-    """Return one boundary (points, 2) from X^2 and Y of its rings (node,), from negative to positive lateral side.
-
-    Raises:
-        InputError: the plane misses the last ring.
-    """
+    """Return one boundary (points, 2) from X^2 and Y of its rings (node,), from negative to positive lateral side."""
     before, middle = _middle(square, depth)
     squares = np.concatenate([[0.0], square[before + 1 :]])
     depths = np.concatenate([[middle], depth[before + 1 :]])
@@ -117,7 +107,7 @@ class SectionMotion:
     moved_sbpc: Floats
 
     def of(self, samples: slice) -> "SectionMotion":
-        """Return that of some samples."""
+        """Return the motion of some samples."""
         return SectionMotion(self.lateral_p, self.moved_sbpc[samples])
 
     def at(self, lateral_t: Floats) -> Floats:
@@ -145,23 +135,18 @@ def section_motion(
     pole_s2: Floats,
     reach_m: float,
 ) -> SectionMotion:
-    """Return the motion of sections by pressure and force.
+    """Return the motion of the sections of a library's states by pressure and force.
 
-    Args:
-        library: of responses.
-        walls: its states that are cut.
-        place: of the walls in the library: thickness, m, and pressure over E, (sample,) each.
-        gap_m: of the sections (sample,), m.
-        pole_s2: direction of the eye's pole (`base.pole_direction`).
-        reach_m: half width of the sections, to either side of the needle axis.
-
-    Raises:
-        InputError: a wall lies outside the library.
+    `place`: thickness, m, and pressure over E of the walls, (sample,) each. `gap_m` (sample,) is the sections';
+    `pole_s2` the direction of the eye's pole (`base.pole_direction`); `reach_m` the sections' half width.
     """
     thickness_m, iop_ratio = place
+    angles = library.node_angles()
+    node = min(int(np.searchsorted(angles, GROWN_RAD)), len(angles) - 1)
+    grown_s: Floats = walls.curves_sbnc[:, OUTER, node, 0] / (library.radius_m * np.sin(angles[node]))
     lateral = reach_m * np.linspace(-1.0, 1.0, 2 * int(np.ceil(reach_m / PLACE_M)) + 1)
     radii_sb = library.radius_m - np.stack([np.zeros_like(thickness_m), thickness_m], axis=1)
-    per_rest = 1.0 / (radii_sb * _growth(library, walls)[:, None])[..., None]  # from here to unit vectors at rest
+    per_rest = 1.0 / (radii_sb * grown_s[:, None])[..., None]  # from here to unit vectors at rest
     moved = np.empty((len(gap_m), 2, len(lateral), 3))
     for start in range(0, len(gap_m), BLOCK):
         some = slice(start, start + BLOCK)
@@ -170,11 +155,3 @@ def section_motion(
     pushed = base_push(walls.force_ratio, thickness_m, library.poisson_ratio)
     moved[..., :DOWN] += (pushed[:, None] * pole_s2)[:, None, None, :]
     return SectionMotion(lateral, moved)
-
-
-def _growth(library: Library, walls: Responses) -> Floats:
-    """Return how much wider walls are than at rest (sample,): 1 if unchanged."""
-    angles = library.node_angles()
-    node = min(int(np.searchsorted(angles, GROWN_RAD)), len(angles) - 1)
-    wide: Floats = walls.curves_sbnc[:, OUTER, node, 0] / (library.radius_m * np.sin(angles[node]))
-    return wide

@@ -6,7 +6,7 @@ column where X cos(turn) - Y(X) sin(turn) has the column's value: Newton's metho
 is done alone. The motion of `sections.section_motion` moves the stations.
 
 The picture is that of `mechanics.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
-wall. Boundaries come separately, so that errors like those of a segmentation can be added before they are filled.
+wall. Boundaries come separately, so that a segmentation's errors can be added before they are filled.
 """
 
 from dataclasses import dataclass
@@ -36,16 +36,10 @@ def depths_at_columns(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
 
-    The depths (sample, boundary, column), m, are after the turn: NaN where there is no wall; where a boundary folds
-    over, of the part seen from above.
-
-    Args:
-        square_sbn: X^2 of the rings (sample, boundary, node), m^2; negative where the plane misses a ring.
-        depth_sbn: Y of the rings, m.
-        columns_sc: laterals of the columns, after the turn (sample, column), m.
-        turn_s: turn of the section about its frame's origin, from lateral to depth (sample,), rad.
-        moved: distance of the planes (sample,), m, and the motion; that of the contact across the plane is in X^2
-            already.
+    The depths (sample, boundary, column), m, are after the turn (sample,) of the section about its frame's origin: NaN
+    where there is no wall; where a boundary folds over, of the part seen from above. `square_sbn` and `depth_sbn`
+    (sample, boundary, node) are X^2 and Y of the rings, X^2 negative where the plane misses one. `moved`: distance of
+    the planes (sample,), m, and the motion; X^2 includes the motion of the contact across the plane.
     """
     reach_m = np.abs(columns_sc).max(axis=1)
     reach_m = reach_m + np.where(turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0)
@@ -66,7 +60,9 @@ def depths_at_columns(
         curve = section_curve(square_sbn[sample, boundary], depth_sbn[sample, boundary])
         if moved:
             curve += moved[1].of(slice(sample, sample + 1)).at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
-        found[sample, boundary] = _folded(columns_sc[sample], curve, float(turn_s[sample]))
+        c, s = np.cos(turn_s[sample]), np.sin(turn_s[sample])
+        place, depth = c * curve[:, 0] - s * curve[:, 1], s * curve[:, 0] + c * curve[:, 1]
+        found[sample, boundary] = _seen_from_above(columns_sc[sample], place, depth)
     return found, np.asarray(folds_sb.any(axis=1))
 
 
@@ -101,7 +97,7 @@ class _Stations:
         return cls(found.reshape(*square_sbn.shape[:2], stations))
 
     def of(self, samples: NDArray[np.intp]) -> "_Stations":
-        """Return those of some samples."""
+        """Return the stations of some samples."""
         return _Stations(self.depth_sbt[samples], self.middle)
 
     def moved(self, gap_s: Floats, motion: SectionMotion) -> "_Stations":
@@ -115,7 +111,7 @@ class _Stations:
         return _Stations(self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last)
 
     def hang_over(self, turn_s: Floats, reach_m: Floats) -> NDArray[np.bool_]:
-        """Whether boundaries run back, on either side, once they are turned (sample, boundary)."""
+        """Return True for boundaries that run back, on either side, once they are turned (sample, boundary)."""
         steepest = np.abs(np.diff(self.depth_sbt, axis=2)) / STATION_M
         shown = np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:])) < reach_m[:, None, None]
         return np.asarray((shown & (steepest * np.abs(np.tan(turn_s))[:, None, None] >= 1.0)).any(axis=2))
@@ -150,17 +146,10 @@ class _Stations:
 
 
 def _folds(square_sbn: Floats, reach_m: Floats) -> NDArray[np.bool_]:
-    """Whether boundaries run back where they are shown (sample, boundary)."""
+    """Return True for boundaries that run back where they are shown (sample, boundary)."""
     low, high = square_sbn[..., :-1], square_sbn[..., 1:]
     met = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
     return np.asarray((met & (high <= low)).any(axis=2))
-
-
-def _folded(columns: Floats, curve: Floats, turn_rad: float) -> Floats:
-    """Depth, seen from above, of a boundary (point, 2) at laterals (column,), from all of its rings."""
-    lateral, deep = curve.T
-    c, s = np.cos(turn_rad), np.sin(turn_rad)
-    return _seen_from_above(columns, c * lateral - s * deep, s * lateral + c * deep)
 
 
 def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
@@ -182,7 +171,7 @@ BLOCK = 128  # samples cut together: their arrays stay in the cache
 
 @dataclass(frozen=True)
 class Framing:
-    """Where sections lie in their slices; each array is (sample,).
+    """The places of sections in their slices; each array is (sample,).
 
     A section is turned about its frame's origin (the undeformed contact, moved by the gap), from lateral to depth,
     scaled about it, and then moved: `lateral_m` is the origin's place from the middle column, `depth_m` its depth below

@@ -47,7 +47,7 @@ class CubicSpline:
         """Return the weights of the B-splines through `values` at the nodes along `axis`, the same shape."""
         moved = np.moveaxis(values, axis, 0)
         columns = moved.reshape(len(self.nodes), -1)
-        with np.errstate(over="ignore", invalid="ignore"):  # of values that are not finite neither are the weights
+        with np.errstate(over="ignore", invalid="ignore"):  # values may not be finite
             # One large product: each of many small ones would wait for busy cores.
             weights: Floats = (self._inverse @ columns).reshape(moved.shape)
         return np.moveaxis(weights, 0, axis)
@@ -58,7 +58,7 @@ class CubicSpline:
 
     def shares(self, places: Floats) -> Floats:
         """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
-        return np.asarray(np.linalg.solve(self._matrix().T, self._spread(places).T).T)
+        return np.asarray(np.linalg.solve(self._spread(self.nodes).T, self._spread(places).T).T)
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
@@ -76,11 +76,7 @@ class CubicSpline:
     @cached_property
     def _inverse(self) -> Floats:
         """Inverse of the nodes' matrix (B-spline, node), which is small and well conditioned."""
-        return np.asarray(np.linalg.inv(self._matrix()))
-
-    def _matrix(self) -> Floats:
-        """Values of all B-splines at the nodes (node, B-spline)."""
-        return self._spread(self.nodes)
+        return np.asarray(np.linalg.inv(self._spread(self.nodes)))
 
     def _spread(self, places: Floats) -> Floats:
         """Values of all B-splines at places (place, B-spline)."""
@@ -93,8 +89,8 @@ class CubicSpline:
 class Pieces(NamedTuple):
     """The B-splines that are not zero between two knots, as polynomials in the share of the way from one to the next.
 
-    `start` and `step` are the first of two knots and their distance (interval,); `coefficient_ikb` those of each power
-    (interval, power, B-spline).
+    `start` and `step` are the first of two knots and their distance (interval,); `coefficient_ikb` (interval, power,
+    B-spline).
     """
 
     start: Floats
@@ -103,7 +99,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def of(cls, knots: Floats, degree: int) -> "Pieces":
-        """Return those of a degree, by Cox and de Boor's recursion."""
+        """Return the B-splines of a degree, by Cox and de Boor's recursion."""
         ends = knots[degree : len(knots) - degree]
         start, step = ends[:-1], np.diff(ends)
         span = degree + np.arange(len(start))

@@ -21,7 +21,7 @@ class SplineTables(NamedTuple):
     `curves` (t p d, b n c), `undented` (t p, b n c), `forces` and `volumes` (t p d,) are the weights; the splines run
     over log thickness, log tension and tip, which have `tensions` and `tips` nodes and lie between `thickness_ends_m`
     and `tension_ends`. `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,). `angles` (node,)
-    are those of the walls without the needle.
+    belong to the walls without the needle.
     """
 
     thickness: Pieces

@@ -11,7 +11,7 @@ value is off by more than it may be. It sums up without BLAS: the result is the 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,11 +57,7 @@ class ReducedRows:
 
 
 def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:
-    """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`.
-
-    Raises:
-        InputError: the values are too large for so small an error.
-    """
+    """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`."""
     rest_rv, step = rows_rv.astype(np.float64), STEP * largest_error
     found = _worst(rest_rv)
     directions, steps = [], []
@@ -109,18 +105,6 @@ def _by_size(rows_rv: NDArray[np.floating], directions: list[NDArray[np.float32]
 Curves = NDArray[np.float32]
 
 
-class StoredCurves(Protocol):
-    """Curves of the walls of each stiffening."""
-
-    def mixed(self, weights_b: Floats) -> Curves:
-        """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
-        ...
-
-    def whole(self) -> Curves:
-        """Return all curves (b, t, p, d, boundary, node, 2), m."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class WholeCurves:
     """Curves as they were computed (b, t, p, d, boundary, node, 2), m."""
@@ -132,7 +116,7 @@ class WholeCurves:
             raise InputError("library: values that are not finite")
 
     def mixed(self, weights_b: Floats) -> Curves:
-        """See `StoredCurves`."""
+        """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
         used = np.flatnonzero(weights_b)
         mixed: Curves = self.curves_btpdbnc[used[0]]
         if len(used) > 1:
@@ -140,7 +124,7 @@ class WholeCurves:
         return mixed
 
     def whole(self) -> Curves:
-        """See `StoredCurves`."""
+        """Return all curves (b, t, p, d, boundary, node, 2), m."""
         return self.curves_btpdbnc
 
 
@@ -152,12 +136,12 @@ class ReducedCurves:
     shape: tuple[int, ...]
 
     def mixed(self, weights_b: Floats) -> Curves:
-        """See `StoredCurves`."""
+        """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
         values = self.rows.mixed_rows(weights_b)
         return values.astype(np.float32).reshape(self.shape[1:])
 
     def whole(self) -> Curves:
-        """See `StoredCurves`."""
+        """Return all curves (b, t, p, d, boundary, node, 2), m."""
         return self.rows.rows().astype(np.float32).reshape(self.shape)
 
 
@@ -165,7 +149,7 @@ class ReducedCurves:
 class StiffenedWalls:
     """A library's walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
 
-    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are those of `Library`, for each b. Of the
+    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are the arrays of `Library`, for each b. Of the
     curves only the first `nodes` are given.
     """
 
@@ -173,7 +157,7 @@ class StiffenedWalls:
     force_ratio_btpd: Floats
     displaced_btpd: Floats
     undented_btpbnc: Curves
-    curves: StoredCurves
+    curves: WholeCurves | ReducedCurves
     nodes: int | None = None
 
     def __post_init__(self) -> None:
@@ -189,19 +173,13 @@ class StiffenedWalls:
             raise InputError("library: values that are not finite")
 
     def at(self, stiffening: float) -> dict[str, Any]:
-        """Return the arrays of `Library` that change with the stiffening, by name.
-
-        Raises:
-            InputError: the stiffening is outside the range.
-        """
+        """Return the arrays of `Library` that change with the stiffening, by name."""
         weights = self._weights(stiffening)
-        mixed = (np.tensordot(weights, values, axes=1) for values in (self.force_ratio_btpd, self.displaced_btpd))
-        force_ratio_tpd, displaced_tpd = mixed
-        undented = np.tensordot(weights, self.undented_btpbnc.astype(np.float64), axes=1).astype(np.float32)
+        undented = np.tensordot(weights, self.undented_btpbnc.astype(np.float64), axes=1)
         return {
-            "force_ratio_tpd": force_ratio_tpd,
-            "displaced_tpd": displaced_tpd,
-            "undented_tpbnc": undented,
+            "force_ratio_tpd": np.tensordot(weights, self.force_ratio_btpd, axes=1),
+            "displaced_tpd": np.tensordot(weights, self.displaced_btpd, axes=1),
+            "undented_tpbnc": undented.astype(np.float32),
             "curves_tpdbnc": np.ascontiguousarray(self.curves.mixed(weights)[..., : self.nodes, :]),
         }
 
