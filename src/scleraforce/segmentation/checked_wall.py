@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import edge_near, thickness_below
-from scleraforce.segmentation.columns import continuation, fine_columns, grouped, grouping, nearest_point
 from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
-from scleraforce.segmentation.inner import CELL_M, CELLS, rows_per_metre
+from scleraforce.segmentation.inner import CELL_M, CELLS, stretch
 from scleraforce.segmentation.loops import at_every_column, bridge
+from scleraforce.segmentation.tables import continuation, fine_columns, grouped, grouping, nearest_point
 from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
@@ -195,11 +195,10 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     start = _start(seen, part.left, width, rows)
     row = _surface(part, start)
     inner, shown, thickness_m = _inner(part, row, start)
-    nearest = nearest_point(width)[1]
-    everywhere, boundaries = bool(start.there[nearest].all()), np.full((2, part.columns), np.nan)
+    boundaries = np.full((2, part.columns), np.nan)
     for boundary, curve in zip(boundaries, (row, inner), strict=True):
         to = boundary[part.left : part.left + width]
-        at_every_column(fine_columns(width), curve, start.there, nearest, everywhere, to)
+        at_every_column(fine_columns(width), curve, start.there, nearest_point(width), to)
     return Segmentation(boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m)
 
 
@@ -222,8 +221,7 @@ def _surface(part: Part, start: _Start) -> Float:
     column = np.linspace(0.0, width - 1.0, START_POINTS, dtype=np.float32)
     row = np.interp(column, fine_columns(width), start.outer).astype(np.float32)
     spread = continuation(width, float(column[0]), float(column[1] - column[0]), START_POINTS) @ row
-    edge = np.empty_like(row, shape=len(start.outer))
-    edge_near(part.frame, part.first, np.clip(spread, 0.0, len(part.frame) - 1.0), part.workplace, edge)
+    edge = edge_near(part.frame, part.first, np.clip(spread, 0.0, len(part.frame) - 1.0), part.workplace)
     near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
     surface: Float = np.where(near, edge, start.outer)
     return surface
@@ -235,27 +233,26 @@ def _inner(part: Part, row: Float, start: _Start) -> tuple[Float, bool, float]:
     Where the network sees no end inside of the frame the wall goes on as thick as it is beside that. Where it sees
     hardly any end, the wall is 1 mm thick, as that of the other method is, and the thickness NaN.
     """
-    row = _bridged(row, start.there)
+    row = bridge(row, start.there)
     depth_m = part.scale.depth_m / part.scale.refractive_index
     if np.count_nonzero(start.ended) < ENDED_SHARE * np.count_nonzero(start.there):
         assumed = np.maximum(row, np.float32(0.0)) + np.float32(UNSEEN_DEPTH_M / depth_m)
         return np.minimum(start.inner, assumed), False, float("nan")
-    along_rows = rows_per_metre(fine_columns(len(part.missing)), row, part.scale.lateral_m, depth_m)
+    column = fine_columns(len(part.missing))
+    along_rows = stretch(row, float(column[1] - column[0]) * part.scale.lateral_m, depth_m)
     thickness_m, shown = _thickness(part, row, along_rows, start)
     return row + along_rows * thickness_m, shown, float(np.median(thickness_m[start.ended]))
 
 
 def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tuple[Float, bool]:
     """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
-    expected_m = _bridged(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
+    expected_m = bridge(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
     step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
     sd_m = np.maximum(np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M))
     zoom = np.float32(_zoom(float(np.median(expected_m[start.there]))))
     prior = _prior(grouped(expected_m) / zoom, grouped(sd_m) / zoom)
-    found_m, jumps = np.empty(len(prior), np.float32), np.empty(len(prior), np.bool_)
-    _, floor, _, _ = part.glance(0)
-    thickness_below(
-        part.frame, part.first, floor, row, start.there, along_rows * zoom, prior, part.workplace, found_m, jumps
+    found_m, jumps = thickness_below(
+        part.frame, part.first, part.is_bytes, row, start.there, along_rows * zoom, prior, part.workplace
     )
     found_m *= zoom
     off_m = np.abs(found_m - grouped(expected_m))
@@ -264,13 +261,6 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     shown = jumps & (off_m <= SHOWN_SDS * grouped(unsure_m))
     thickness_m: Float = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
-
-
-def _bridged(row: Float, there: Mask) -> Float:
-    """Return a curve with straight lines over what is not there."""
-    bridged = np.empty_like(row)
-    bridge(row, there, bridged)
-    return bridged
 
 
 def _zoom(thickness_m: float) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.inner import rows_per_metre
+from scleraforce.segmentation.inner import stretch
 from scleraforce.segmentation.loops import best_path
 
 LEAST_M = 35e-6  # a wall that looks this much thicker than told may lie below a conjunctiva
@@ -67,7 +67,7 @@ def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) 
     span = np.arange(columns[0], columns[-1] + 1)
     row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
     depth_m = scale.depth_m / scale.refractive_index
-    along_rows = rows_per_metre(span.astype(np.float32), row, scale.lateral_m, depth_m)
+    along_rows = stretch(row, float(np.float32(span[1]) - np.float32(span[0])) * scale.lateral_m, depth_m)
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 

@@ -3,7 +3,7 @@
 The wall is unrolled along its surface into (column, thickness), thickness measured along the surface's normal, so that
 a wall of even thickness is a straight band whatever its dents. In it light falls steadily (linearly on a logarithmic
 scale in an even medium: Beer-Lambert), and the wall's end is a jump: the few cells below lie lower than a straight line
-through the cells above would go on. Below the wall there may be a thin weaker layer, the choroid, whose own lower edge
+through the cells above would. Below the wall there may be a thin weaker layer, the choroid, whose own lower edge
 jumps further; so a jump with another one close above it counts less. The cells below are few because that layer is
 thin: a mean over both its edges would hide the upper one. The path of the largest jumps is then moved, column by
 column, to where the light crosses the middle of the jump.
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.loops import find_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_row
+from scleraforce.segmentation.loops import find_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
 
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
@@ -36,7 +36,7 @@ REACH_CELLS = 5
 REFINE_CELLS = 6
 LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundary
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
-SLOPE_M = 0.15e-3  # on each side: a surface's slope is told over so much
+SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken
 STEEPEST = 3.0  # slope of a surface: beyond it a wall is no longer along a column
 LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not measured
 BRIGHTEST = 1.5  # times a group's own level: what is brighter counts as that
@@ -51,7 +51,7 @@ _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
 FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
 BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)  # of a straight line, least squares, over _REACH
-# `BEND` goes from a line's middle to the jump; so many times that, it goes on to the middle of the cells below.
+# `BEND` goes from a line's middle to the jump; this many times that, it continues to the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 _FIRST_EDGE, _AFTER_EDGE = EDGES.start, EDGES.stop
 _LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)
@@ -63,67 +63,56 @@ _STEEPEST, _BRIGHTEST, _LEAST_LEVEL = np.float32(STEEPEST**2), np.float32(BRIGHT
 _ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 
 
-def rows_per_metre(column: Float, row: Float, lateral_m: float, depth_m: float) -> Float:
-    """Return the rows along a column for 1 m of thickness along a surface's normal, shape (point,).
-
-    `column` (evenly spaced) and `row` (no NaN) are the surface's in the frame; `depth_m` is a pixel's depth in tissue.
-    """
-    along_rows, point_m = np.empty_like(row), float(column[1] - column[0]) * lateral_m
-    reach = slope_reach(len(column), point_m)
-    stretch(row, reach, depth_m / (2 * reach * point_m), depth_m, along_rows)
-    return along_rows
-
-
-def slope_reach(points: int, step_m: float) -> int:
-    """Return the number of points on each side over which a surface's slope is taken."""
-    return min(max(1, round(SLOPE_M / step_m)), (points - 1) // 2)
-
-
 @compiled
-def stretch(row: Float, reach: int, rise: float, depth_m: float, along_rows: Float) -> None:
-    """Write the rows along a column for 1 m of thickness along the normal of a surface without NaN.
+def stretch(row: Float, point_m: float, depth_m: float) -> Float:
+    """Return the rows along a column for 1 m of thickness along the normal of a surface without NaN, (point,).
 
-    `reach`: points on each side for its slope; `rise`: slope, metres over metres, of one row between them; `depth_m`:
-    of a pixel in tissue.
+    `point_m`: between the points; `depth_m`: of a pixel in tissue.
     """
-    points = len(row)
+    points, along_rows = len(row), np.empty_like(row)
+    reach = min(max(1, round(SLOPE_M / point_m)), (points - 1) // 2)
+    rise = np.float32(depth_m / (2 * reach * point_m))  # slope, metres over metres, of one row
     for at in range(points):
         first, last = at - reach, at + reach
-        # Mirrored in its end points, a slope goes on beyond them.
+        # Mirrored in its end points, a slope continues beyond them.
         before = row[first] if first >= 0 else np.float32(2 * row[0] - row[-first])
         after = row[last] if last < points else np.float32(2 * row[points - 1] - row[2 * (points - 1) - last])
-        slope = (after - before) * np.float32(rise)
+        slope = (after - before) * rise
         along_rows[at] = np.sqrt(min(slope * slope, _STEEPEST) + _ONE) / np.float32(depth_m)
+    return along_rows
 
 
 @compiled
 def unroll(
-    frame: Counts, first: int, floor: int, near: Indices, far: Indices, across: Float, row: Float,
-    there: NDArray[np.bool_], along_rows: Float, places: Float, line: Float, upper: Indices, lower: Indices,
-    down: Float, level: Float, wall: Float, seen: Float,
-) -> None:  # fmt: skip
-    """Write the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
+    frame: Counts, first: int, floor: int, columns: Indices, across: Float, row: Float, there: NDArray[np.bool_],
+    along_rows: Float,
+) -> tuple[Float, Float]:  # fmt: skip
+    """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
 
     The surface has rows `row` (point,), is there where `there`, and is stretched by `along_rows`; `floor` is the count
-    of the noise. `frame` to `across` are as of `sample_row`; `places` to `level` are scratch; `wall` and `seen` are the
-    results.
+    of the noise. `frame` to `across` are as of `sample_rows`.
     """
-    _measure(np.float32(len(frame) - 1), row, there, along_rows, seen)
+    points = len(row)
+    places, wall = np.empty((CELLS, points), np.float32), np.empty((points // GROUP, CELLS), np.float32)
     for cell in range(CELLS):
-        for at in range(len(row)):
-            places[at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
-        sample_row(frame, first, near, far, across, places, upper, lower, down, line)
+        for at in range(points):
+            places[cell, at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
+    light = sample_rows(frame, first, columns, across, places)
+    seen = _measured(np.float32(len(frame) - 1), row, there, along_rows)
+    for cell in range(CELLS):
         for group in range(len(wall)):
             total = _ZERO
             for at in range(GROUP * group, GROUP * group + GROUP):
-                total += line[at]
+                total += light[cell, at]
             wall[group, cell] = max(total * np.float32(1.0 / GROUP) - np.float32(floor), _ZERO) * seen[group, cell]
-    _level_out(wall, seen, level)
+    _level_out(wall, seen)
+    return wall, seen
 
 
 @compiled
-def _measure(last_row: np.float32, row: Float, there: NDArray[np.bool_], along_rows: Float, seen: Float) -> None:
-    """Write 1 in the cells above the deepest thickness at the outer points of a group, else 0."""
+def _measured(last_row: np.float32, row: Float, there: NDArray[np.bool_], along_rows: Float) -> Float:
+    """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
+    seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
         first, last = GROUP * group, GROUP * group + GROUP - 1
         shallower = min(
@@ -132,20 +121,20 @@ def _measure(last_row: np.float32, row: Float, there: NDArray[np.bool_], along_r
         )
         for cell in range(CELLS):
             seen[group, cell] = np.float32(shallower >= THICKNESS_M[cell])
+    return seen
 
 
 @compiled
-def _level_out(wall: Float, seen: Float, level: Float) -> None:
+def _level_out(wall: Float, seen: Float) -> None:
     """Divide each group by its own level near the surface; where that is dark, nothing is measured."""
-    groups = len(wall)
-    own, smooth = level[0], level[1]
+    groups, largest = len(wall), _ZERO
+    own, smooth = np.empty(groups, np.float32), np.empty(groups, np.float32)
     for group in range(groups):
         light = measured = 0.0
         for cell in range(SKIP_CELLS, LEVEL_CELLS):
             light += np.float64(wall[group, cell])
             measured += np.float64(seen[group, cell])
         own[group] = np.float32(light) / np.float32(max(measured, 1.0))
-    largest = _ZERO
     for group in range(groups):
         before, after = own[mirrored(group - 1, groups)], own[mirrored(group + 1, groups)]
         smooth[group] = np.float32((np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD)
@@ -159,14 +148,44 @@ def _level_out(wall: Float, seen: Float, level: Float) -> None:
 
 
 @compiled
-def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float, bend: Float, jump: Float) -> None:
-    """Write straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
+def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, NDArray[np.bool_], float]:
+    """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
 
-    `wall` (group, cell) is unrolled and measured where `seen`; `pooled` is scratch. `near` are means over neighbouring
-    groups, `mean` those of the lines that start at each cell, `bend` their fall from their middle to the jump; `jump`
-    is (group, CELLS + 1).
+    `wall` (group, cell) is unrolled and measured where `seen`; `prior`: gain of each edge by prior knowledge (group,
+    edge); a jump gains at most 1.
     """
-    groups = len(wall)
+    near, mean, bend, jump = _find_jumps(wall, seen)
+    least = _standing_out(jump)
+    path = find_path(_score_jumps(jump, least, prior), REACH_CELLS)
+    groups, shown = len(path), 0
+    testable, shows = 0, np.empty(groups, np.bool_)
+    edge, weight = np.empty(groups, np.float32), np.empty(groups, np.float32)
+    for group in range(groups):
+        size, first = jump[group, path[group]], max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
+        found = _cross(near[group], path[group], mean[group, first], bend[group, first], max(size, _ZERO))
+        measured = seen[group, min(path[group] + SKIP_EDGE, CELLS - 1)] > 0
+        shows[group] = size > least[path[group]] and measured
+        testable += measured
+        shown += shows[group]
+        weight[group] = np.float32(shows[group]) + _SEEN
+        edge[group] = found * weight[group]
+    thickness_m, weight = mean_of_neighbours(edge, 2), mean_of_neighbours(weight, 2)
+    for group in range(groups):
+        thickness_m[group] = thickness_m[group] / weight[group] * _CELL_M
+    return thickness_m, shows, shown / max(1, testable)
+
+
+@compiled
+def _find_jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float, Float]:
+    """Return straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
+
+    First the means over neighbouring groups, then those of the lines that start at each cell, their fall from their
+    middle to the jump, (group, cell) each, and the jump, (group, CELLS + 1).
+    """
+    groups, shape = len(wall), wall.shape
+    near, pooled = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    mean, bend = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    jump = np.zeros((groups, CELLS + 1), np.float32)
     for group in range(groups):
         before, after = mirrored(group - 1, groups), mirrored(group + 1, groups)
         for cell in range(CELLS):
@@ -180,8 +199,6 @@ def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float
                 middle = multiply_add(_LINE_SHARE, pooled[group, cell + step], middle)
                 fall = multiply_add(BEND[step], pooled[group, cell + step], fall)
             mean[group, cell], bend[group, cell] = middle, min(fall, _ZERO)
-        for edge in range(CELLS + 1):
-            jump[group, edge] = _ZERO
         for edge in range(_FIRST_EDGE, _AFTER_EDGE):
             line, low = edge - SKIP_EDGE - LINE_CELLS, _ZERO
             for step in range(LOW_CELLS):
@@ -191,42 +208,36 @@ def find_jumps(wall: Float, seen: Float, pooled: Float, near: Float, mean: Float
             if share > _MEASURED:
                 above = max(bend[group, line] * BEND_TO_LOW + mean[group, line], _ZERO)
                 jump[group, edge] = above - low
+    return near, mean, bend, jump
 
 
 @compiled
-def score_jumps(
-    jump: Float, prior: Float, sizes: Float, spread: Float, least: Float, gain: Float, score: Float
-) -> None:
-    """Write the jump that stands out at each edge, `least` (edge,), and a path's gain there, `score` (group, edge).
-
-    `prior`: gain of each edge by prior knowledge (group, edge); a jump gains at most 1. `sizes`, `spread`, `gain` are
-    scratch.
-    """
+def _score_jumps(jump: Float, least: Float, prior: Float) -> Float:
+    """Return a path's gain at each edge, (group, edge), where jumps over `least` (edge,) stand out."""
     groups, edges = jump.shape
-    _stand_out(jump, sizes, spread, least)
+    own, upper, score = np.empty(edges, np.float32), np.empty(edges, np.float32), np.empty(jump.shape, np.float32)
     for group in range(groups):
         for edge in range(edges):
             over = max(jump[group, edge] - least[edge], _ZERO)
-            gain[group, edge] = over / (over + _HALF_JUMP)
-        own, upper = gain[group], spread
-        for edge in range(edges):
-            upper[edge] = _ZERO
+            own[edge] = over / (over + _HALF_JUMP)
+        upper[:] = _ZERO
         for above in range(_NEAR, _FAR + 1):
             for edge in range(edges - above):
                 upper[edge + above] = max(upper[edge + above], own[edge])
         for edge in range(edges):
             score[group, edge] = own[edge] - ROW_COST[edge] - upper[edge] * _UPPER_COST + prior[group, edge]
+    return score
 
 
 @compiled
-def _stand_out(jump: Float, sizes: Float, spread: Float, least: Float) -> None:
-    """Write the jump that stands out from those of speckle and texture.
+def _standing_out(jump: Float) -> Float:
+    """Return the jump that stands out from those of speckle and texture, (edge,).
 
     These are estimated from the median size of jumps (the wall's end is rare), and from how much jumps at one depth
     differ from place to place (the wall's end does not).
     """
     groups, edges = jump.shape
-    number = 0
+    sizes, number, spread = np.empty(jump.size, np.float32), 0, np.empty(edges, np.float32)
     for group in range(groups):
         for edge in range(_FIRST_EDGE, _AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
@@ -239,38 +250,10 @@ def _stand_out(jump: Float, sizes: Float, spread: Float, least: Float) -> None:
             change = jump[group + POOLED, edge] - jump[group, edge]
             total += half_share * np.float64(change * change)
         spread[edge] = np.sqrt(np.float32(total))
-    mean_of_neighbours(spread, _SPREAD_REACH, least)
-    smallest = np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
+    least, smallest = mean_of_neighbours(spread, _SPREAD_REACH), np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
     for edge in range(edges):
         least[edge] = max(least[edge] * _SURE_SPREAD, smallest)
-
-
-@compiled
-def find_thickness(
-    near: Float, seen: Float, mean: Float, bend: Float, jump: Float, least: Float, score: Float,
-    path: NDArray[np.int64], downwards: Float, upwards: Float, edge: Float, weight: Float, thickness_m: Float,
-) -> float:  # fmt: skip
-    """Write the thickness along the normal at each group, and return the share of groups that show the boundary.
-
-    `near`, `mean`, `bend`, `jump` are of `find_jumps`, `least` and `score` of `score_jumps`; `path` to `weight` are
-    scratch.
-    """
-    find_path(score, REACH_CELLS, path, downwards, upwards)
-    shown = testable = 0
-    for group in range(len(path)):
-        size, first = jump[group, path[group]], max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
-        found = _cross(near[group], path[group], mean[group, first], bend[group, first], max(size, _ZERO))
-        measured = seen[group, min(path[group] + SKIP_EDGE, CELLS - 1)] > 0
-        shows = size > least[path[group]] and measured
-        testable += measured
-        shown += shows
-        weight[0, group] = np.float32(shows) + _SEEN
-        edge[0, group] = found * weight[0, group]
-    mean_of_neighbours(edge[0], 2, edge[1])
-    mean_of_neighbours(weight[0], 2, weight[1])
-    for group in range(len(path)):
-        thickness_m[group] = edge[1, group] / weight[1, group] * _CELL_M
-    return shown / max(1, testable)
+    return least
 
 
 @compiled

@@ -24,10 +24,9 @@ from scleraforce.segmentation.grid import (
     LIT_SHARE,
     MAX_COLUMNS,
     MAX_ROWS,
-    Float,
     counts_of,
 )
-from scleraforce.segmentation.loops import BINS, nth, nth_count
+from scleraforce.segmentation.loops import nth, nth_count
 from scleraforce.segmentation.needle import STANDS_OUT
 
 Counts = NDArray[np.uint16]
@@ -51,8 +50,7 @@ def pair_contrast(frame: Pixels) -> float:
 
     Pairs as bright as the dimmest of the brightest tenth count as well.
     """
-    looked_at = frame[:: max(1, len(frame) // LOOKED_AT_ROWS)]
-    return find_contrast(looked_at.astype(np.uint16), PAIR_COLUMNS, DIMMER, LEAST_PAIRS)
+    return _contrast(frame[:: max(1, len(frame) // LOOKED_AT_ROWS)].astype(np.uint16))
 
 
 @cache
@@ -65,25 +63,22 @@ def _logarithms(largest: int) -> NDArray[np.uint16]:
 
 
 @compiled
-def find_contrast(rows: NDArray[np.uint16], pair_columns: int, dimmer_share: float, least_pairs: int) -> float:
-    """Return the contrast of rows of counts (row, column); 0 for fewer lit pairs than `least_pairs`.
-
-    The counts of a pair are `pair_columns` apart; the dimmer share of the lit pairs is left out.
-    """
+def _contrast(rows: Counts) -> float:
+    """Return the contrast of rows of counts (row, column): see `pair_contrast`."""
     columns = rows.shape[1]
     mean, number = np.empty(rows.size, np.uint16), 0
     for line in rows:
-        for column in range(pair_columns, columns):
-            one, other = np.int64(line[column]), np.int64(line[column - pair_columns])
+        for column in range(PAIR_COLUMNS, columns):
+            one, other = np.int64(line[column]), np.int64(line[column - PAIR_COLUMNS])
             mean[number] = (one + other) >> 1
             number += (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
-    if number < least_pairs:
+    if number < LEAST_PAIRS:
         return 0.0
-    least = nth_count(mean, number, int(dimmer_share * number), np.empty(BINS, np.int64))
+    least = nth_count(mean, number, int(DIMMER * number))
     share, chosen = np.empty(number, np.float32), 0
     for line in rows:
-        for column in range(pair_columns, columns):
-            one, other = np.int64(line[column]), np.int64(line[column - pair_columns])
+        for column in range(PAIR_COLUMNS, columns):
+            one, other = np.int64(line[column]), np.int64(line[column - PAIR_COLUMNS])
             if (one + other) >> 1 >= least and one > 0 and other > 0:
                 share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
                 chosen += 1
@@ -94,21 +89,19 @@ def find_contrast(rows: NDArray[np.uint16], pair_columns: int, dimmer_share: flo
 
 def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
     """Return the first imaged column of a frame, and the one after the last; None: too few are imaged."""
-    columns = frame.shape[1]
-    first, after, lit, _ = find_lit(counts_of(frame), np.empty(columns, np.uint16), np.empty(columns, np.bool_))
+    first, after, lit, _, _ = find_lit(counts_of(frame))
     return (first, after) if lit >= LEAST_SHAPE else None
 
 
 @compiled
-def find_lit(frame: Counts, brightest: Counts, dark: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    """Write which columns are black; `brightest` (column,) is scratch.
+def find_lit(frame: Counts) -> tuple[int, int, int, int, NDArray[np.bool_]]:
+    """Return the imaged columns of a frame and which are black.
 
-    Return the first column that is not black, the one after the last, the number of such columns, and the largest
-    count.
+    First the first column that is not black, the one after the last, the number of such columns, and the largest count;
+    then the black ones, (column,).
     """
     columns = frame.shape[1]
-    for column in range(columns):
-        brightest[column] = frame[0, column]
+    brightest, dark = frame[0].copy(), np.empty(columns, np.bool_)
     for row in range(LIT_ROWS, frame.shape[0], LIT_ROWS):
         line = frame[row]
         for column in range(columns):
@@ -121,30 +114,30 @@ def find_lit(frame: Counts, brightest: Counts, dark: NDArray[np.bool_]) -> tuple
         dark[column] = brightest[column] <= black
         if not dark[column]:
             left, after, lit = (left if lit else column), column + 1, lit + 1
-    return left, after, lit, largest
+    return left, after, lit, largest, dark
 
 
 @compiled
-def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool, halves: Counts, others: Counts) -> Counts:
-    """Return a frame's columns, averaged into cells, at the start of one of two arrays.
+def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool) -> Counts:
+    """Return a frame's columns, averaged into cells.
 
-    `halves` and `others` have at least as many rows and columns as the frame after one halving. `eight_bits`: the
-    counts came as bytes, which OpenCV rounds half up, not to the even number.
+    `eight_bits`: the counts came as bytes, which OpenCV rounds half up, not to the even number.
     """
-    rows, columns = _halve(frame, left, frame.shape[0], width, eight_bits, halves)
-    while rows >= MAX_ROWS or columns >= MAX_COLUMNS:
-        rows, columns = _halve(halves, 0, rows, columns, eight_bits, others)
-        halves, others = others, halves
-    return halves
+    cells = _halved(frame, left, width, eight_bits)
+    while cells.shape[0] >= MAX_ROWS or cells.shape[1] >= MAX_COLUMNS:
+        cells = _halved(cells, 0, cells.shape[1], eight_bits)
+    return cells
 
 
 @compiled
-def _halve(frame: Counts, left: int, rows: int, columns: int, eight_bits: bool, to: Counts) -> tuple[int, int]:
-    """Write the means of neighbours and return how many rows and columns these are; an odd last one is dropped."""
+def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
+    """Return the means of neighbours; an odd last row or column is dropped."""
+    rows = frame.shape[0]
     across, down = columns >= MAX_COLUMNS, rows >= MAX_ROWS
     rows, columns = (rows // 2 if down else rows), (columns // 2 if across else columns)
+    halves = np.empty((rows, columns), np.uint16)
     for row in range(rows):
-        half = to[row]
+        half = halves[row]
         upper = frame[2 * row if down else row, left:]
         lower = frame[2 * row + 1 if down else row, left:]
         if across and down:
@@ -158,7 +151,7 @@ def _halve(frame: Counts, left: int, rows: int, columns: int, eight_bits: bool, 
         else:
             for at in range(columns):  # of a row and itself where it is not halved at all
                 half[at] = _mean_of_two(np.int32(upper[at]), np.int32(lower[at]), eight_bits)
-    return rows, columns
+    return halves
 
 
 @compiled
@@ -169,32 +162,31 @@ def _mean_of_two(one: int, other: int, eight_bits: bool) -> int:
 
 
 @compiled
-def noise_floor(cells: Counts, rows: int, columns: int, sample: Counts, bins: NDArray[np.int64]) -> int:
+def noise_floor(cells: Counts) -> int:
     """Return the count below which a fifth of the cells that are not black lie."""
-    brightest = 0
+    (rows, columns), brightest = cells.shape, 0
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             brightest = max(brightest, np.int64(cells[row, column]))
-    black, lit = brightest // BLACK_PART, 0
+    black, lit, sample = brightest // BLACK_PART, 0, np.empty(cells.size, np.uint16)
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             sample[lit] = cells[row, column]
             lit += cells[row, column] > black
-    return nth_count(sample, lit, int(FLOOR_SHARE * lit), bins) if lit else 0
+    return nth_count(sample, lit, int(FLOOR_SHARE * lit)) if lit else 0
 
 
 @compiled
-def stands_out(cells: Counts, rows: int, columns: int, total: Float, ordered: Float) -> bool:
+def stands_out(cells: Counts, rows: int) -> bool:
     """Return whether a column is much brighter than the others in the uppermost rows: see `needle`."""
-    for column in range(columns):
-        total[column] = 0.0
-    for row in range(rows):
+    columns = cells.shape[1]
+    total = np.zeros(columns, np.float32)
+    for row in range(min(rows, len(cells))):
         for column in range(columns):
             total[column] += np.float32(cells[row, column])
     largest = total[0]
     for column in range(columns):
-        ordered[column] = total[column]
         largest = max(largest, total[column])
-    middle = nth(ordered, columns, columns // 2)
-    low = nth(ordered, columns, columns // 6)
+    middle = nth(total, columns, columns // 2)
+    low = nth(total, columns, columns // 6)
     return largest > middle + _STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle)

@@ -39,18 +39,16 @@ multiply_add = _multiply_add()
 
 
 @compiled
-def nth_count(counts: NDArray[np.uint16], number: int, place: int, bins: NDArray[np.int64]) -> int:
-    """Return the count at a place of the first `number` ones in ascending order; `bins` is scratch."""
-    for value in range(BINS):
-        bins[value] = 0
+def nth_count(counts: Counts, number: int, place: int) -> int:
+    """Return the count at a place of the first `number` ones in ascending order."""
+    bins = np.zeros(BINS, np.int64)
     for i in range(number):
         bins[np.int64(counts[i]) >> 8] += 1
     high, below = 0, 0
     while below + bins[high] <= place:
         below += bins[high]
         high += 1
-    for value in range(BINS):
-        bins[value] = 0
+    bins[:] = 0
     for i in range(number):
         if np.int64(counts[i]) >> 8 == high:
             bins[np.int64(counts[i]) & 255] += 1
@@ -89,28 +87,29 @@ def nth(values: Float, number: int, place: int) -> np.float32:
 
 
 @compiled
-def sample_row(
-    frame: Counts, first: int, near: Indices, far: Indices, across: Float, row: Float, upper: Indices, lower: Indices,
-    down: Float, light: Float,
-) -> None:  # fmt: skip
-    """Write the counts at points, interpolated and rounded; the frame's edges continue beyond it.
+def sample_rows(frame: Counts, first: int, columns: Indices, across: Float, row: Float) -> Float:
+    """Return the counts at points, interpolated and rounded; the frame's edges continue beyond it.
 
-    `first`: column that the points' ones count from; `near`, `far`: columns before and after each point, (point,);
-    `across`: distance beyond the one before; `row`: of the points. `upper`, `lower`, `down` are scratch.
+    `first`: column that the points' ones count from; `columns`: those before and after each point, (2, point);
+    `across`: distance beyond the one before; `row`: of the points, (line, point).
     """
-    last, origin = frame.shape[0] - 1, np.uintp(first)
-    for at in range(len(row)):
-        above = np.floor(row[at])
-        down[at] = row[at] - above
-        place = int(above)
-        upper[at], lower[at] = min(max(place, 0), last), min(max(place + 1, 0), last)
-    for at in range(len(row)):
-        left, right = origin + near[at], origin + far[at]
-        p00, p01 = np.float32(frame[upper[at], left]), np.float32(frame[upper[at], right])
-        p10, p11 = np.float32(frame[lower[at], left]), np.float32(frame[lower[at], right])
-        above = multiply_add(across[at], p01 - p00, p00)
-        below = multiply_add(across[at], p11 - p10, p10)
-        light[at] = np.rint(multiply_add(down[at], below - above, above))
+    last, origin, points = frame.shape[0] - 1, np.uintp(first), len(across)
+    near, far, light = columns[0], columns[1], np.empty(row.shape, np.float32)
+    upper, lower, down = np.empty(points, np.uintp), np.empty(points, np.uintp), np.empty(points, np.float32)
+    for line in range(len(row)):
+        for at in range(points):
+            above = np.floor(row[line, at])
+            down[at] = row[line, at] - above
+            place = int(above)
+            upper[at], lower[at] = min(max(place, 0), last), min(max(place + 1, 0), last)
+        for at in range(points):
+            left, right = origin + near[at], origin + far[at]
+            p00, p01 = np.float32(frame[upper[at], left]), np.float32(frame[upper[at], right])
+            p10, p11 = np.float32(frame[lower[at], left]), np.float32(frame[lower[at], right])
+            above = multiply_add(across[at], p01 - p00, p00)
+            below = multiply_add(across[at], p11 - p10, p10)
+            light[line, at] = np.rint(multiply_add(down[at], below - above, above))
+    return light
 
 
 @compiled
@@ -124,58 +123,46 @@ def mirrored(place: int, length: int) -> int:
 
 
 @compiled
-def mean_of_neighbours(values: Float, reach: int, means: Float) -> None:
-    """Write the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
-    length, share = len(values), 1.0 / (2 * reach + 1)
+def mean_of_neighbours(values: Float, reach: int) -> Float:
+    """Return the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
+    length, share, means = len(values), 1.0 / (2 * reach + 1), np.empty_like(values)
     total = 0.0
     for place in range(-reach, reach + 1):
         total += np.float64(values[mirrored(place, length)])
     for at in range(length):
         means[at] = np.float32(total * share)
         total += np.float64(values[mirrored(at + reach + 1, length)]) - np.float64(values[mirrored(at - reach, length)])
+    return means
 
 
 @compiled
-def smallest_of_rows(
-    values: NDArray[np.number], number: int, columns: int, window: int, smallest: NDArray[np.number]
-) -> None:
-    """Write the smallest of `window` rows about each row; an even window has one row more above.
-
-    The first `number` values count, `columns` of them a row.
-    """
-    for at in range(number):
-        smallest[at] = values[at]
+def open_rows(values: NDArray[np.number], window: int) -> None:
+    """Take the largest of the smallest of `window` rows about each row; an even window has one row more above."""
+    columns, number = values.shape[1], values.size
+    opened, smallest = values.reshape(number), values.copy().reshape(number)
     for row in range(1, window // 2 + 1):
         away = row * columns
         for at in range(number - away):
-            smallest[at + away] = min(smallest[at + away], values[at])
+            smallest[at + away] = min(smallest[at + away], opened[at])
     for row in range(1, window - window // 2):
         away = row * columns
         for at in range(number - away):
-            smallest[at] = min(smallest[at], values[at + away])
-
-
-@compiled
-def largest_of_rows(
-    values: NDArray[np.number], number: int, columns: int, window: int, largest: NDArray[np.number]
-) -> None:
-    """Write the largest of `window` rows about each row; arguments are those of `smallest_of_rows`."""
-    for at in range(number):
-        largest[at] = values[at]
+            smallest[at] = min(smallest[at], opened[at + away])
+    opened[:] = smallest
     for row in range(1, window // 2 + 1):
         away = row * columns
         for at in range(number - away):
-            largest[at + away] = max(largest[at + away], values[at])
+            opened[at + away] = max(opened[at + away], smallest[at])
     for row in range(1, window - window // 2):
         away = row * columns
         for at in range(number - away):
-            largest[at] = max(largest[at], values[at + away])
+            opened[at] = max(opened[at], smallest[at + away])
 
 
 @compiled
-def bridge(row: Float, there: Flags, bridged: Float) -> None:
-    """Write a curve with straight lines over its missing points; not all are missing."""
-    last = -1
+def bridge(row: Float, there: Flags) -> Float:
+    """Return a curve with straight lines over its missing points; not all are missing."""
+    last, bridged = -1, np.empty_like(row)
     for at in range(len(row)):
         if there[at]:
             bridged[at] = row[at]
@@ -185,19 +172,22 @@ def bridge(row: Float, there: Flags, bridged: Float) -> None:
             last = at
     for after in range(last + 1, len(row)):
         bridged[after] = row[last]
+    return bridged
 
 
 @compiled
 def at_every_column(
-    column: Float, row: Float, there: Flags, nearest: NDArray[np.int64], everywhere: bool, to: NDArray[np.float64]
+    column: Float, row: Float, there: Flags, nearest: NDArray[np.int64], to: NDArray[np.float64]
 ) -> None:
     """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
 
-    `column` (point,) goes from the first column to the last; `nearest` is the point of each column; `everywhere`: all
-    of these are there, and then the other points count, too.
+    `column` (point,) goes from the first column to the last; `nearest` is the point of each column. If all of these are
+    there, the other points count, too.
     """
-    after, points = 0, len(column)
-    last = -1
+    everywhere = True
+    for at in range(len(to)):
+        everywhere = everywhere and there[nearest[at]]
+    after, points, last = 0, len(column), -1
     for at in range(len(to)):
         while after < points and (not (everywhere or there[after]) or column[after] <= at):
             last = after if everywhere or there[after] else last
@@ -230,21 +220,20 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
     >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])
     """
-    score = np.ascontiguousarray(score_cr, dtype=np.float32)
-    path = np.empty(len(score), np.int64)
-    find_path(score, reach, path, np.empty_like(score), np.empty_like(score))
-    return path
+    return find_path(np.ascontiguousarray(score_cr, dtype=np.float32), reach)
 
 
 @compiled
-def best_rows(score_cr: Float, path: NDArray[np.int64]) -> None:
-    """Write the best row of each column; the first one of several."""
+def best_rows(score_cr: Float) -> NDArray[np.int64]:
+    """Return the best row of each column; the first one of several."""
+    path = np.empty(len(score_cr), np.int64)
     for column in range(len(score_cr)):
         best = 0
         for row in range(1, score_cr.shape[1]):
             if score_cr[column, row] > score_cr[column, best]:
                 best = row
         path[column] = best
+    return path
 
 
 @compiled
@@ -257,29 +246,31 @@ def is_path(path: NDArray[np.int64], reach: int) -> bool:
 
 
 @compiled
-def find_path(score_cr: Float, reach: int, path: NDArray[np.int64], downwards: Float, upwards: Float) -> None:
-    """Write the path of `best_path`; both sums of scores, (column, row), are scratch."""
-    best_rows(score_cr, path)
+def find_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
+    """Return the path of `best_path`."""
+    path = best_rows(score_cr)
     first, last = -1, -1
     for column in range(1, len(path)):
         if abs(path[column] - path[column - 1]) > reach:
             first, last = (column - 1 if first < 0 else first), column - 1
     if first < 0:
-        return
+        return path
     start, stop = max(0, first - MARGIN), min(len(path), last + 2 + MARGIN)
-    _search(score_cr[start:stop], reach, path[start:stop], downwards, upwards)
+    _search(score_cr[start:stop], reach, path[start:stop])
     if not is_path(path, reach):
-        _search(score_cr, reach, path, downwards, upwards)
+        _search(score_cr, reach, path)
+    return path
 
 
 @compiled
-def _search(score_cr: Float, reach: int, path: NDArray[np.int64], before: Float, after: Float) -> None:
+def _search(score_cr: Float, reach: int, path: NDArray[np.int64]) -> None:
     """Write the rows with the largest sum of scores of all paths through them, by dynamic programming.
 
     The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning,
     sec. 8.4.5), so the path needs no backtracking.
     """
     columns, rows = score_cr.shape
+    before, after = np.empty_like(score_cr), np.empty_like(score_cr)
     before[0] = score_cr[0]
     after[columns - 1] = score_cr[columns - 1]
     for column in range(1, columns):

@@ -66,18 +66,6 @@ class ShaftEdge:
 
 
 @dataclass(frozen=True)
-class Shaft:
-    """A needle's shaft in the columns of a frame's imaged part and the rows of its grid: tip, slope in columns a row.
-
-    `hidden` are the first column that the shaft or its shadow covers, and the first one after.
-    """
-
-    tip: tuple[float, float]
-    slope: float
-    hidden: tuple[int, int]
-
-
-@dataclass(frozen=True)
 class SeenNeedle:
     """A needle seen in a frame.
 
@@ -110,31 +98,33 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     }
 
 
-def find_shaft(frame: Pixels, grid: Grid) -> Shaft | None:
-    """Return the needle's shaft in a frame's imaged part, or None."""
+def find_needle(frame: Pixels, grid: Grid, left: int, columns: int) -> SeenNeedle | None:
+    """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None."""
     edges = find_edges(frame, grid)
-    return _shaded_shaft(grid, edges) if edges else None
-
-
-def needle_of(shaft: Shaft, grid: Grid, left: int, columns: int) -> SeenNeedle:
-    """Return a shaft in the grid as a needle of the frame; `left`: first imaged column."""
+    shaded = _shaded(grid, edges) if edges else None
+    if shaded is None:
+        return None
+    (column, row), (first, after) = shaded
     size = grid.size
     lateral_m, depth_m = size.scale.lateral_m / size.step_columns, size.scale.depth_m / size.step_rows
-    tip = left + shaft.tip[0], (shaft.tip[1] + 1.0) * grid.size.step_rows - 0.5
-    slope = shaft.slope / grid.size.step_rows
-    first, after = (left + end for end in shaft.hidden)
-    ends = shaft.tip[1] < len(grid.cells) - 1.0
+    tip = left + column, (row + 1.0) * size.step_rows - 0.5
+    slope = edges[0].slope / size.step_rows
+    ends = row < len(grid.cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
         tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m) if ends else None,
         tip=tip,
         top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
-        hidden=(first, min(after, columns)),
+        hidden=(left + first, left + after),
     )
 
 
-def _shaded_shaft(grid: Grid, edges: list[ShaftEdge]) -> Shaft | None:
-    """Return the shaft between edges, of all columns, if the tissue below is in its shadow."""
+def _shaded(grid: Grid, edges: list[ShaftEdge]) -> tuple[tuple[float, float], tuple[int, int]] | None:
+    """Return the tip of the shaft between edges, and the columns that it hides, if tissue below is in its shadow.
+
+    The tip is a column of the imaged part and a row of its grid, the columns are the first one that the shaft or its
+    shadow covers, and the first one after.
+    """
     step, columns = grid.size.step_columns, grid.cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
     first, after = max(0, round(min(reached) / step - 0.5)), min(columns, round(max(reached) / step + 0.5))
@@ -160,8 +150,7 @@ def _shaded_shaft(grid: Grid, edges: list[ShaftEdge]) -> Shaft | None:
     if not _touches(grid, shown, (first, after), tip[1]):
         return None
     margin = max(1, round(MARGIN_M / grid.size.scale.lateral_m))
-    hidden = max(0, first - margin) * step, min(columns, after + margin) * step
-    return Shaft(tip, edges[0].slope, hidden)
+    return tip, (max(0, first - margin) * step, min(columns, after + margin) * step)
 
 
 def _touches(grid: Grid, lit: NDArray[np.bool_], shadow: tuple[int, int], tip_row: float) -> bool:

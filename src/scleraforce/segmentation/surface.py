@@ -23,17 +23,15 @@ from scleraforce.segmentation.loops import (
     best_rows,
     find_path,
     is_path,
-    largest_of_rows,
     mirrored,
     nth,
     nth_count,
-    sample_row,
-    smallest_of_rows,
+    open_rows,
+    sample_rows,
 )
 
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
-Double = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
@@ -108,66 +106,56 @@ def downwards(rows: int) -> Float:
 
 
 @compiled
-def opened_pairs(
-    cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int, eroded: Counts, opened: Counts, tissue: Counts
-) -> None:
-    """Write pairs of the grid's columns, opened along depth, over the noise floor, into `tissue` (row / 2, pair).
-
-    `eroded` and `opened` (row * column of a pair,) are scratch.
-    """
-    columns, number = len(pairs), len(opened)
-    for row in range(number // columns):
-        line, to = cells[row], opened[row * columns : (row + 1) * columns]
+def opened_pairs(cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int) -> Counts:
+    """Return pairs of the grid's columns, opened along depth, over the noise floor, (row / 2, pair)."""
+    rows, columns = len(cells), len(pairs)
+    opened = np.empty((rows, columns), np.uint16)
+    for row in range(rows):
         for at in range(columns):
-            to[at] = line[pairs[at]]
-    for at in range(number):
-        opened[at] = max(opened[at], np.uint16(floor))
-    smallest_of_rows(opened, number, columns, thin, eroded)
-    largest_of_rows(eroded, number, columns, thin, opened)
-    for at in range(number):
-        opened[at] -= np.uint16(floor)
+            opened[row, at] = max(cells[row, pairs[at]], np.uint16(floor))
+    open_rows(opened, thin)
+    for row in range(rows):
+        for at in range(columns):
+            opened[row, at] -= np.uint16(floor)
     _extend_upwards(cells, BLACK_SHARE * floor, pairs, thin, opened)
+    tissue = np.empty((rows // ROWS, columns // 2), np.uint16)
     for row in range(tissue.shape[0]):
-        upper, lower = opened[2 * row * columns :], opened[(2 * row + 1) * columns :]
+        upper, lower = opened[2 * row], opened[2 * row + 1]
         for pair in range(tissue.shape[1]):
             above = np.int32(upper[2 * pair]) + np.int32(upper[2 * pair + 1])
             below = np.int32(lower[2 * pair]) + np.int32(lower[2 * pair + 1])
             tissue[row, pair] = (above + below + 2) >> 2
+    return tissue
 
 
 @compiled
 def _extend_upwards(cells: Counts, black: float, pairs: NDArray[np.uintp], margin: int, opened: Counts) -> None:
     """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
-    columns = len(pairs)
-    rows = len(opened) // columns
+    rows, columns = opened.shape
     for at in range(columns):
         first = 0
         while first < rows and cells[first, pairs[at]] <= black:
             first += 1
         if 0 < first < rows:
             top = min(first + margin, rows - 1)
-            value = opened[top * columns + at]
+            value = opened[top, at]
             for row in range(top + 1, min(top + 3, rows)):
-                value = max(value, opened[row * columns + at])
+                value = max(value, opened[row, at])
             for row in range(top):
-                opened[row * columns + at] = value
+                opened[row, at] = value
 
 
 @compiled
-def surface_score(
-    tissue: Counts, depth: int, downwards: Float, sample: Counts, bins: NDArray[np.int64], level: Float, means: Float,
-    total: NDArray[np.float64], lowest: Float, score_cr: Float,
-) -> None:  # fmt: skip
-    """Write the gain of a surface at the upper edge of each cell, `score_cr` (pair, row).
+def surface_score(tissue: Counts, depth: int, downwards: Float) -> Float:
+    """Return the gain of a surface at the upper edge of each cell, (pair, row).
 
     `tissue` is of `opened_pairs`, `depth` the number of rows that a step is judged by, `downwards` the bonus of each
-    row. `sample` to `lowest` are scratch.
+    row.
     """
     rows, pairs = tissue.shape
-    _scale_level(tissue, sample, bins, level)
-    _depth_means(level, depth, total, means)
-    for pair in range(pairs):
-        total[pair], lowest[pair] = 0.0, level[0, pair]
+    level = _scaled_level(tissue)
+    means = _depth_means(level, depth)
+    total, lowest, score_cr = np.zeros(pairs), level[0].copy(), np.empty((pairs, rows), np.float32)
     cost_factor = np.float64(np.float32(EXCESS_COST * 2.0 / depth))
     for row in range(rows):
         for pair in range(pairs):
@@ -178,29 +166,31 @@ def surface_score(
             for pair in range(pairs):
                 lowest[pair] = min(lowest[pair], level[row - 1, pair])
                 total[pair] += max(level[row - 1, pair] - lowest[pair] - _LEAST_EXCESS, _ZERO) * cost_factor
+    return score_cr
 
 
 @compiled
-def _scale_level(tissue: Counts, sample: Counts, bins: NDArray[np.int64], level: Float) -> None:
-    """Write the tissue over that of the bright one."""
+def _scaled_level(tissue: Counts) -> Float:
+    """Return the tissue over that of the bright one."""
     rows, pairs = tissue.shape
-    number = 0
+    sample, number = np.empty(tissue.size, np.uint16), 0
     for row in range(0, rows, 2):
         for pair in range(pairs):
             sample[number] = tissue[row, pair]
             number += 1
-    bright = nth_count(sample, number, int(BRIGHT_SHARE * number), bins)
-    scale = np.float32(1.0 / max(float(bright), 1e-6))
+    bright = nth_count(sample, number, int(BRIGHT_SHARE * number))
+    scale, level = np.float32(1.0 / max(float(bright), 1e-6)), np.empty(tissue.shape, np.float32)
     for row in range(rows):
         for pair in range(pairs):
             level[row, pair] = min(np.float32(tissue[row, pair]) * scale, _SINGLE_LEVEL)
+    return level
 
 
 @compiled
-def _depth_means(level: Float, depth: int, total: NDArray[np.float64], means: Float) -> None:
-    """Write the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
+def _depth_means(level: Float, depth: int) -> Float:
+    """Return the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
     rows, pairs = level.shape
-    share = 1.0 / depth
+    share, total, means = 1.0 / depth, np.empty(pairs), np.empty((rows + depth, pairs), np.float32)
     for pair in range(pairs):
         total[pair] = depth * np.float64(level[0, pair])
     for row in range(rows + depth):
@@ -208,101 +198,93 @@ def _depth_means(level: Float, depth: int, total: NDArray[np.float64], means: Fl
         for pair in range(pairs):
             means[row, pair] = np.float32(total[pair] * share)
             total[pair] += np.float64(level[entering, pair]) - np.float64(level[leaving, pair])
+    return means
 
 
 @compiled
-def coarse_rows(
-    score_cr: Float, reach: int, four: Float, downwards: Float, upwards: Float, path: NDArray[np.int64]
-) -> None:
-    """Write the best path; if the best rows do not make one, it is found on the best of each four, which is quicker.
-
-    `four` (column, row / 4), `downwards` and `upwards` of its shape are scratch.
-    """
-    best_rows(score_cr, path)
+def coarse_rows(score_cr: Float, reach: int) -> NDArray[np.int64]:
+    """Return the best path; if the best rows do not make one, it is found on the best of each four: quicker."""
+    path = best_rows(score_cr)
     if is_path(path, reach):
-        return
-    columns, fours = four.shape
+        return path
+    columns, fours = len(path), score_cr.shape[1] // FOUR
+    four = np.empty((columns, fours), np.float32)
     for column in range(columns):
         for row in range(fours):
             best = score_cr[column, FOUR * row]
             for near in range(FOUR * row + 1, FOUR * row + FOUR):
                 best = max(best, score_cr[column, near])
             four[column, row] = best
-    find_path(four, (reach + FOUR - 1) // FOUR, path, downwards, upwards)
+    path = find_path(four, (reach + FOUR - 1) // FOUR)
     for column in range(columns):
         first = FOUR * path[column]
         path[column] = first
         for near in range(first + 1, first + FOUR):
             if score_cr[column, near] > score_cr[column, path[column]]:
                 path[column] = near
+    return path
 
 
 @compiled
-def start_rows(coarse: Float, place: NDArray[np.int64], weight: Float, rows: int, start: Float) -> None:
-    """Write a coarse curve at the fine columns, from its two neighbours' places and weights."""
-    last = np.float32(rows - 1.0)
+def start_rows(path: NDArray[np.int64], step_rows: int, place: NDArray[np.int64], weight: Float, rows: int) -> Float:
+    """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
+    coarse, start, last = np.empty(len(path), np.float32), np.empty(len(place), np.float32), np.float32(rows - 1.0)
+    for pair in range(len(path)):
+        coarse[pair] = np.float32(path[pair] * (ROWS * step_rows)) - _ONE_HALF
     for at in range(len(start)):
         one = np.float64(weight[at, 0]) * np.float64(coarse[place[at, 0]])
         other = np.float64(weight[at, 1]) * np.float64(coarse[place[at, 1]])
         start[at] = min(max(np.float32(one + other), np.float32(0.0)), last)
+    return start
 
 
 @compiled
 def sample_strip(
-    frame: Counts, first: int, near: Indices, far: Indices, across: Float, start: Float, row: Float, upper: Indices,
-    lower: Indices, down: Float, raw: Float,
-) -> float:  # fmt: skip
-    """Write the light in a strip about a curve, `raw` (row * column,), and return the noise of a pixel above it.
+    frame: Counts, first: int, columns: Indices, across: Float, start: Float, half: int
+) -> tuple[Float, float]:
+    """Return the light in a strip about a curve, (row, column), and the noise of a pixel above it.
 
-    `start`: rows of the strip's middle, (column,). `frame` to `across` are as of `sample_row`; `row` to `down` are
-    scratch.
+    `start`: rows of the strip's middle, (column,); `half` of the strip's height. `frame` to `across` are as of
+    `sample_rows`.
     """
-    columns = len(start)
-    half = len(raw) // columns // 2
+    rows = np.empty((2 * half, len(start)), np.float32)
     for step in range(2 * half):
-        for at in range(columns):
-            row[at] = np.float32(step - half) + _ONE_HALF + start[at]
-        light = raw[step * columns : (step + 1) * columns]
-        sample_row(frame, first, near, far, across, row, upper, lower, down, light)
-    number = (half - 2) * columns
+        for at in range(len(start)):
+            rows[step, at] = np.float32(step - half) + _ONE_HALF + start[at]
+    raw = sample_rows(frame, first, columns, across, rows)
+    number = (half - 2) * len(start)
     total = squares = 0
-    for at in range(number):
-        count = np.int64(raw[at])
-        total += count
-        squares += count * count
+    for row in range(half - 2):
+        for at in range(len(start)):
+            count = np.int64(raw[row, at])
+            total += count
+            squares += count * count
     mean = total / number
-    return np.sqrt(max(squares / number - mean * mean, 0.0))
+    return raw, np.sqrt(max(squares / number - mean * mean, 0.0))
 
 
 @compiled
-def fit_edges(
-    raw: Float, thin: int, start: Float, strip: Float, other: Float, total: Double, middle: Double, best: Double,
-    found: Float, contrast: Float,
-) -> None:  # fmt: skip
-    """Write the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
+def fit_edges(raw: Float, thin: int, start: Float) -> tuple[Float, Float]:
+    """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
 
-    `raw`: light in the strip, (row * column,); structures thinner than `thin` rows are removed. `strip` to `best` are
-    scratch.
+    `raw`: light in the strip, (row, column); structures thinner than `thin` rows are removed.
     """
-    _smooth_and_open(raw, len(start), thin, strip, other)
-    columns = len(start)
-    rows = len(strip) // columns
+    strip = _smoothed_and_opened(raw, thin)
+    rows, columns = strip.shape
     half, end = rows // 2, rows // 2 - 2
-    above, below = total, best
-    for at in range(columns):
-        above[at] = below[at] = 0.0
+    above, below, middle = np.zeros(columns), np.zeros(columns), np.empty(columns)
+    found, contrast = np.zeros(columns, np.float32), np.empty(columns, np.float32)
     for row in range(end):
-        line, other_line = strip[row * columns :], strip[(rows - 1 - row) * columns :]
+        line, other_line = strip[row], strip[rows - 1 - row]
         for at in range(columns):
             above[at] += np.float64(line[at])
             below[at] += np.float64(other_line[at])
     for at in range(columns):
         middle[at] = (above[at] + below[at]) / (2 * end)
         contrast[at] = np.float32((below[at] - above[at]) / end)
-        total[at] = best[at] = 0.0
-        found[at] = 0.0
+    total, best = np.zeros(columns), np.zeros(columns)
     for row in range(rows):
-        line = strip[row * columns :]
+        line = strip[row]
         for at in range(columns):
             total[at] += np.float64(line[at]) - middle[at]
             if total[at] < best[at]:
@@ -310,15 +292,17 @@ def fit_edges(
                 found[at] = np.float32(row + 1)
     for at in range(columns):
         found[at] = start[at] + found[at] - np.float32(half)
+    return found, contrast
 
 
 @compiled
-def _smooth_and_open(raw: Float, columns: int, thin: int, strip: Float, other: Float) -> None:
-    """Write the mean of 3 x 3 neighbours, opened along the columns, into `strip`."""
-    rows = len(raw) // columns
+def _smoothed_and_opened(raw: Float, thin: int) -> Float:
+    """Return the mean of 3 x 3 neighbours, opened along the columns."""
+    rows, columns = raw.shape
+    strip, three = np.empty(raw.shape, np.float32), np.empty(columns, np.float32)
     for row in range(rows):
-        upper, lower = raw[mirrored(row - 1, rows) * columns :], raw[mirrored(row + 1, rows) * columns :]
-        line, three, mean = raw[row * columns :], other[row * columns :], strip[row * columns :]
+        upper, line, lower = raw[mirrored(row - 1, rows)], raw[row], raw[mirrored(row + 1, rows)]
+        mean = strip[row]
         for at in range(columns):
             three[at] = upper[at] + line[at] + lower[at]  # counts: no sum is rounded
         for at in range(1, columns - 1):
@@ -327,16 +311,17 @@ def _smooth_and_open(raw: Float, columns: int, thin: int, strip: Float, other: F
         mean[columns - 1] = np.float32(
             np.float64(three[columns - 1] + three[columns - 2] + three[columns - 2]) * _NINTH
         )
-    smallest_of_rows(strip, rows * columns, columns, thin, other)
-    largest_of_rows(other, rows * columns, columns, thin, strip)
+    open_rows(strip, thin)
+    return strip
 
 
 @compiled
-def smooth_surface(found: Float, longer: Float, median: Float) -> None:
+def smooth_surface(found: Float) -> None:
     """Take a median and a mean over five points of a surface, extrapolated along its slope."""
     number = len(found)
     if number < SMOOTHED:
         return
+    longer, median = np.empty(number + 8, np.float32), np.empty(number + 8, np.float32)
     for step in range(4):
         longer[step] = 2 * found[0] - found[4 - step]
         longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
@@ -361,52 +346,37 @@ def _median_of_five(values: Float) -> np.float32:
 
 
 @compiled
-def show_points(
-    row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, share: float, typical: float,
-    widest: int, inside: Flags, present: Flags, values: Float,
-) -> int:  # fmt: skip
-    """Write which points show a surface, or lie in a gap that it bridges; return their number.
+def show_points(row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, widest: int) -> Flags:
+    """Return which points show a surface, or lie in a gap that it bridges.
 
     `missing` are columns of the frame's imaged part, `column` those of the points in it. A surface below row `deepest`
-    has left the window; a point with less than `share` of the typical contrast shows no surface, and `typical` is the
-    share of the points below that contrast. `widest`: gap, points. `inside` and `values` are scratch.
+    has left the window; a point with less than ABSENT_SHARE of the typical contrast shows no surface. `widest`: gap,
+    points.
     """
     points = len(row)
+    inside, present = np.empty(points, np.bool_), np.empty(points, np.bool_)
     for at in range(points):
         inside[at] = row[at] < np.float32(deepest)
         present[at] = inside[at] and not missing[int(column[at])]
-    usual = quantile_of_chosen(contrast, present, typical, values)
-    if np.isnan(usual):
-        return 0
-    least, number = np.float32(share * max(np.float64(usual), 1e-6)), 0
+    usual = quantile_of_chosen(contrast, present, TYPICAL)
+    least, last = np.float32(ABSENT_SHARE * max(np.float64(usual), 1e-6)), -1
     for at in range(points):
-        present[at] = present[at] and contrast[at] > least
-        number += present[at]
-    return number if number == points else _close_gaps(present, inside, widest)
+        if not (present[at] and contrast[at] > least):
+            present[at] = False
+            continue
+        within = False
+        for gap in range(last + 1, at):
+            within = within or inside[gap]
+        if last >= 0 and within and at - 1 - last <= widest:
+            present[last + 1 : at] = True
+        last = at
+    return present
 
 
 @compiled
-def _close_gaps(present: Flags, inside: Flags, widest: int) -> int:
-    """Close the gaps of at most `widest` points that lie (in part) inside; return the number of points present."""
-    last, number = -1, 0
-    for at in range(len(present)):
-        if present[at]:
-            within = False
-            for gap in range(last + 1, at):
-                within = within or inside[gap]
-            if last >= 0 and within and at - 1 - last <= widest:
-                for gap in range(last + 1, at):
-                    present[gap] = True
-                    number += 1
-            last = at
-            number += 1
-    return number
-
-
-@compiled
-def quantile_of_chosen(of: Float, chosen: Flags, share: float, values: Float) -> np.float32:
-    """Return the value that `share` of the chosen ones lie below, NaN of none; `values` is scratch."""
-    number = 0
+def quantile_of_chosen(of: Float, chosen: Flags, share: float) -> np.float32:
+    """Return the value that `share` of the chosen ones lie below, NaN of none."""
+    values, number = np.empty_like(of), 0
     for at in range(len(of)):
         if chosen[at]:
             values[number] = of[at]
