@@ -4,6 +4,7 @@ The machine code is cached under a hash of the sources, so that versions share n
 loops are imported only to read frames, to fit or to solve load paths, as the import of Numba takes 0.2 s.
 """
 
+import pickle
 import re
 import sys
 from collections.abc import Callable
@@ -46,17 +47,69 @@ def compiled(loops: Loops) -> Loops:
 def _code_file() -> Any:
     """Return the class of a function's machine code on disk, which is loaded without the compiler's modules.
 
-    Numba would import its implementations of all functions first, which takes longer than the import of Numba.
+    Numba would import its implementations of all functions first, which takes longer than the import of Numba, and
+    parse each function's form for the linker, which only the compilation of a caller needs.
     """
-    event, caching, runtime = (_untyped(f"numba.core.{name}") for name in ("event", "caching", "runtime"))
+    event, caching, codegen, environment, runtime = (
+        _untyped(f"numba.core.{name}") for name in ("event", "caching", "codegen", "environment", "runtime")
+    )
 
-    class CodeFile(caching.FunctionCache):  # type: ignore[misc, name-defined]  # Numba has hardly any types
+    def environment_of(module: str, constants: list[Any], name: str) -> Any:
+        """Return a called function's environment; its globals serve the interpreter only, so no module is imported."""
+        found = environment.lookup_environment(name)
+        if found is None:
+            found = environment.Environment({"__name__": module})
+            found.env_name = name
+            found.consts[:] = constants
+            environment.Environment._memo[name] = found
+        return found
+
+    class Unpickler(pickle.Unpickler):
+        def find_class(self, module: str, name: str) -> Any:
+            return environment_of if name == "_rebuild_env" else super().find_class(module, name)
+
+    class IndexFile(caching.IndexDataCacheFile):  # type: ignore[misc, name-defined]  # Numba has hardly any types
+        def _load_data(self, name: str) -> Any:
+            with Path(self._data_path(name)).open("rb") as file:
+                return Unpickler(file).load()
+
+    class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
+        _shared_module: Any
+
+        @classmethod
+        def _unserialize(cls, target: Any, state: Any) -> Any:
+            name, _, (object_code, bitcode) = state
+            library = cls(target, name)
+            library._bitcode = bitcode
+            library.enable_object_caching()
+            library._set_compiled_object(object_code)
+            library._finalize_final_module()
+            return library
+
+        def _get_module_for_linking(self) -> Any:
+            if self._shared_module is None:
+                self._shared_module = codegen.ll.parse_bitcode(self._bitcode)
+                self.codegen._engine._load_defined_symbols(self._shared_module)
+            return self._shared_module
+
+        def get_pointer_to_function(self, name: str) -> Any:
+            return self.codegen._engine.get_function_address(name)
+
+    class CodeFile(caching.FunctionCache):  # type: ignore[misc, name-defined]
+        def __init__(self, loops: Callable[..., object]) -> None:
+            super().__init__(loops)
+            self._cache_file.__class__ = IndexFile
+
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
+            target = target_context.codegen()
+            before, target._library_class = target._library_class, Library  # under the lock of Numba's compiler
             try:
                 return self._load_overload(signature, target_context)
             except Exception:  # a damaged file may raise anything: the function is compiled anew
                 return None
+            finally:
+                target._library_class = before
 
     class Notice(event.Listener):  # type: ignore[misc, name-defined]
         """The first compilation of this process says so."""
