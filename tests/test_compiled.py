@@ -70,3 +70,15 @@ def test_a_broken_file_in_the_cache_is_compiled_anew(tmp_path: Path) -> None:
     for code in codes:
         code.write_bytes(code.read_bytes()[:100])
     assert call(tmp_path)[0] == compiled
+
+
+def test_copies_of_the_same_sources_share_machine_code(tmp_path: Path) -> None:
+    results = []
+    for name in ("one", "other"):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "loops.py").write_text(LOOPS)
+        (folder / "cache").symlink_to(tmp_path)
+        results.append(call(folder))
+    assert results[0][0] == results[1][0]
+    assert results[1][2] == ""

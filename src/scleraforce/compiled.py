@@ -31,15 +31,9 @@ def compiled(loops: Loops) -> Loops:
     processes. It runs without the lock of the interpreter, and rounds as the plain function does.
     """
     from numba import njit
-    from numba.core import config
 
     dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy")(loops)
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(_code_cache(loops.__module__.removeprefix("scleraforce.")))  # type: ignore[attr-defined]
-    try:
-        dispatcher._cache = _code_file()(loops)
-    finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+    dispatcher._cache = _code_file()(loops)
     return cast(Loops, dispatcher)
 
 
@@ -68,7 +62,30 @@ def _code_file() -> Any:
         def find_class(self, module: str, name: str) -> Any:
             return environment_of if name == "_rebuild_env" else super().find_class(module, name)
 
-    class IndexFile(caching.IndexDataCacheFile):  # type: ignore[misc, name-defined]  # Numba has hardly any types
+    class Locator(caching._CacheLocator):  # type: ignore[misc, name-defined]  # Numba has hardly any types
+        """The folder of a module's machine code, the same for every copy of the package with the same sources."""
+
+        def __init__(self, loops: Callable[..., object], _: str) -> None:
+            self._folder = str(_code_cache(loops.__module__.removeprefix("scleraforce.")))
+            self._line = loops.__code__.co_firstlineno
+
+        @classmethod
+        def from_function(cls, loops: Callable[..., object], file: str) -> "Locator":
+            return cls(loops, file)
+
+        def get_cache_path(self) -> str:
+            return self._folder
+
+        def get_source_stamp(self) -> str:
+            return ""  # the folder's name has the hash of the sources
+
+        def get_disambiguator(self) -> str:
+            return str(self._line)
+
+    class Code(caching.CompileResultCacheImpl):  # type: ignore[misc, name-defined]
+        _locator_classes = (Locator,)
+
+    class IndexFile(caching.IndexDataCacheFile):  # type: ignore[misc, name-defined]
         def _load_data(self, name: str) -> Any:
             with Path(self._data_path(name)).open("rb") as file:
                 return Unpickler(file).load()
@@ -96,6 +113,8 @@ def _code_file() -> Any:
             return self.codegen._engine.get_function_address(name)
 
     class CodeFile(caching.FunctionCache):  # type: ignore[misc, name-defined]
+        _impl_class = Code
+
         def __init__(self, loops: Callable[..., object]) -> None:
             super().__init__(loops)
             self._cache_file.__class__ = IndexFile
@@ -144,7 +163,7 @@ def _code_cache(module: str) -> Path:
 def _deciding(module: str) -> set[Path]:
     """Return the sources of a module's machine code: Numba does not notice a change of a called function."""
     found: set[Path] = set()
-    waiting = [module]
+    waiting = [module, "compiled"]
     while waiting:
         file = ROOT.joinpath(*waiting.pop().split(".")).with_suffix(".py")
         if file.is_file() and file not in found:
