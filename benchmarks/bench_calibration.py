@@ -18,15 +18,17 @@ import numpy as np
 
 from calibration_eyes import drawn_eye, stated
 from ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimilate, eye_filter, first_state
-from scleraforce.calibration.eye_model import EyeConstants, EyeModel
+from scleraforce.calibration.assimilation import EyeSession, FrameStep, assimilate, begin_with
+from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
+from scleraforce.calibration.registration import EyeModel
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt
 from scleraforce.library.build import cached_library
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study, read_study
 
 
@@ -38,7 +40,11 @@ def wall(study: Study, thickness_m: float) -> LinearWall:
     return LinearWall(built, study.eye.poisson_ratio)
 
 
-def frames(study: Study, count: int, rng: np.random.Generator, sections_at: SectionsAt) -> list[FrameInput]:
+Frame = tuple[Boundaries, float]  # and its force, N
+NO_ZERO = np.diag([1e-18, 1e-18])  # of a force sensor without offset and drift
+
+
+def frames(study: Study, count: int, rng: np.random.Generator, sections_at: SectionsAt) -> list[Frame]:
     """Return the frames of a virtual eye."""
     forces = rng.uniform(6e-3, 58e-3, count).tolist()
     made = []
@@ -46,36 +52,41 @@ def frames(study: Study, count: int, rng: np.random.Generator, sections_at: Sect
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
         pose, smoothing_m = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m), study.calibration.surface_smoothing_m
         boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
-        made.append(FrameInput(boundaries, force_n=force_n, since_start_s=0.0, zero_covariance=np.diag([1e-18, 1e-18])))
+        made.append((boundaries, force_n))
     return made
 
 
-def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
+def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Generator) -> list[Frame]:
     """Return the frames of an eye of linear mechanics, whose wall may serve several."""
     built = wall(study, eye.thickness_m)
     return frames(study, count, rng, lambda forces: virtual_sections(built, eye, forces, study))
 
 
-def calibrated(study: Study, model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:
+def calibrated(study: Study, model: EyeModel, inputs: list[Frame]) -> tuple[float, float, list[float]]:
     """Return mean and standard deviation of E, and the time of each step in s."""
-    filtered = eye_filter(model, study.calibration)
-    state, mean, sd, seconds = first_state(filtered), np.nan, np.nan, []
+    session, seconds = begun(study, model), []
     for frame in inputs:
         start = time.perf_counter()
-        step = assimilate(filtered, state, frame)
+        step = assimilate(session, *frame)
         seconds.append(time.perf_counter() - start)
         if isinstance(step, FrameStep):
-            state, mean, sd = step.state, float(step.moments[0][0]), float(step.moments[1][0])
+            session = replace(session, state=step.state)
+    mean, sd = session.modulus if session.updates else (np.nan, np.nan)
     return mean, sd, seconds
 
 
-def print_step_time(study: Study, model: EyeModel, inputs: list[FrameInput]) -> None:
+def begun(study: Study, model: EyeModel) -> EyeSession:
+    """Return an eye before its first frame."""
+    return begin_with(model, study.calibration, zero_covariance=NO_ZERO)
+
+
+def print_step_time(study: Study, model: EyeModel, inputs: list[Frame]) -> None:
     """Print the time of a step: registration, observation, two sigma points, correction."""
     seconds = np.array(calibrated(study, model, inputs)[2][1:])
     print(f"step (one frame): {1e3 * seconds.min():.1f} ms at best, {1e3 * np.median(seconds):.1f} ms in the median")
 
 
-def print_wrong_statements(study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[FrameInput]) -> None:
+def print_wrong_statements(study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[Frame]) -> None:
     """Print what E becomes where thickness, gap or IOP are stated 10 % wrong."""
     changes: dict[str, Callable[[float], EyeConstants]] = {
         "thickness": lambda share: replace(right, thickness_m=share * right.thickness_m),
@@ -153,17 +164,14 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
               f"{100 * largest:.2f} %; within two sd: {honest:.0f} %")  # fmt: skip
 
 
-def own_moduli(
-    study: Study, model: EyeModel, inputs: list[FrameInput], eye: PhantomEye
-) -> tuple[list[float], list[float]]:
+def own_moduli(study: Study, model: EyeModel, inputs: list[Frame], eye: PhantomEye) -> tuple[list[float], list[float]]:
     """Return the errors of E from single frames, below 20 mN and above 35 mN."""
-    filtered = eye_filter(model, study.calibration)
-    state, alone = first_state(filtered), []
-    for frame in inputs:
-        step = assimilate(filtered, state, frame)
+    session, alone = begun(study, model), []
+    for boundaries, force_n in inputs:
+        step = assimilate(session, boundaries, force_n)
         if isinstance(step, FrameStep):
-            state = step.state
-            alone.append((frame.force_n, step.registered.youngs_modulus_pa / eye.youngs_modulus_pa - 1))
+            session = replace(session, state=step.state)
+            alone.append((force_n, step.registered.wall.youngs_modulus_pa / eye.youngs_modulus_pa - 1))
     low = [error for force_n, error in alone if force_n < 20e-3]
     high = [error for force_n, error in alone if force_n > 35e-3]
     return low, high

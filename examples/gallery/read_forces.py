@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import scleraforce as sf
 from scleraforce.report.files import write_figure
-from scleraforce.report.force_figures import draw_read_forces
+from scleraforce.report.frame_figures import draw_read_forces
 
 QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"  # a coarse wall, which is pushed in seconds
 FORCES_N = (0.012, 0.024, 0.036, 0.003, 0.008, 0.015, 0.019, 0.026, 0.033, 0.041, 0.050)

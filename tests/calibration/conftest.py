@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.calibration.assimilation import FrameInput
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import MeshStudy, Study
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
@@ -47,23 +47,15 @@ class Laboratory:
 
     def frames(
         self, eye: PhantomEye, forces_n: list[float], rng: np.random.Generator, noise_m: float = 5e-6
-    ) -> list[tuple[Pose, FrameInput]]:
-        """Frames of an eye that shifts by up to 0.2 mm between them, in a frame that is turned a little."""
+    ) -> list[tuple[Pose, Boundaries, float]]:
+        """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between frames, and is turned a little."""
         made = []
-        for force_n, section in zip(
-            forces_n, virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study), strict=True
-        ):
+        sections = virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study)
+        for force_n, section in zip(forces_n, sections, strict=True):
             lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
             pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
-            boundaries = ideal_boundaries(
-                section, pose, self.study.oct, noise_m, rng, self.study.calibration.surface_smoothing_m
-            )
-            made.append(
-                (
-                    pose,
-                    FrameInput(boundaries, force_n=force_n, since_start_s=0.0, zero_covariance=np.diag([1e-18, 1e-18])),
-                )
-            )
+            smoothing_m = self.study.calibration.surface_smoothing_m
+            made.append((pose, ideal_boundaries(section, pose, self.study.oct, noise_m, rng, smoothing_m), force_n))
         return made
 
 

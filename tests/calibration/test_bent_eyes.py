@@ -51,7 +51,7 @@ def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: 
         smoothing_m = study.calibration.surface_smoothing_m
         eye = assimilation.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
         assert isinstance(eye.last, FrameStep)
-        alone.append(eye.last.registered.youngs_modulus_pa)
+        alone.append(eye.last.registered.wall.youngs_modulus_pa)
     assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)
     assert abs(eye.mean_pa - EYE.youngs_modulus_pa) < 2 * eye.sd_pa
     assert eye.sd_pa < 0.03 * EYE.youngs_modulus_pa

@@ -14,7 +14,8 @@ from analytic_frames import LIBRARY
 from small_recordings import calibration_of_a_sealed_eye
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration.calibrate import FrameWalls, calibrate_recordings, frame_order
+from scleraforce.calibration import calibrate
+from scleraforce.calibration.calibrate import calibrate_recordings, frame_order
 from scleraforce.calibration.known_forces import TissueTrial
 from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
@@ -23,7 +24,7 @@ from scleraforce.known.calibration_file import known_of_eye, parse_calibration_f
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.study import CalibrationStudy, Study
+from scleraforce.study import Study
 from scleraforce.units import SI_PER_UNIT
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
@@ -55,27 +56,17 @@ def test_modulus_from_raw_frames_is_within_3_percent(calibration: Calibration, e
 
 
 def test_poses_of_raw_frames_are_within_50_um(calibration: Calibration, recording: Recording) -> None:
-    truth = {
-        frame["file"]: frame["pose"] for frame in json.loads((recording.path / "truth.json").read_text())["frames"]
-    }
+    truth = json.loads((recording.path / "truth.json").read_text())["frames"]
+    poses = {frame["file"]: [frame["pose"]["lateral_m"], frame["pose"]["depth_m"]] for frame in truth}
     found = calibration.eyes["virtual"]
     for record, step in zip(found.used, found.steps, strict=True):
-        pose = truth[record.file]
-        assert step.registered.nuisance[:2] == pytest.approx([pose["lateral_m"], pose["depth_m"]], abs=50e-6)
+        assert step.registered.nuisance[:2] == pytest.approx(poses[record.file], abs=50e-6)
 
 
 def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Calibration) -> None:
     first, *others = calibration.eyes["virtual"].frames
-    assert first.skipped is not None
-    assert "reference" in first.skipped
+    assert "reference" in str(first.skipped)
     assert all(frame.skipped is None for frame in others)
-
-
-@pytest.mark.slow
-def test_few_frames_are_the_highest_and_even_shares_of_it_rising(laboratory: Any, recording: Recording) -> None:
-    for few, files in ((1, ["0004"]), (2, ["0005", "0004"]), (3, ["0003", "0002", "0004"])):
-        found = calibrate_recordings([recording], laboratory.study, "hash", None, frames=few).eyes["virtual"]
-        assert [frame.file for frame in found.used] == [f"{file}.png" for file in files]
 
 
 @pytest.mark.slow
@@ -83,41 +74,30 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(laboratory: Any, recordi
     path = shutil.copytree(recording.path, tmp_path / "virtual")
     highest = path / "frames" / "0004.png"
     cv2.imwrite(str(highest), np.zeros_like(cv2.imread(str(highest), cv2.IMREAD_UNCHANGED)))
-    found = calibrate_recordings([read_recording(path)], laboratory.study, "hash", None, frames=2).eyes["virtual"]
-    assert len(found.used) == 2
+    for one, used in ((recording, ["0005.png", "0004.png"]), (read_recording(path), ["0005.png", "0006.png"])):
+        found = calibrate_recordings([one], laboratory.study, "hash", None, frames=2).eyes["virtual"]
+        assert [frame.file for frame in found.used] == used
     assert "0004.png" in {frame.file for frame in found.frames if frame.skipped}
 
 
-FORCES_N = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
-FEW = CalibrationStudy()
-
-
-@pytest.mark.parametrize(
-    ("included", "frames", "order"),
-    [
-        ([True] * 8, None, [0, 1, 2, 3, 4, 5, 6, 7]),
-        ([True] * 8, 1, [0, 3, 7, 5, 1, 4, 2]),
-        ([True] * 8, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
+def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest() -> None:
+    forces_n, every = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3, [True] * 8
+    for included, frames, order in (
+        (every, None, [0, 1, 2, 3, 4, 5, 6, 7]),
+        (every, 1, [0, 3, 7, 5, 1, 4, 2]),
+        (every, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
         ([True] * 3 + [False] + [True] * 4, 2, [0, 6, 4, 7, 5, 1, 2]),
         ([False] * 8, 3, []),
-        ([True, False, False, False, False, False, True, False], 3, [0, 6]),
-    ],
-    ids=["all", "one", "three", "highest excluded", "none", "light ones only"],
-)
-def test_few_frames_are_looked_at_light_ones_first_then_rising_then_the_rest_from_the_highest(
-    included: list[bool], frames: int | None, order: list[int]
-) -> None:
-    assert frame_order(FORCES_N, included, FEW.min_force_n, frames, rising=False) == order
-
-
-def test_of_an_eye_that_may_be_sealed_all_frames_are_taken_light_ones_first_then_rising() -> None:
-    force_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
+        ([n in (0, 6) for n in range(8)], 3, [0, 6]),
+    ):
+        assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
     included = [True, True, True, False, True, True]
-    assert frame_order(force_n, included, 0.005, None, rising=True) == [1, 5, 2, 4, 0, 3]
+    forces_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
+    assert frame_order(forces_n, included, 0.005, None, rising=True) == [1, 5, 2, 4, 0, 3]
 
 
 @pytest.mark.slow
-def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
+def test_a_continued_calibration_equals_an_uninterrupted_one(
     laboratory: Any, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("scleraforce.calibration.calibrate.frame_order", lambda _, included, *__: range(len(included)))
@@ -144,29 +124,28 @@ def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
     assert len(entry["recordings"][0]["sha256"]) == 64
 
 
-def test_the_population_is_the_mean_of_means_and_can_leave_an_eye_out(calibration: Calibration) -> None:
-    one = calibration.eyes["virtual"]
-    eyes = {name: replace(one, id=name, means=(mean,)) for name, mean in (("a", 0.2e6), ("b", 0.3e6), ("c", 0.1e6))}
-    many = Calibration(eyes, "", (5e-3, 30e-3), "linear")
-    assert many.population == pytest.approx((0.2e6, 0.1e6))
-    assert many.left_out("b") == pytest.approx(0.15e6)
-    assert calibration.left_out("virtual") == one.mean_pa
-
-
-def test_an_eye_whose_filter_diverged_is_none_of_the_population_unless_all_did(calibration: Calibration) -> None:
+def test_the_population_is_the_mean_of_the_sound_eyes_and_can_leave_one_out(calibration: Calibration) -> None:
     sound = calibration.eyes["virtual"]
     diverged = replace(sound, frames=(*sound.frames[:-1], replace(sound.frames[-1], status="E has run away")))
-    eyes = {
-        name: replace(eye, id=name, means=(mean,))
-        for name, eye, mean in (("a", sound, 0.2e6), ("b", sound, 0.3e6), ("c", diverged, 9e6))
-    }
-    many = Calibration(eyes, "", (5e-3, 30e-3), "linear")
-    assert many.population == pytest.approx((0.25e6, 0.1e6 / 2**0.5))
-    assert many.left_out("a") == pytest.approx(0.3e6)
-    assert Calibration({"c": eyes["c"]}, "", (5e-3, 30e-3), "linear").population == (9e6, None)
+
+    def population(**moduli_pa: float) -> Calibration:
+        eyes = {
+            name: replace(diverged if name == "lost" else sound, id=name, means=(mean_pa,))
+            for name, mean_pa in moduli_pa.items()
+        }
+        return Calibration(eyes, "", (5e-3, 30e-3), "linear")
+
+    three = population(a=0.2e6, b=0.3e6, c=0.1e6)
+    assert three.population == pytest.approx((0.2e6, 0.1e6))
+    assert three.left_out("b") == pytest.approx(0.15e6)
+    assert calibration.left_out("virtual") == sound.mean_pa
+    two = population(a=0.2e6, b=0.3e6, lost=9e6)
+    assert two.population == pytest.approx((0.25e6, 0.1e6 / 2**0.5))
+    assert two.left_out("a") == pytest.approx(0.3e6)
+    assert population(lost=9e6).population == (9e6, None)
 
 
-def test_what_low_and_high_forces_say_stands_apart(calibration: Calibration, eye: PhantomEye) -> None:
+def test_low_and_high_forces_have_moduli_of_their_own(calibration: Calibration, eye: PhantomEye) -> None:
     none, low, high = calibration.eyes["virtual"].by_class((5e-3, 25e-3))
     assert none is None
     assert low == pytest.approx(eye.youngs_modulus_pa, rel=0.06)
@@ -174,24 +153,24 @@ def test_what_low_and_high_forces_say_stands_apart(calibration: Calibration, eye
 
 
 @pytest.mark.slow
-def test_a_recording_that_cannot_be_calibrated_on_says_why(laboratory: Any, recording: Recording) -> None:
-    info = recording.info
-    without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
-    with pytest.raises(CalibrationError, match=r"eye\.thickness_m: missing"):
-        calibrate_recordings([without], laboratory.study, "", None)
-    with pytest.raises(CalibrationError, match=r"no forces\.csv"):
-        calibrate_recordings([replace(recording, forces=None)], laboratory.study, "", None)
-    strict = replace(laboratory.study, calibration=replace(laboratory.study.calibration, min_force_n=1.0))
-    with pytest.raises(CalibrationError, match="none of its 6 frames"):
-        calibrate_recordings([recording], strict, "", None)
-
-
-@pytest.mark.slow
-def test_an_earlier_file_of_other_parameters_is_refused(
+def test_a_recording_or_an_earlier_file_that_cannot_be_used_is_refused(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
-    with pytest.raises(CalibrationError, match="begin anew"):
-        calibrate_recordings([recording], laboratory.study, "", None, ("e", "iop"), earlier=calibration)
+    study, info = laboratory.study, recording.info
+    without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
+    strict = replace(study, calibration=replace(study.calibration, min_force_n=1.0))
+    content = json.loads(json.dumps(calibration_as_json(calibration)))
+    content["eyes"]["virtual"]["state"]["mean"] = [900.0]
+    moved = parsed(json.dumps(content))
+    for one, of_study, given, said in (
+        (without, study, {}, r"eye\.thickness_m: missing"),
+        (replace(recording, forces=None), study, {}, r"no forces\.csv"),
+        (recording, strict, {}, "none of its 6 frames"),
+        (recording, study, {"parameters": ("e", "iop"), "earlier": calibration}, "begin anew"),
+        (recording, study, {"earlier": moved}, "is not that of its parameters"),
+    ):
+        with pytest.raises(CalibrationError, match=said):
+            calibrate_recordings([one], of_study, "", None, **given)
 
 
 def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() -> None:
@@ -201,10 +180,9 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     content = calibration_as_json(Calibration(eyes, "hash", (5e-3, 30e-3), "finite-strain"))
     text = json.dumps(content, allow_nan=False)
     found, summary = parsed(text), summary_of(parse_calibration_file(text.encode(), "c.json"))
-    assert [found.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
-    assert [summary.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
-    assert found.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
-    assert summary.population_stiffening == pytest.approx(3.0)
+    for either in (found, summary):
+        assert [either.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
+        assert either.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
     assert [frame.again.loss for frame in found.eyes["a"].frames if frame.again] == [3.5] * 3
     for entry in (content["population"], *content["eyes"].values()):
         del entry["stiffening"]
@@ -232,30 +210,20 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("key", HOSTILE)
-def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibration: Calibration, key: str) -> None:
-    values, place = HOSTILE[key]
-    for value in values:
-        content = json.loads(json.dumps(calibration_as_json(calibration)))
-        *path, last = key.split(".")
-        target = content["eyes"]["virtual"]
-        for step in path:
-            target = target[step]
-        assert last in target
-        target[last] = value
-        with pytest.raises(CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}") as fault:
-            parsed(json.dumps(content))
-        assert "\n" not in str(fault.value)
-
-
-@pytest.mark.slow
-def test_a_state_that_is_not_that_of_its_parameters_is_refused(
-    laboratory: Any, recording: Recording, calibration: Calibration
-) -> None:
-    content = json.loads(json.dumps(calibration_as_json(calibration)))
-    content["eyes"]["virtual"]["state"]["mean"] = [900.0]
-    with pytest.raises(CalibrationError, match="is not that of its parameters"):
-        calibrate_recordings([recording], laboratory.study, "", None, earlier=parsed(json.dumps(content)))
+def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibration: Calibration) -> None:
+    text = json.dumps(calibration_as_json(calibration))
+    for key, (values, place) in HOSTILE.items():
+        for value in values:
+            content = json.loads(text)
+            *path, last = key.split(".")
+            target = content["eyes"]["virtual"]
+            for step in path:
+                target = target[step]
+            assert last in target
+            target[last] = value
+            with pytest.raises(CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}") as fault:
+                parsed(json.dumps(content))
+            assert "\n" not in str(fault.value)
 
 
 @pytest.mark.slow
@@ -270,90 +238,77 @@ def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
     assert len(again.eyes["virtual"].frames) == 6
 
 
-def told_eye(recording: Recording, globe: str | None) -> Recording:
+PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
+
+
+def of_globe(recording: Recording, globe: str | None) -> Recording:
     return replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)))
 
 
 @pytest.fixture
-def found_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]]:
-    """Make a calibration diverge unless nothing is told of the globe; return what was told in each."""
+def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]]:
+    """Make a calibration diverge if a globe is stated; return the stated globe of each, and look at every frame."""
 
-    def use(untold_status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
-        sealed = calibration_of_a_sealed_eye().eyes["mine"]
-        per_ul, asked = SI_PER_UNIT["mmhg13_per_ul"][1], list[str | None]()
+    def use(status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
+        sealed, asked = calibration_of_a_sealed_eye().eyes["mine"], list[str | None]()
 
-        def found(recording: Recording, *_: Any) -> TissueTrial[EyeCalibration]:
+        def found(recording: Recording, _: Any, look: Any, *__: Any) -> TissueTrial[EyeCalibration]:
+            assert len({look(index) for index in range(len(recording.frames))}) == len(FORCES)
             asked.append(recording.info.eye.globe)
             *frames, last = sealed.frames
-            status = "diverged: by 5 sd" if asked[-1] is not None else untold_status
-            globe = SEALED if asked[-1] is not None else replace(UNKNOWN, mean=rigidity * per_ul, sd=sd * per_ul)
-            eye = replace(sealed, id="virtual", frames=(*frames, replace(last, status=status)), globe=globe)
+            if asked[-1] is None:
+                globe, said = replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL), status
+            else:
+                globe, said = SEALED, "diverged: by 5 sd"
+            eye = replace(sealed, id="virtual", frames=(*frames, replace(last, status=said)), globe=globe)
             return TissueTrial.diverged(eye, 0)
 
-        monkeypatch.setattr("scleraforce.calibration.calibrate.calibrate_eye", found)
+        monkeypatch.setattr(calibrate, "calibrate_eye", found)
         return asked
 
     return use
 
 
-@pytest.mark.parametrize(
-    ("told", "untold_status", "rigidity", "doubted"),
-    [
+def test_a_globe_is_doubted_if_the_frames_agree_on_another_one_and_frames_are_segmented_once(
+    recording: Recording, diverging: Callable[..., list[str | None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    segmented, find_wall = list[Any](), calibrate.find_wall
+    monkeypatch.setattr(calibrate, "find_wall", lambda *given: segmented.append(given) or find_wall(*given))
+    for stated, status, rigidity, doubted in (
         ("open", "ok", 0.03, True),
         ("open", "ok", 0.0052, True),
         ("open", "diverged: by 4 sd", 0.0, False),
         ("open", "diverged: by 4 sd", 0.03, False),
         ("sealed", "ok", 0.0, True),
         (None, "diverged: by 4 sd", 0.03, False),
-    ],
-)
-def test_a_globe_is_doubted_where_the_frames_agree_on_another_one(
-    recording: Recording,
-    found_of: Callable[..., list[str | None]],
-    told: str | None,
-    untold_status: str,
-    rigidity: float,
-    doubted: bool,
-) -> None:
-    found_of(untold_status, rigidity)
-    eye = calibrate_recordings([told_eye(recording, told)], Study(), "hash", LIBRARY).eyes["virtual"]
-    assert eye.status.startswith("diverged")
-    assert bool(eye.recordings[-1].doubts) == doubted
-    assert (eye.globe == UNKNOWN) == doubted
+    ):
+        asked = diverging(status, rigidity)
+        segmented.clear()
+        eye = calibrate_recordings([of_globe(recording, stated)], Study(), "hash", LIBRARY).eyes["virtual"]
+        assert set(asked) == {stated, None}
+        assert len(segmented) == len(FORCES)
+        assert eye.status.startswith("diverged")
+        assert bool(eye.recordings[-1].doubts) == doubted
+        assert (eye.globe == UNKNOWN) == doubted
 
 
-@pytest.mark.parametrize(("rigidity", "sd"), [(0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)])
 def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
-    recording: Recording, found_of: Callable[..., list[str | None]], rigidity: float, sd: float
+    recording: Recording, diverging: Callable[..., list[str | None]]
 ) -> None:
-    asked = found_of("ok", rigidity, sd)
-    before = calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY)
-    eye, per_ul = before.eyes["virtual"], SI_PER_UNIT["mmhg13_per_ul"][1]
-    assert asked[0] == "open"
-    assert eye.status == "ok"
-    assert (eye.globe.kind, eye.globe.mean) == ("open", rigidity * per_ul)
-    assert eye.globe.sd == pytest.approx(max(sd, rigidity / 1.645) * per_ul, rel=1e-3)
-    (doubt,) = eye.recordings[-1].doubts
-    assert "they are read as with k 0.03" in doubt
-    summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(before)).encode(), "c.json"))
-    told = known_of_recording(told_eye(recording, "open").info)
-    assert known_of_eye(told, summary, "virtual").globe == eye.globe
-    asked.clear()
-    again = calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY, earlier=before)
-    assert asked == [None]
-    assert again.eyes["virtual"].globe == eye.globe
-
-
-def test_the_frames_are_not_read_again_to_doubt_a_globe(
-    recording: Recording, found_of: Callable[..., list[str | None]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked, read = found_of("ok", 0.03), list[FrameWalls]()
-
-    def counted(*given: Any) -> FrameWalls:
-        read.append(FrameWalls(*given))
-        return read[-1]
-
-    monkeypatch.setattr("scleraforce.calibration.calibrate.FrameWalls", counted)
-    calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY)
-    assert set(asked) == {"open", None}
-    assert len(read) == 1
+    for rigidity, sd in ((0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)):
+        asked = diverging("ok", rigidity, sd)
+        before = calibrate_recordings([of_globe(recording, "open")], Study(), "hash", LIBRARY)
+        eye = before.eyes["virtual"]
+        assert asked[0] == "open"
+        assert eye.status == "ok"
+        assert (eye.globe.kind, eye.globe.mean) == ("open", rigidity * PER_UL)
+        assert eye.globe.sd == pytest.approx(max(sd, rigidity / 1.645) * PER_UL, rel=1e-3)
+        (doubt,) = eye.recordings[-1].doubts
+        assert "they are read as with k 0.03" in doubt
+        summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(before)).encode(), "c.json"))
+        stated = known_of_recording(of_globe(recording, "open").info)
+        assert known_of_eye(stated, summary, "virtual").globe == eye.globe
+        asked.clear()
+        again = calibrate_recordings([of_globe(recording, "open")], Study(), "hash", LIBRARY, earlier=before)
+        assert asked == [None]
+        assert again.eyes["virtual"].globe == eye.globe

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from reference_walls import cut_section
-from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, parameter_sections, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, stated_wall
+from scleraforce.calibration.registration import parameter_sections
 from scleraforce.mechanics.contact import Contact, ScanPlane
 
 

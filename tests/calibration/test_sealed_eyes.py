@@ -145,7 +145,7 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     for force_n, boundaries in zip(forces_n, made, strict=True):
         found = assimilation.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
-        assert found.last.registered.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
+        assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
     if order[0] == 0:
         assert found.mean_pa == pytest.approx(0.2217e6, rel=0.05)
 

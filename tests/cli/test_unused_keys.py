@@ -8,7 +8,6 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.calibration.assimilation import eye_model
-from scleraforce.calibration.calibrate import stated_tissue
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.cli.main import run
 from scleraforce.laboratory.simulation import simulate_eye
@@ -113,7 +112,7 @@ def calibrate_linear(study: Study) -> None:
 
 
 def calibrate(study: Study) -> None:
-    eye_model(study, STATED, stated_tissue(analytic_library(), study)).curves([STATE])
+    eye_model(study, STATED, analytic_library().for_stiffening(study.tissue.stiffening)).curves([STATE])
 
 
 def library(study: Study) -> None:

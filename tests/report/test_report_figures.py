@@ -30,14 +30,15 @@ from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial
 from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.report.files import CLASS_COLOURS, write_figure
-from scleraforce.report.force_figures import draw_read_forces, draw_trial_forces
 from scleraforce.report.frame_figures import (
     SlicePair,
     dice,
     draw_computed_walls,
     draw_montage,
+    draw_read_forces,
     draw_segmentation,
     draw_slice_pairs,
+    draw_trial_forces,
     laid_on_surface,
 )
 from scleraforce.report.model_figures import draw_curves

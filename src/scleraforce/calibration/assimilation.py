@@ -9,7 +9,7 @@ determines (zero of the force, its drift, the contact angle, the finite elements
 estimate is followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
 """
 
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import (
     EyeConstants,
-    EyeModel,
     Parameter,
     ParameterSpace,
     known_of_constants,
-    parameter_sections,
     stated_wall,
 )
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
@@ -32,11 +30,13 @@ from scleraforce.calibration.registration import (
     BY_LATERAL,
     BY_POLAR,
     LOG_MODULUS,
+    EyeModel,
     PoseBelief,
     Registered,
     first_belief,
     force_derivative,
     frame_prior,
+    parameter_sections,
     place_section,
     polar_derivative,
     predict_frame,
@@ -90,35 +90,14 @@ class EyeState:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameInput:
-    """A frame as the filter needs it.
-
-    Boundaries; force and seconds since the force log began; covariance (2, 2) of the zero's offset and drift, which all
-    forces of a recording share (`forces`).
-    """
-
-    boundaries: Boundaries
-    _: KW_ONLY
-    force_n: float
-    since_start_s: float
-    zero_covariance: Array
-
-
-@dataclass(frozen=True, eq=False)
 class FrameStep:
-    """One frame's step: the state after it, and the values that a figure or a report needs.
-
-    `before_m` and `after_m` (point,): depths predicted at the observed points, before and after, at the frame's pose.
-    """
+    """One frame's step: the state after it, and the values that a figure or a report needs."""
 
     state: EyeState
     force_n: float
     registered: Registered
     observation: Observation
-    before_m: Array
-    after_m: Array
     result: StepResult
-    moments: tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -129,11 +108,7 @@ class Skipped:
 
 
 def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
-    """Set up the filter of an eye for parameters named as on the command line; a globe's rigidity is added by itself.
-
-    Raises:
-        ValueError: an unknown or repeated parameter.
-    """
+    """Set up the filter of an eye for parameters named as on the command line; a rigidity is added by itself."""
     if not parameters or set(parameters) - set(PARAMETERS) or len(set(parameters)) < len(parameters):
         raise ValueError(f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once")
     priors = {
@@ -143,22 +118,14 @@ def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, 
         "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
     }
     means_sds = [(PARAMETERS[name], *priors[name]) for name in parameters]
-    space = ParameterSpace(
-        tuple(Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in means_sds)
-    )
+    unknown = [Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in means_sds]
     globe = model.constants.globe
     if globe.can_be_sealed:
-        rigidity = Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True)
-        space = ParameterSpace((*space.parameters, rigidity))
-    sigma = sigma_points(study.sigma_points, len(space.parameters))
-    return EyeFilter(model, space, FilterParams(sigma, study.iterations, gate=study.gate_sd, inflate=True), study)
-
-
-def first_state(eye: EyeFilter) -> EyeState:
-    """Return the state before the first frame."""
-    posterior = initial_posterior(*eye.space.prior())
-    sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
-    return EyeState(posterior, first_belief(eye.model), sensitivity, ZERO_PRIOR)
+        unknown.append(Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True))
+    params = FilterParams(
+        sigma_points(study.sigma_points, len(unknown)), study.iterations, gate=study.gate_sd, inflate=True
+    )
+    return EyeFilter(model, ParameterSpace(tuple(unknown)), params, study)
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
@@ -210,17 +177,19 @@ def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     return total
 
 
-def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep | Skipped:
+def assimilate(
+    session: "EyeSession", boundaries: Boundaries, force_n: float, since_start_s: float = 0.0
+) -> FrameStep | Skipped:
     """Assimilate one frame; it is skipped if it shows too little, or if the mechanics does not hold.
 
     A frame that the model cannot be evaluated for leaves the state unchanged, and `result.status` says why.
     """
-    if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
+    eye, state = session.filter, session.state
+    if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
-    sought = _modulus(eye, state), prior, rigidity_after(eye, state)
-    fit = register(eye.model, frame.boundaries, frame.force_n, *sought)
-    observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
+    fit = register(eye.model, boundaries, force_n, _modulus(eye, state), prior, rigidity_after(eye, state))
+    observation = observe_points(boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
     placed = predict_frame(*at)
@@ -230,19 +199,21 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     expected = placed.jacobian[:, :LOG_MODULUS] @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
-        return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
+        return _depths(eye, states_rp, force_n, fit.nuisance, places) + expected
 
     noise = _observation_noise(eye, observation, placed, by_force, by_polar, prior)
     start = _start(eye, state, fit)
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
-    if (outside := _outside(eye, result.posterior, frame.force_n)) is not None:
+    if (outside := _outside(eye, result.posterior, force_n)) is not None:
         return Skipped(outside)
+    sensitivity = state.sensitivity
+    if result.observations:
+        # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`: point, shared).
+        g = np.stack([by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1)
+        sensitivity = result.contraction @ sensitivity + result.gain @ g
     belief = updated_belief(state.belief, prior, fit)
-    sensitivity = _followed(state.sensitivity, result, by_force, by_polar, frame)
-    after = EyeState(result.posterior, belief, sensitivity, frame.zero_covariance)
-    means = np.stack([state.posterior.mean, result.posterior.mean])
-    before_m, after_m = _depths(eye, means, frame.force_n, fit.nuisance, places)
-    return FrameStep(after, frame.force_n, fit, observation, before_m, after_m, result, moments(eye, after))
+    after = EyeState(result.posterior, belief, sensitivity, session.zero_covariance)
+    return FrameStep(after, force_n, fit, observation, result)
 
 
 def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Array:
@@ -263,7 +234,7 @@ def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
         return None
     start = state.posterior.mean.copy()
     start[eye.space.names.index(RIGIDITY)] = fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
-    start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.youngs_modulus_pa)
+    start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.wall.youngs_modulus_pa)
     return start
 
 
@@ -296,18 +267,6 @@ def _outside(eye: EyeFilter, posterior: Posterior, force_n: float) -> str | None
     stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
     values = eye.space.values(posterior.mean).tolist()
     return eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
-
-
-def _followed(sensitivity: Array, result: StepResult, by_force: Array, by_polar: Array, frame: FrameInput) -> Array:
-    """Return the effect of an error of each shared value on the estimate, after one more step (parameter, shared).
-
-    The estimate is x+ = x- + G (y - h(x-)); an error d of a shared value moves y by g d.
-    """
-    if not result.observations:
-        return sensitivity
-    shared = np.stack([by_force, by_force * frame.since_start_s, by_polar, by_force * frame.force_n], axis=1)
-    followed: Array = result.contraction @ sensitivity + result.gain @ shared
-    return followed
 
 
 def _modulus(eye: EyeFilter, state: EyeState) -> float:
@@ -345,21 +304,24 @@ class EyeSession:
     @property
     def mean_pa(self) -> float:
         """Posterior mean of Young's modulus: the prior's before the first frame."""
-        return self._modulus(0)
+        return self.modulus[0]
 
     @property
     def sd_pa(self) -> float:
         """Posterior standard deviation of Young's modulus."""
-        return self._modulus(1)
+        return self.modulus[1]
+
+    @property
+    def modulus(self) -> tuple[float, float]:
+        """Posterior mean and standard deviation of Young's modulus, Pa."""
+        means, sds = moments(self.filter, self.state)
+        place = self.filter.space.names.index(PARAMETERS["e"])
+        return float(means[place]), float(sds[place])
 
     @property
     def updates(self) -> int:
         """The number of frames that the estimate rests on."""
         return self.state.posterior.updates
-
-    def _modulus(self, moment: int) -> float:
-        values = moments(self.filter, self.state)[moment]
-        return float(values[self.filter.space.names.index("youngs_modulus_pa")])
 
 
 def eye_model(
@@ -367,8 +329,7 @@ def eye_model(
 ) -> EyeModel:
     """Return the model of an eye: of finite strain with a library, of the paper's linear mechanics without.
 
-    Raises:
-        CalibrationError: the eye cannot be meshed, or the library does not have it.
+    It raises `CalibrationError` if the eye cannot be meshed, or the library does not have it.
     """
     if library is None:
         return linear_eye(study, constants, thickness_uncertain)
@@ -382,15 +343,19 @@ def begin(
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Array = ZERO_PRIOR,
 ) -> EyeSession:
-    """Return an eye before its first frame.
-
-    Raises:
-        CalibrationError: the eye cannot be meshed, or the library does not have it.
-        ValueError: an unknown or repeated parameter.
-    """
+    """Return an eye before its first frame; raises `CalibrationError` as `eye_model`."""
     model = eye_model(study, constants, library, "thickness" in parameters)
-    eye = eye_filter(model, study.calibration, parameters)
-    return EyeSession(eye, first_state(eye), zero_covariance)
+    return begin_with(model, study.calibration, parameters, zero_covariance)
+
+
+def begin_with(
+    model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",), zero_covariance: Array = ZERO_PRIOR
+) -> EyeSession:
+    """Return an eye of a model before its first frame."""
+    eye = eye_filter(model, study, parameters)
+    sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
+    state = EyeState(initial_posterior(*eye.space.prior()), first_belief(model), sensitivity, ZERO_PRIOR)
+    return EyeSession(eye, state, zero_covariance)
 
 
 def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float = 0.0) -> EyeSession:
@@ -399,14 +364,11 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
     if isinstance(eye.model, LibraryEye):
         boundaries = without_form(eye.model, boundaries, eye.study)
     if force_n > eye.study.min_force_n:
-        covariance = session.zero_covariance
-        frame = FrameInput(boundaries, force_n=force_n, since_start_s=since_start_s, zero_covariance=covariance)
-        found = assimilate(eye, state, frame)
+        found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(session, state=state if isinstance(found, Skipped) else found.state, last=found)
     if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = frame_prior(state.belief, eye.study)
-        sought = session.mean_pa, prior, rigidity_after(eye, state)
-        fit = register(eye.model, boundaries, max(force_n, 0.0), *sought)
+        fit = register(eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior, rigidity_after(eye, state))
         state = replace(state, belief=updated_belief(state.belief, prior, fit))
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))

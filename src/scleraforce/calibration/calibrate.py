@@ -5,7 +5,8 @@ at a time; `known_forces.search` looks for the tissue that explains them best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from scleraforce.calibration.assimilation import (
     PARAMETERS,
     RIGIDITY,
-    EyeFilter,
     EyeSession,
     FrameStep,
     Skipped,
@@ -26,7 +26,7 @@ from scleraforce.calibration.assimilation import (
 )
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.known_forces import TissueTrial, most_trials, search, settled
+from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
@@ -68,29 +68,23 @@ class _SeenFrame(NamedTuple):
     wall: Boundaries | Skipped
 
 
-@dataclass(frozen=True, eq=False)
-class FrameWalls:
-    """The walls in the frames of a recording, each segmented once; `used`: digests of frames that were used before."""
+Look = Callable[[int], _SeenFrame | None]
 
-    recording: Recording
-    finder: WallFinder | None
-    used: frozenset[str]
-    _seen: dict[int, _SeenFrame | None] = field(default_factory=dict)
 
-    def look(self, index: int) -> _SeenFrame | None:
-        """Return the digest and the wall of a frame; None if it was used before."""
-        if index not in self._seen:
-            self._seen[index] = self._look(index)
-        return self._seen[index]
+def _seen_once(recording: Recording, finder: WallFinder | None, used: frozenset[str]) -> Look:
+    """Return a function that finds the wall of a frame, once; it returns None for a frame with a digest of `used`."""
 
-    def _look(self, index: int) -> _SeenFrame | None:
-        pixels, info = self.recording.frame(self.recording.frames[index]), self.recording.info
+    @cache
+    def look(index: int) -> _SeenFrame | None:
+        pixels, info = recording.frame(recording.frames[index]), recording.info
         sha256, scale = frame_digest(pixels), PixelScale.of(info.oct)
-        if sha256 in self.used:
+        if sha256 in used:
             return None
-        found = find_wall(pixels, scale, info.eye.thickness_m, self.finder)
+        found = find_wall(pixels, scale, info.eye.thickness_m, finder)
         wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
         return _SeenFrame(sha256, wall)
+
+    return look
 
 
 @dataclass(frozen=True)
@@ -116,29 +110,17 @@ def calibrate_recordings(
     progress: Callable[[int], object] | None = None,
     finder: WallFinder | None = None,
 ) -> Calibration:
-    """Calibrate every eye on its recordings; recordings of one eye add up.
+    """Calibrate every eye on its recordings; recordings of one eye add up. It raises `CalibrationError`.
 
-    Args:
-        recordings: with force logs.
-        study: prior, filter, mesh.
-        study_sha256: hash of the study, kept as provenance.
-        library: responses of finite strain; None: linear mechanics, as in the paper.
-        parameters: the uncertain ones, of `e`, `stiffening`, `iop`, `thickness`, `gap`; `e` among them. By default e,
-            and with a library the stiffening, which is found on the first recording of an eye; otherwise the stiffening
-            is the study's.
-        frames: the number of frames of each recording that bear enough force, deep dents among them; None: all.
-        earlier: a calibration to continue; frames that its eyes have used are left out.
-        progress: called with 1 after each frame, in each of `calibration_passes`.
-        finder: checks the walls: a frame in which it sees another one is not used. None: nothing checks them.
-
-    Raises:
-        CalibrationError: a recording without force log or wall thickness, or without a frame that can be used; an
-            earlier calibration with other mechanics or parameters.
+    Without a library, mechanics is linear, as in the paper. The uncertain `parameters` are, of `e`, `stiffening`,
+    `iop`, `thickness` and `gap`, by default e, and with a library the stiffening, which is found on the first recording
+    of an eye; otherwise the stiffening is the study's. `frames` of each recording are taken that bear enough force,
+    deep dents among them (None: all). An `earlier` calibration is continued; frames that its eyes have used are left
+    out. `progress` is called with 1 after each frame, in each of `calibration_passes`. The `finder` checks the walls:
+    a frame in which it sees another one is not used.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
-    if "e" not in parameters:
-        raise CalibrationError(f"parameters {','.join(parameters)}: e must be among them")
     if library is None and STIFFENING in parameters:
         raise CalibrationError("parameters: linear mechanics knows no tissue that stiffens; leave out stiffening")
     mechanics = "linear" if library is None else "finite-strain"
@@ -165,24 +147,19 @@ def calibration_passes(library: Library | None, parameters: tuple[str, ...] | No
     return most_trials(library) + 1 if sought and library is not None else 1
 
 
-def stated_tissue(library: Library, study: Study) -> Library:
-    """Return the library of a study's tissue; raises `InputError`."""
-    return library.for_stiffening(study.tissue.stiffening)
-
-
 def _of_eye(
     recording: Recording, settings: _Settings, before: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
-    frames = FrameWalls(recording, settings.finder, used)
+    look = _seen_once(recording, settings.finder, used)
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
-        return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
-    found = _of_tissue(recording, settings, frames, before, count)
+        return _as_open(_of_tissue(_without_globe(recording), settings, look, before, count))
+    found = _of_tissue(recording, settings, look, before, count)
     if found.status == "ok" or before is not None or settings.library is None or stated is None:
         return found
-    other = _of_tissue(_without_globe(recording), settings, frames, None, _StepCount(0, None))
+    other = _of_tissue(_without_globe(recording), settings, look, None, _StepCount(0, None))
     if other.status != "ok":
         return found
     if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
@@ -218,28 +195,27 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 
 
 def _of_tissue(
-    recording: Recording, settings: _Settings, frames: FrameWalls, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: _Settings, look: Look, earlier: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
-    if library is not None and earlier is not None:
-        library = library.for_stiffening(earlier.stiffening)
-    elif library is not None and settings.stiffening_sought:
-        return _of_sought_tissue(recording, settings, library, frames, count)
-    elif library is not None:
-        library = stated_tissue(library, settings.study)
-    return calibrate_eye(recording, replace(settings, library=library), frames, earlier, count).found
+    if library is not None and earlier is None and settings.stiffening_sought:
+        return _of_sought_tissue(recording, settings, library, look, count)
+    if library is not None:
+        stiffening = settings.study.tissue.stiffening if earlier is None else earlier.stiffening
+        library = library.for_stiffening(stiffening)
+    return calibrate_eye(recording, replace(settings, library=library), look, earlier, count).found
 
 
 def _of_sought_tissue(
-    recording: Recording, settings: _Settings, library: Library, frames: FrameWalls, count: _StepCount
+    recording: Recording, settings: _Settings, library: Library, look: Look, count: _StepCount
 ) -> EyeCalibration:
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
 
     def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None, count)
+            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), look, None, count)
 
     def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
@@ -256,7 +232,7 @@ def _of_sought_tissue(
 
 
 def calibrate_eye(
-    recording: Recording, settings: _Settings, frames: FrameWalls, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: _Settings, look: Look, earlier: EyeCalibration | None, count: _StepCount
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue."""
     if recording.forces is None or recording.info.force is None:
@@ -272,35 +248,28 @@ def calibrate_eye(
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken: dict[int, Boundaries] = {}
-    refused = 0
+    taken, refused, path = dict[int, Boundaries](), 0, str(recording.path)
     for index in order:
-        seen = frames.look(index) if left > 0 and included[index] else None
+        seen = look(index) if left > 0 and included[index] else None
         if seen is not None:
             force_n = float(forces.force_n[index])
-            found: FrameStep | Skipped | None
             if isinstance(seen.wall, Skipped):
-                found = seen.wall
+                found: FrameStep | Skipped | None = seen.wall
             else:
                 shown[index] = dent(seen.wall)
                 session = step(session, seen.wall, force_n, float(forces.since_start_s[index]))
                 found = session.last
                 refused += force_n > least_n and isinstance(found, Skipped)
+                if isinstance(found, FrameStep):
+                    taken[len(records)] = seen.wall
+                    steps.append(found)
+                    left -= 1
             assert found is not None  # after a step
-            record = FrameRecord(
-                recording=str(recording.path),
-                file=trials[index].file,
-                sha256=seen.sha256,
-                force_n=force_n,
-                mean_pa=session.mean_pa,
-                sd_pa=session.sd_pa,
+            (mean_pa, sd_pa), file = session.modulus, trials[index].file
+            frame = FrameRecord(
+                recording=path, file=file, sha256=seen.sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa
             )
-            if isinstance(found, FrameStep):
-                assert isinstance(seen.wall, Boundaries)  # there was a step
-                taken[len(records)] = seen.wall
-                steps.append(found)
-                left -= 1
-            records.append(_recorded(record, found))
+            records.append(_recorded(frame, found))
         count(1)
     count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
@@ -314,7 +283,7 @@ def calibrate_eye(
     if not used_n:
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
+            f"{path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
             f"takes frames with a wall in view and more than {from_si(least_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
@@ -341,19 +310,12 @@ def calibrate_eye(
 def frame_order(
     force_n: Array, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
 ) -> list[int]:
-    """Return the frames in the order in which they are looked at.
+    """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
 
-    All in theirs; or, if only some are wanted, the first few that show where the eye lies, then those of the highest
-    force and of even shares of it, which tell modulus and rigidity apart, in rising order, then the others as
-    substitutes. Shallow dents hardly show the rigidity: they give the modulus, and from there the way to both is short.
-    A deep one alone leaves a bent valley of both.
-
-    Args:
-        force_n: of each frame, N; not used where a frame is not included.
-        included: of each frame: it may be used.
-        min_force_n: up to here a frame only shows where the eye lies.
-        frames: the number wanted; None: all.
-        rising: all are taken in rising order as well.
+    All in their own order, or in `rising` order; if only some are wanted, the first few that show where the eye lies
+    (up to `min_force_n`), then the frames of the highest force and of even shares of it, which tell modulus and
+    rigidity apart, in rising order, then the others as substitutes. Shallow dents hardly show the rigidity: they give
+    the modulus, and from there the way to both is short. A deep one alone leaves a bent valley of both.
     """
     if frames is None and not rising:
         return list(range(len(included)))
@@ -390,7 +352,7 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
-    """Return what a recording states about its eye, by default the study's values; raises `CalibrationError`."""
+    """Return a recording's statements on its eye, by default the study's values; raises `CalibrationError`."""
     info = recording.info
     if info.eye.thickness_m is None:
         raise CalibrationError(
@@ -426,23 +388,17 @@ def _begin(
             f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
             f"{', '.join(names)}; begin anew or name the same"
         )
-    _check_state(session.filter, earlier)
-    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
-        return replace(session, state=earlier.state)
-    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
-
-
-def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
-    """Check that the state of an earlier calibration reproduces its moduli."""
     with np.errstate(over="ignore", invalid="ignore"):
-        means, sds = moments(eye, earlier.state)
-    modulus_pa = means[eye.space.names.index(PARAMETERS["e"])]
-    same = abs(modulus_pa / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
+        means, sds = moments(session.filter, earlier.state)
+    same = abs(means[names.index(PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
     if not (same and np.isfinite((means, sds)).all()):
         raise CalibrationError(
             f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
             "anew, or give the study that it was made with"
         )
+    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
+        return replace(session, state=earlier.state)
+    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
 
 
 def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
@@ -451,7 +407,7 @@ def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
     result = found.result
     return replace(
         record,
-        own_modulus_pa=found.registered.youngs_modulus_pa,
+        own_modulus_pa=found.registered.wall.youngs_modulus_pa,
         points=result.observations,
         gated=result.gated,
         nis=result.nis,
@@ -464,14 +420,8 @@ def _recordings(
     recording: Recording, forces: FrameForces, earlier: EyeCalibration | None, doubts: tuple[str, ...]
 ) -> tuple[UsedRecording, ...]:
     """Return the recordings that an eye rests on, this one among them."""
-    zero_n, drift_n_per_s = forces.zero.tolist()
-    used = UsedRecording(
-        path=str(recording.path),
-        sha256=tables_digest(recording),
-        zero_n=zero_n,
-        drift_n_per_s=drift_n_per_s,
-        doubts=doubts,
-    )
+    path, sha256, (zero_n, drift) = str(recording.path), tables_digest(recording), forces.zero.tolist()
+    used = UsedRecording(path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts)
     before = () if earlier is None else earlier.recordings
     if used.sha256 not in {entry.sha256 for entry in before}:
         return (*before, used)
@@ -487,18 +437,12 @@ def _settled(
     asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
     after = settled(known, asked, earlier, library, study)
-    found = after.known
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
-    assert found.modulus is not None  # as before
-    assert found.globe is not None
-    now = {
-        PARAMETERS["e"]: (found.modulus.mean_pa, found.modulus.sd_pa),
-        RIGIDITY: (found.globe.mean, found.globe.sd),
-    }
+    modulus, globe = own(after.known)
+    now = {PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa), RIGIDITY: (globe.mean, globe.sd)}
     estimates = zip(eye.names, eye.means, eye.sds, strict=True)
     means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
-    settled_eye = replace(
-        eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames)
-    )
+    discrepancy = after.known.discrepancy
+    settled_eye = replace(eye, means=means, sds=sds, globe=globe, discrepancy=discrepancy, frames=tuple(frames))
     return after.trial(settled_eye, refused)

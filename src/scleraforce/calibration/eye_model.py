@@ -6,9 +6,8 @@ unit, the prior's mean, only keeps the coordinates of order one.
 """
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from math import ceil, log, prod, sqrt
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,11 +116,6 @@ class EyeConstants:
     tilt_rad: float = 0.0
     globe: KnownGlobe = OPEN
 
-    @property
-    def section_direction_rad(self) -> float:
-        """Direction of the plane for linear mechanics: the meridian's by default."""
-        return 0.0 if self.direction_rad is None else self.direction_rad
-
 
 @dataclass(frozen=True, kw_only=True)
 class WallState:
@@ -136,28 +130,6 @@ class WallState:
     rigidity_pa13_per_m3: float = 0.0
 
 
-class EyeModel(Protocol):
-    """The sections of one eye."""
-
-    @property
-    def constants(self) -> EyeConstants:
-        """What is stated about the eye."""
-
-    @property
-    def polar_ends_rad(self) -> tuple[float, float]:
-        """Polar angles between which the section's turning with the angle is taken; equal where it does not turn."""
-
-    def curves(self, states: Sequence[WallState]) -> Array:
-        """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
-
-    def outside(self, state: WallState) -> str | None:
-        """Return why the model's mechanics does not hold at a state, None if it does.
-
-        `curves` continues smoothly beyond, so that a search finds its way back; an estimate must not rest on that.
-        """
-        ...
-
-
 def stated_wall(
     constants: EyeConstants,
     youngs_modulus_pa: float,
@@ -165,10 +137,7 @@ def stated_wall(
     polar_rad: float,
     rigidity_pa13_per_m3: float | None = None,
 ) -> WallState:
-    """Return the state of the eye as stated, at a modulus, a force, the contact's polar angle and a rigidity.
-
-    The rigidity is by default the mean of the known globe's.
-    """
+    """Return the state of the eye as stated; the rigidity is by default the mean of the known globe's."""
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
         force_n=force_n,
@@ -191,14 +160,6 @@ def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) 
         direction_rad=constants.direction_rad,
         globe=constants.globe,
     )
-
-
-def parameter_sections(
-    model: EyeModel, names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
-) -> Array:
-    """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
-    stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
-    return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
 
 
 def lagrange(nodes: Sequence[float], at: float) -> Array:

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.known import (
     NINETY_PERCENT,
-    OPEN,
     REFERENCE_RIGIDITY,
     ForceDiscrepancy,
     Known,
@@ -125,22 +124,12 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Foun
 
 
 def _reweighted(
-    direction: Array,
-    left: Array,
-    weight: Array,
-    scales: Scales,
-    free: NDArray[np.bool_],
-    begin: tuple[float, ...],
+    direction: Array, left: Array, weight: Array, scales: Scales, free: NDArray[np.bool_], begin: tuple[float, ...]
 ) -> tuple[Array, Array]:
-    """Return mean (4,) and covariance (4, 4) of the free unknowns; the rest stays 0.
+    """Return mean (4,) and covariance (4, 4) of the `free` unknowns; the rest stays 0.
 
-    Args:
-        direction: slopes of each frame (frame, 4).
-        left: residuals to explain (frame,).
-        weight: of the frames (frame,).
-        scales: inverse squares of the scales of E with k, and of level with growth, (2, 2) each.
-        free: flags of the four (4,).
-        begin: where the search begins: the priors hardly hold what is far off there.
+    `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to explain; `scales`: inverse squares
+    of the scales of E with k, and of level with growth, (2, 2) each. Far from `begin` the priors hardly hold.
     """
     normal, gradient = direction.T @ (weight[:, None] * direction), direction.T @ (weight * left)
     found, covariance = np.where(free & bool(len(left)), begin, 0.0), np.zeros((4, 4))
@@ -174,22 +163,23 @@ def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: A
 
 def _filter_covariance(known: Known) -> Array:
     """Return the filter's covariance of ln E and k over the reference's (2, 2)."""
-    assert known.modulus is not None  # its own
-    globe = globe_of(known)
-    sds = np.array([known.modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
+    modulus, globe = own(known)
+    sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
     covariance: Array = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
     return covariance
 
 
-def globe_of(known: Known) -> KnownGlobe:
-    """Return the globe of an eye, by default an open one (linear mechanics)."""
-    return OPEN if known.globe is None else known.globe
+def own(known: Known) -> tuple[Modulus, KnownGlobe]:
+    """Return modulus and globe of an eye after its frames, which has both."""
+    assert known.modulus is not None
+    assert known.globe is not None
+    return known.modulus, known.globe
 
 
 def place_of(known: Known) -> Array:
     """Return ln E and k over the reference's (2,)."""
-    assert known.modulus is not None  # its own
-    return np.array([log(known.modulus.mean_pa), globe_of(known).mean / REFERENCE_RIGIDITY])
+    modulus, globe = own(known)
+    return np.array([log(modulus.mean_pa), globe.mean / REFERENCE_RIGIDITY])
 
 
 Trial = TypeVar("Trial")
@@ -207,7 +197,7 @@ ENOUGH = 12.0  # more loss than that of a stiffening that explains the frames: t
 # tissue, and say less of it: their loss is divided by the ratio.
 EVEN_LOSS = 5.0
 EXPLAINED = 2.0  # times as much: the walls are the frames'
-# Scale of Cauchy's prior of ln(1 + b): tissue counts as none that stiffens unless its frames say so.
+# Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say so.
 TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
 NEAR = 0.03  # of the same: what lies so near was tried
@@ -259,6 +249,9 @@ class Settled:
         )
 
 
+Again = tuple[list[KnownForce | None], list[KnownForce], Found]
+
+
 def settled(
     known: Known,
     frames: Sequence[tuple[Boundaries, float]],
@@ -267,26 +260,23 @@ def settled(
     study: Study,
 ) -> Settled:
     """Return the known eye after its frames are read again."""
-    now, again = known, read_again(frames, known, library, study)
-    read = _all_read(earlier, again)
-    found = regression(read, known, place_of(now))
+
+    def read_with(now: Known) -> Again:
+        again = read_again(frames, now, library, study)
+        read = [*earlier, *(frame for frame in again if frame is not None)]
+        return again, read, regression(read, known, place_of(now))
+
+    now, (again, read, found) = known, read_with(known)
     for _ in range(READINGS - 1):
         moved = _moved(now, found)
-        near = (np.abs(place_of(moved) - place_of(now)) < _steps(now)).all()
-        if near or not read:
+        if not read or (np.abs(place_of(moved) - place_of(now)) < _steps(now)).all():
             now = moved
             break
-        moved_again = read_again(frames, moved, library, study)
-        moved_read = _all_read(earlier, moved_again)
-        moved_found = regression(moved_read, known, place_of(moved))
-        if len(moved_read) < len(read) or moved_found.loss >= found.loss:
+        of_moved = read_with(moved)
+        if len(of_moved[1]) < len(read) or of_moved[2].loss >= found.loss:
             break
-        now, again, read, found = moved, moved_again, moved_read, moved_found
+        now, (again, read, found) = moved, of_moved
     return Settled(_with_discrepancy(now, found, [frame.force_n for frame in read]), tuple(again), found.loss)
-
-
-def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None]) -> list[KnownForce]:
-    return [*earlier, *(frame for frame in again if frame is not None)]
 
 
 def read_again(
@@ -296,11 +286,10 @@ def read_again(
 
     E and k, which the frames share, are taken for certain: they are no noise between them.
     """
-    assert known.modulus is not None  # its own
-    near = library.nearest_contact(known.polar_rad)
+    near, (modulus, globe) = library.nearest_contact(known.polar_rad), own(known)
     modulus_step, rigidity_step = _steps(known)
     certain = [_certain(known), _certain(known, modulus_step)]
-    if globe_of(known).can_be_sealed:
+    if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
     priors = [prior_of(each, study.reader) for each in certain]
     found = list[KnownForce | None]()
@@ -324,8 +313,8 @@ def read_again(
                 force_n=force_n,
                 library_n=here.force_n,
                 sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
-                modulus_pa=known.modulus.mean_pa,
-                rigidity=globe_of(known).mean,
+                modulus_pa=modulus.mean_pa,
+                rigidity=globe.mean,
                 by_modulus=slopes[0] / modulus_step,
                 by_rigidity=slopes[1] / rigidity_step if rigid else 0.0,
                 loss=here.loss,
@@ -341,17 +330,14 @@ def _read(fit: BoundaryFit) -> bool:
 
 def _steps(known: Known) -> Array:
     """Return the steps of ln E and k over the reference's (2,) for difference quotients."""
-    assert known.modulus is not None  # its own
-    globe = globe_of(known)
+    modulus, globe = own(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
-    return np.array([max(known.modulus.relative_sd, MODULUS_STEP), max(globe.sd / REFERENCE_RIGIDITY, share)])
+    return np.array([max(modulus.relative_sd, MODULUS_STEP), max(globe.sd / REFERENCE_RIGIDITY, share)])
 
 
 def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> Known:
     """Return an eye whose E and k are certain, each a step off: of ln E, and of k over the reference's."""
-    assert known.modulus is not None  # its own
-    modulus = Modulus(mean_pa=known.modulus.mean_pa * exp(log_modulus), sd_pa=0.0, source=known.modulus.source)
-    globe = globe_of(known)
+    modulus, globe = own(known)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
         globe = replace(
@@ -362,28 +348,26 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
             highest=max(globe.highest, mean),
             correlation=0.0,
         )
+    modulus = replace(modulus, mean_pa=modulus.mean_pa * exp(log_modulus), sd_pa=0.0)
     return replace(known, modulus=modulus, globe=globe, discrepancy=None)
 
 
 def _moved(known: Known, found: Found) -> Known:
-    """Return an eye with the E and k that were found, not too far from those that it was read with."""
-    assert known.modulus is not None  # its own
-    globe, mean, covariance = globe_of(known), found.mean, found.covariance
+    """Return an eye with the E and k that were found, not too far from the ones that it was read with."""
+    (modulus, globe), mean, covariance = own(known), found.mean, found.covariance
     if globe.can_be_sealed:  # where k would leave its bounds, E is that of a k on the bound
         bounds = (globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY)
         mean = within_bounds(mean, covariance, OF_RIGIDITY, bounds)
         globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)
-    farther = np.clip(mean[OF_MODULUS] - log(known.modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
-    modulus = replace(known.modulus, mean_pa=known.modulus.mean_pa * exp(farther))
-    return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe)
+    farther = np.clip(mean[OF_MODULUS] - log(modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
+    return replace(known, modulus=replace(modulus, mean_pa=modulus.mean_pa * exp(farther)), globe=globe)
 
 
 def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
     """Return an eye at its E and k with their uncertainty, and the discrepancy given these; forces in N."""
-    assert known.modulus is not None  # its own
-    globe, covariance = globe_of(known), found.covariance
+    (modulus, globe), covariance = own(known), found.covariance
     sds = np.sqrt(np.diag(covariance))
-    modulus = replace(known.modulus, sd_pa=float(sds[OF_MODULUS]) * known.modulus.mean_pa)
+    modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
     if globe.can_be_sealed:
         globe = replace(
             globe,
@@ -408,7 +392,7 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
         largest_n=rising_n[-1] if forces_n else None,
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
     )
-    return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)
+    return replace(known, modulus=modulus, globe=globe, discrepancy=discrepancy)
 
 
 def most_trials(library: Library) -> int:

@@ -48,29 +48,23 @@ from scleraforce.units import from_si
 Array = NDArray[np.float64]
 
 SIZE = MeridianSize()
-SHIFTS = 8  # that are kept: an eye has one to three, the same for all tissues that are tried
+SHIFTS = 8  # in the cache: an eye has one to three, the same for all tissues that are tried
 
-_kept_shift = lru_cache(maxsize=SHIFTS)(base_shift)
+_cached_shift = lru_cache(maxsize=SHIFTS)(base_shift)
 
 
 def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
     """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
 
     Gap and thickness are the stated ones, also if they are uncertain: the motion is small. It does not grow beyond a
-    polar angle of 55 degrees.
-
-    Args:
-        study: radius, Poisson's ratio and needle.
-        constants: thickness, gap and direction of the plane; without a stated direction nothing moves (the mean).
-        polar_rad: polar angle of the contact; 0: nothing moves.
-        lateral_m: places of the section (place,), m.
+    polar angle of 55 degrees. At a polar angle of 0, or without a stated direction (the mean), nothing moves.
     """
     if polar_rad == 0.0 or constants.direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
     wall = (study.eye.radius_m, constants.thickness_m)
     needle_radius_m = study.needle.outer_diameter_m / 2
     polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
-    shift = _kept_shift(*wall, study.eye.poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=SIZE)
+    shift = _cached_shift(*wall, study.eye.poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=SIZE)
     mesh = meridian_mesh(*wall, needle_radius_m, np.pi / 2, SIZE)
     rings_bn = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
     inside = np.arctan2(constants.gap_m, lateral_m)  # angle about the needle axis, from the lateral axis
@@ -104,7 +98,7 @@ END_SHARE = 0.97  # of the library's largest force: over the rest the continuati
 
 @dataclass(frozen=True, eq=False)
 class LibraryEye:
-    """An eye whose sections come from a library, see `EyeModel`.
+    """An eye whose sections come from a library.
 
     `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of the polar angles
     `polar_nodes_rad`. `smoothing_m`: standard deviation of the Gaussian by which a segmentation smooths the outer
@@ -117,11 +111,6 @@ class LibraryEye:
     polar_nodes_rad: tuple[float, ...]
     moves_pbxc: Array
     smoothing_m: float = 0.0
-
-    @property
-    def polar_ends_rad(self) -> tuple[float, float]:
-        """Polar angles between which the section's turning with the angle is taken."""
-        return min(self.polar_nodes_rad), max(self.polar_nodes_rad)
 
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
@@ -141,7 +130,7 @@ class LibraryEye:
         return curves
 
     def outside(self, state: WallState) -> str | None:
-        """Return the sentence on the state that the library does not reach, None if it reaches it."""
+        """Return why an estimate must not rest on a state, None if the library reaches it."""
         thickness, pressure, force = self._ratios([state])
         try:
             self.library.tips(thickness, pressure, force)
@@ -253,20 +242,12 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
 def section_depths(
     curves_sbnc: Array, fine_fn: Array, gap_m: Array, tilt_rad: float, lateral_m: Array, moved_sbxc: Array
 ) -> Array:
-    """Return the depth in the plane at lateral places of surfaces of revolution that moved a little more.
+    """Return the depths (state, boundary, place) in the plane of surfaces of revolution that moved a little more.
 
-    Of a wall that folds over itself the outermost part counts: it is on top, where the light comes from.
-
-    Args:
-        curves_sbnc: distance from the axis and depth (state, boundary, node, 2), from the axis outwards.
-        fine_fn: weights that interpolate along the wall (fine point, node).
-        gap_m: the plane's distance from the axis at the undeformed contact (state,).
-        tilt_rad: the plane's tilt against the axis.
-        lateral_m: places (place,).
-        moved_sbxc: further motion of the wall at the places (state, boundary, place, [lateral, across, depth]), m.
-
-    Returns:
-        Depths (state, boundary, place) of the points that moved to the places.
+    `curves_sbnc` have distance from the axis and depth, from the axis outwards; `fine_fn` are weights that interpolate
+    along the wall; `gap_m` (state,): the plane's distance from the axis at the undeformed contact; `moved_sbxc`:
+    further motion (lateral, across, depth) at the lateral places. Of a wall that folds over itself the outermost part
+    counts: it is on top, where the light comes from.
     """
     square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
     on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
@@ -287,7 +268,7 @@ def _interpolated(rows: Sequence[tuple[Array, Array]], wanted: Array) -> Array:
     return np.array(found).reshape(wanted.shape)
 
 
-CLEAR = 4.0  # forms that are smaller than so many times their spread are left
+CLEAR = 4.0  # times their spread, from which forms are removed
 
 
 def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy) -> Boundaries:

@@ -52,7 +52,7 @@ def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
 def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Array) -> Array:
     """Return the fields of a factored wall about the plane of one contact; one right-hand side is solved."""
     mesh = wall.mesh
-    axes = _plane_axes(contact, constants.section_direction_rad)
+    axes = _plane_axes(contact, constants)
     needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[0]
     solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
     plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
@@ -71,15 +71,19 @@ def _lateral_samples(
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
     for contact in contacts:
-        axes = _plane_axes(contact, constants.section_direction_rad)
+        axes = _plane_axes(contact, constants)
         points = _line_points(radius_m - thickness_m, radius_m, lateral, constants.gap_m, constants.tilt_rad)
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
     return lateral[above]
 
 
-def _plane_axes(contact: Contact, direction_rad: float) -> Array:
-    """Return lateral axis, axis across the untilted plane and depth axis, shape (3, 3), one a row."""
+def _plane_axes(contact: Contact, constants: EyeConstants) -> Array:
+    """Return lateral axis, axis across the untilted plane and depth axis, shape (3, 3), one a row.
+
+    The plane is by default the meridian's.
+    """
+    direction_rad = constants.direction_rad or 0.0
     lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
     return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])
 
@@ -127,11 +131,6 @@ class LinearEye:
     fields: Array
     smoothing_m: float = 0.0
 
-    @property
-    def polar_ends_rad(self) -> tuple[float, float]:
-        """Polar angles between which the section's turning with the angle is taken."""
-        return min(self.polar_nodes_rad), max(self.polar_nodes_rad)
-
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         walls = {(state.polar_rad, state.thickness_m) for state in states}
@@ -171,8 +170,7 @@ class LinearEye:
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
     """Solve the walls that a calibration of one eye needs: one, or three if the thickness is uncertain.
 
-    Raises:
-        CalibrationError: the thickness or the contact cannot be meshed.
+    It raises `CalibrationError` if the thickness or the contact cannot be meshed.
     """
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
         raise CalibrationError(
@@ -183,7 +181,11 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
     polars = polar_nodes(constants)
     contacts = [Contact(polar_rad=polar) for polar in polars]
     lateral = _lateral_samples(study.eye.radius_m, max(thicknesses), contacts, constants)
-    fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
+    fields = []
+    for thickness in thicknesses:
+        mesh = study_mesh(study, thickness, contacts[0] if len(contacts) == 1 else None)
+        wall = LinearWall(mesh, study.eye.poisson_ratio)
+        fields.append(np.stack([_response(wall, contact, study, constants, lateral) for contact in contacts]))
     return LinearEye(
         constants=constants,
         weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,
@@ -192,11 +194,3 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
         fields=np.stack(fields),
         smoothing_m=study.calibration.surface_smoothing_m,
     )
-
-
-def _fields(
-    study: Study, constants: EyeConstants, thickness_m: float, contacts: Sequence[Contact], lateral_m: Array
-) -> Array:
-    mesh = study_mesh(study, thickness_m, contacts[0] if len(contacts) == 1 else None)
-    wall = LinearWall(mesh, study.eye.poisson_ratio)
-    return np.stack([_response(wall, contact, study, constants, lateral_m) for contact in contacts])

@@ -5,13 +5,16 @@ moves, so no part of it is a fixed reference. The pose about which the eye of a 
 frame as a belief; a frame's pose is a draw about it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel, WallState, stated_wall
+from scleraforce.calibration.eye_model import WallState, stated_wall
+from scleraforce.calibration.library_eye import LibraryEye
+from scleraforce.calibration.linear_eye import LinearEye
 from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.library.placement import (
     Columns,
@@ -28,6 +31,7 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
 Array = NDArray[np.float64]
+EyeModel = LibraryEye | LinearEye
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the
 # segmentation's, or a wall that is not as thick as stated).
@@ -40,6 +44,14 @@ MODULUS_STEP, RIGIDITY_STEP = 0.01, 0.02
 FORCE_STEP_N = 1e-4
 
 
+def parameter_sections(
+    model: EyeModel, names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
+) -> Array:
+    """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
+    stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
+    return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
+
+
 def place_section(curves: Array, nuisance: Array) -> Array:
     """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
     return place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
@@ -47,7 +59,7 @@ def place_section(curves: Array, nuisance: Array) -> Array:
 
 def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
-    low, high = model.polar_ends_rad
+    low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
     ends = model.curves([replace(state, polar_rad=polar) for polar in (low, high)])
@@ -80,7 +92,9 @@ def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
     return slope
 
 
-FIRST_SD = {BY_LATERAL: 2e-3, BY_DEPTH: 1.5e-3, BY_ROTATION: 0.1}  # of a recording's pose, before its first frame
+# Of a recording's nuisances before its first frame. The polar angle stays as stated, or in the middle of its range: it
+# turns the section by a few um, which a fit could not tell from an uneven segmentation.
+FIRST_SD = np.array([2e-3, 1.5e-3, 0.1, 0.0, 0.0])
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
@@ -107,30 +121,18 @@ class Registered:
     covariance: Array
     wall: WallState
 
-    @property
-    def youngs_modulus_pa(self) -> float:
-        """The frame's own modulus."""
-        return self.wall.youngs_modulus_pa
-
 
 def first_belief(model: EyeModel) -> PoseBelief:
-    """Return the belief before the first frame: a wide one of the pose.
-
-    The contact's polar angle stays as stated, or in the middle of its range: it turns the section by a few um, which a
-    fit could not tell from an uneven segmentation.
-    """
-    sd = np.zeros(5)
-    sd[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = [FIRST_SD[axis] for axis in (BY_LATERAL, BY_DEPTH, BY_ROTATION)]
+    """Return the belief before the first frame: a wide one of the pose."""
     mean = np.zeros(5)
     mean[BY_POLAR] = model.constants.polar_rad
-    return PoseBelief(mean, np.diag(sd**2))
+    return PoseBelief(mean, np.diag(FIRST_SD**2))
 
 
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
     """Return the prior of the next frame's nuisances: the recording's belief, and that the eye may have moved."""
-    moved = np.zeros(5)
-    moved[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad)
-    moved[BY_INNER] = INNER_FRAMES**0.5 * study.inner_sd_m
+    inner_m = INNER_FRAMES**0.5 * study.inner_sd_m
+    moved = np.array([study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, 0.0, inner_m])
     return PoseBelief(belief.mean, belief.covariance + np.diag(moved**2))
 
 
@@ -165,9 +167,7 @@ def _thinned(boundaries: Boundaries) -> Columns:
     columns = []
     for depth in boundaries.depth_m:
         seen = np.flatnonzero(np.isfinite(depth))
-        columns.append(
-            seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)] if len(seen) else seen
-        )
+        columns.append(seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)])
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
     places = Places(boundaries.lateral_m[column], boundary)
@@ -235,7 +235,7 @@ class _Fit:
 
     def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
         """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
-        normal, gradient = self.columns.normal_equations(self._free(placed))
+        normal, gradient = self.columns.normal_equations(self._movable(placed))
         normal += self.precision
         normal[~self.free, ~self.free] = 1.0
         return normal, gradient - self.precision @ (unknown - self.mean)
@@ -250,7 +250,7 @@ class _Fit:
         globe = self.model.constants.globe
         return globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
 
-    def _free(self, placed: Placed) -> Placed:
+    def _movable(self, placed: Placed) -> Placed:
         """Return a prediction that fixed unknowns do not move."""
         return replace(placed, jacobian=placed.jacobian * self.free)
 
@@ -258,7 +258,7 @@ class _Fit:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, robust_spread(size)) if len(size) else 1.0
-        data, _ = self.columns.normal_equations(self._free(placed), scale)
+        data, _ = self.columns.normal_equations(self._movable(placed), scale)
         covariance = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         covariance[free] = np.linalg.inv((data + self.precision)[free])

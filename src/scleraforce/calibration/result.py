@@ -35,8 +35,8 @@ class FrameRecord:
     """The result of a frame: estimate of E after it, or the reason why it was not used.
 
     `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`), which identifies it under any name.
-    `force_n` is the force that the filter used, the label without offset and drift. `own_modulus_pa`: the modulus from
-    the frame alone; `again`: the frame read again in the end.
+    `force_n` is the label without offset and drift. `own_modulus_pa`: the modulus from the frame alone; `again`: the
+    frame read again in the end.
     """
 
     recording: str
@@ -170,7 +170,7 @@ PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     "gap_m": ("gap", "mm", "mm"),
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
 }
-SURE = 2.0  # standard deviations, of what is said
+SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
 MUCH = 2.0  # times what is expected
 
 
@@ -181,30 +181,25 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     (an uneven wall); and the scatter of its frames, if that is large (a wall that the library does not have).
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
-    stiffens = (f"tissue stiffens, b {eye.stiffening:.2g}",) if eye.stiffening > 0.0 else ()
-    others = (_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"])
-    return (*others, *stiffens, *_discrepancy_words(eye), *_scatter_words(eye))
+    words = [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
+    if eye.stiffening > 0.0:
+        words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
+    discrepancy = eye.discrepancy or NO_DISCREPANCY
+    mean, sd = discrepancy.at_reference()
+    if abs(mean) > SURE * sd:
+        percent = from_si(exp(mean) - 1.0, "percent")
+        side, reference = "above" if percent > 0.0 else "below", f"{from_si(REFERENCE_N, 'mn'):g} mN"
+        size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
+        words.append(f"forces {size} {side} the library's at {reference}")
+    if discrepancy.scatter > MUCH:
+        words.append(f"forces scatter {discrepancy.scatter:.1f} times as far as expected")
+    return tuple(words)
 
 
 def rigidity_words(eye: EyeCalibration) -> str:
     """Return mean and standard deviation of the rigidity of an eye that may be sealed."""
     place = eye.names.index(RIGIDITY)
     return _words(RIGIDITY, eye.means[place], eye.sds[place])
-
-
-def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:
-    mean, sd = (eye.discrepancy or NO_DISCREPANCY).at_reference()
-    if abs(mean) <= SURE * sd:
-        return ()
-    percent = from_si(exp(mean) - 1.0, "percent")
-    side = "above" if percent > 0.0 else "below"
-    reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
-    return (f"forces {abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} % {side} the library's at {reference}",)
-
-
-def _scatter_words(eye: EyeCalibration) -> tuple[str, ...]:
-    scatter = (eye.discrepancy or NO_DISCREPANCY).scatter
-    return (f"forces scatter {scatter:.1f} times as far as expected",) if scatter > MUCH else ()
 
 
 def _words(name: str, mean: float, sd: float) -> str:
@@ -218,7 +213,7 @@ def _words(name: str, mean: float, sd: float) -> str:
 Array = NDArray[np.float64]
 
 LONGEST_RECENT = 100
-# What may be uncertain, and between which values (SI) it can be.
+# Each uncertain parameter, and the values (SI) that it may have in a file.
 _RANGES = {
     "youngs_modulus_pa": (1e3, 100e6),
     "iop_pa": (-1e5, 1e5),
@@ -229,7 +224,7 @@ _RANGES = {
 
 
 def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
-    """Return a calibration as it stands in its file and in `calibrate --json`."""
+    """Return the JSON of a calibration's file and of `calibrate --json`."""
     mean_pa, sd_pa = calibration.population
     return {
         "format": CALIBRATION_FORMAT,
@@ -255,7 +250,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": globe_entry(eye.globe),
         "stiffening": eye.stiffening,
-        "discrepancy": None if eye.discrepancy is None else vars(eye.discrepancy),
+        "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
@@ -283,12 +278,8 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
 
 def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
     again = frame.again
-    return {
-        **vars(frame),
-        "read_n": None if again is None else again.library_n,
-        "read_sd_n": None if again is None else again.sd_n,
-        "again": None if again is None else vars(again),
-    }
+    read = {"read_n": again and again.library_n, "read_sd_n": again and again.sd_n, "again": again and vars(again)}
+    return {**vars(frame), **read}
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
@@ -307,17 +298,21 @@ class _Moments(msgspec.Struct):
     sd: NotNegative
 
 
+_Vector = list[Finite]
+_Matrix = list[list[Finite]]
+
+
 class _State(msgspec.Struct):
-    mean: list[Finite]
-    factor: list[list[Finite]]
-    precision: list[list[Finite]]
+    mean: _Vector
+    factor: _Matrix
+    precision: _Matrix
     updates: Annotated[int, Meta(ge=0, le=10**9)]
     recent: Annotated[tuple[tuple[NotNegative, Annotated[int, Meta(ge=0)]], ...], Meta(max_length=LONGEST_RECENT)]
-    belief_mean: list[Finite]
-    belief_covariance: list[list[Finite]]
+    belief_mean: _Vector
+    belief_covariance: _Matrix
     shared: tuple[str, ...]
-    sensitivity: list[list[Finite]]
-    zero_covariance: list[list[Finite]]
+    sensitivity: _Matrix
+    zero_covariance: _Matrix
 
 
 class _Saved(msgspec.Struct):
@@ -333,8 +328,13 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     summary, saved = summary_of_eye(entry, place), converted(entry, _Saved, place)
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
-        raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and of {known} what else; {WRITER}")
-    moments = {name: _moments(values, name, place) for name, values in saved.parameters.items()}
+        raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}")
+    moments = {}
+    for name, values in saved.parameters.items():
+        moments[name] = one = converted(values, _Moments, f"{place}.parameters.{name}")
+        low, high = _RANGES[name]
+        if not (low <= one.mean <= high and one.sd <= high):
+            raise CalibrationError(f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}")
     found = EyeCalibration(
         id=eye_id,
         names=tuple(moments),
@@ -352,13 +352,6 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
         raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
-    return found
-
-
-def _moments(values: dict[str, Any], name: str, place: str) -> _Moments:
-    found, (low, high) = converted(values, _Moments, f"{place}.parameters.{name}"), _RANGES[name]
-    if not (low <= found.mean <= high and found.sd <= high):
-        raise CalibrationError(f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}")
     return found
 
 

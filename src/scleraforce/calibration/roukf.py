@@ -108,11 +108,9 @@ class Posterior(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """One step: the posterior, and what was seen on the way."""
+    """One step: the posterior, and how it was found."""
 
     posterior: Posterior
-    predicted: Array  # observation predicted before the step, shape (m,)
-    innovation: Array  # observed minus predicted, shape (m,)
     nis: float  # normalised innovation squared of what was kept; about `observations` when the model is right
     observations: int  # number kept
     gated: tuple[int, ...]  # indices of the observations left out
@@ -132,11 +130,7 @@ class _Linear(NamedTuple):
 
 
 def initial_posterior(mean: Array, covariance: Array) -> Posterior:
-    """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1.
-
-    Raises:
-        numpy.linalg.LinAlgError: the covariance is not positive definite.
-    """
+    """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1."""
     mean = np.asarray(mean, dtype=np.float64)
     return Posterior(mean, np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)), np.eye(len(mean)))
 
@@ -149,37 +143,30 @@ def filter_step(
     noise_covariance: Array,
     start: Array | None = None,
 ) -> StepResult:
-    """Assimilate one observation vector.
+    """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
     Args:
         params: how the filter runs.
         posterior: of the step before, or `initial_posterior`.
         observe: H; takes sigma points (r, n), returns predicted observations (r, m).
-        observation: y, shape (m,).
-        noise_covariance: W, shape (m, m), positive definite.
+        observation: y.
+        noise_covariance: W, positive definite.
         start: a state (n,) from where the iteration may begin. Where that explains prior and observation better than
             the prior's mean does, it begins there: from a wide prior about a bent valley it may not find the way.
-
-    Returns:
-        The posterior and the innovation. A step that fails keeps the old posterior, and `status` says why.
     """
     states_rn, prior = _sampled(params, posterior)
     observed = np.asarray(observation, dtype=np.float64)
     first_rm = observe(states_rn)
-    predicted = params.sigma.weights_r @ first_rm
     none, same = np.zeros((len(posterior.mean), len(observed))), np.eye(len(posterior.mean))
-    failed = StepResult(posterior, predicted, observed - predicted, np.inf, 0, (), 1.0, 0, "", none, same)
+    failed = StepResult(posterior, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
     p = prior.factor.shape[1]
     frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
     try:
-        step = _step(params, frame if start is None else _from(params, frame, start), posterior, predicted)
-    except np.linalg.LinAlgError:  # so far off that nothing but rounding is left
-        step = None
-    if step is None:
+        return _step(params, frame if start is None else _from(params, frame, start))
+    except np.linalg.LinAlgError:
         return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
-    return step
 
 
 class _Frame(NamedTuple):
@@ -209,26 +196,19 @@ def _from(params: FilterParams, frame: _Frame, start: Array) -> _Frame:
     return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
 
 
-def _step(params: FilterParams, frame: _Frame, posterior: Posterior, predicted: Array) -> StepResult | None:
-    """Return the step from a posterior; None where the model cannot be evaluated.
-
-    Raises:
-        numpy.linalg.LinAlgError: what is left of a covariance is rounding.
-    """
+def _step(params: FilterParams, frame: _Frame) -> StepResult:
+    """Return the step; raises `LinAlgError` if only rounding is left, or the model cannot be evaluated."""
     fit, prior, observed = _fit(params, frame), frame.prior, frame.observed
-    if fit is None:
-        return None
     nis, count = _normalised_innovation(fit.linear, observed, fit.kept), int(fit.kept.sum())
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
     np.linalg.cholesky(np.linalg.inv(precision))  # it raises where that is no covariance
-    recent = (*posterior.recent, (nis, count))[-WINDOW:]
-    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, posterior.updates + 1, recent)
+    recent = (*prior.recent, (nis, count))[-WINDOW:]
+    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, prior.updates + 1, recent)
     gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
-    gain, contraction = _gain(prior.factor, inflated, precision, fit.kept)
-    seen = (predicted, observed - predicted, nis, count, gated, inflation, fit.iterations)
-    return StepResult(corrected, *seen, _status(recent), gain, contraction)
+    gain = _gain(prior.factor, inflated, precision, fit.kept)
+    return StepResult(corrected, nis, count, gated, inflation, fit.iterations, _status(recent), *gain)
 
 
 class _Fit(NamedTuple):
@@ -237,14 +217,12 @@ class _Fit(NamedTuple):
     iterations: int
 
 
-def _fit(params: FilterParams, frame: _Frame) -> _Fit | None:
-    """Linearise, leave out outliers one by one and linearise again; None where the model cannot be evaluated."""
+def _fit(params: FilterParams, frame: _Frame) -> _Fit:
+    """Linearise, leave out outliers one by one and linearise again."""
     kept = np.ones(len(frame.observed), dtype=bool)
     allowed = LARGEST_GATED_SHARE * len(kept)
     while True:
         fit = _linearise(params, frame, kept)
-        if fit is None:
-            return None
         worst, size = _worst(fit.linear, frame.observed, kept)
         if size <= params.gate:
             return fit
@@ -262,8 +240,8 @@ def _sampled(params: FilterParams, posterior: Posterior) -> tuple[Array, Posteri
     return states_rn, posterior._replace(factor=factor, precision=np.eye(len(root)))
 
 
-def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit | None:
-    """Linearise the observation about the (iterated) posterior; None where the model cannot be evaluated there."""
+def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit:
+    """Linearise the observation about the (iterated) posterior."""
     points = params.sigma.points_rp
     prior, centre, root = frame.prior, frame.centre, frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
@@ -272,7 +250,7 @@ def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> 
         new_root = np.linalg.cholesky(np.linalg.inv(precision))
         predicted_rm = frame.observe(prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T)
         if not np.isfinite(predicted_rm).all():
-            return None
+            raise np.linalg.LinAlgError("the model cannot be evaluated here")
         linear = _regress(params.sigma, predicted_rm, new_centre, new_root, frame.noise)
         moved = np.abs(_solve(new_root, new_centre - centre)).max()
         centre, root = new_centre, new_root

@@ -14,7 +14,7 @@ from typing import Any
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.recording.folder import read_recording
-from scleraforce.report.force_figures import draw_read_forces, draw_trial_forces
+from scleraforce.report.frame_figures import draw_read_forces, draw_trial_forces
 from scleraforce.report.frames import WALL_COLOURS, AnsweredFrame, frame_pictures, shown_frames, wall_picture
 from scleraforce.report.html import (
     NOTHING,
@@ -57,11 +57,7 @@ def write_evaluation_html(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write an evaluation as one self-contained page, with pictures of some frames.
-
-    Raises:
-        InputError: the file exists already and `overwrite` is not given, or it cannot be written.
-    """
+    """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
     limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
     pictures = [frame_pictures(evaluation, looks)] if looks else []
     tables = [
@@ -159,11 +155,7 @@ def write_browser_html(
     made_at: datetime,
     progress: Callable[[int], object],
 ) -> None:
-    """Write the page that browses one recording, with the wall that was read; `progress` counts frames.
-
-    Raises:
-        InputError: the file exists already or cannot be written, or a frame cannot be read again.
-    """
+    """Write the page that browses one recording, with the wall that was read; `progress` counts frames."""
     name = evaluation.frames[0].recording
     data = {
         "classes": class_names(evaluation.bounds_n),

@@ -76,11 +76,7 @@ def data_uri(figure: Figure, kind: Literal["png", "svg"] = "png") -> str:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, SVG or PDF, by the ending of `path`.
-
-    Raises:
-        InputError: another ending, or the folder cannot be written to.
-    """
+    """Write a figure as PNG, SVG or PDF, by the ending of `path`; raises `InputError`."""
     kind = check_figure_path(path)
     with renamed_when_whole(path) as part:
         _save(figure, part, kind)
@@ -93,11 +89,7 @@ def _save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
 
 
 def check_figure_path(path: Path) -> Kind:
-    """Return a figure's format by the ending of its name.
-
-    Raises:
-        InputError: the ending is not .png, .svg or .pdf.
-    """
+    """Return a figure's format by the ending of its name; raises `InputError`."""
     if path.suffix.lower() not in FIGURE_KINDS:
         raise InputError(f"{path}: give a name that ends in {', '.join(FIGURE_KINDS)}")
     return FIGURE_KINDS[path.suffix.lower()]

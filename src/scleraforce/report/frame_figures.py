@@ -1,4 +1,4 @@
-"""Figures of frames and slices: beside simulated ones, with walls, before a scanner's copy, and as a preview."""
+"""Figures of an evaluation: frames, slices and walls, read over measured forces, and the result in one picture."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,23 +6,35 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from scleraforce.mechanics.contact import Section
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.pixels import Pixels
-from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, RED, inches, log_scale, show_image, styled
+from scleraforce.report.files import (
+    AMBER,
+    BLACK,
+    BLUE,
+    CLASS_COLOURS,
+    CLASS_INKS,
+    CLASS_MARKERS,
+    GREY,
+    RED,
+    inches,
+    log_scale,
+    show_image,
+    styled,
+)
 from scleraforce.report.frames import AnsweredFrame
+from scleraforce.report.recording_figures import DASHED, mark_bounds
 from scleraforce.units import from_si
 
 BOTH_COLOUR = "#555555"
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
-WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (
-    ("#56B4E9", "-"),
-    (AMBER, "--"),
-)  # colours that are bright enough on a B-scan
+WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (("#56B4E9", "-"), (AMBER, "--"))  # bright enough on a B-scan
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
 
@@ -43,11 +55,7 @@ class SlicePair:
 
 
 def dice(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
-    """Return the Dice coefficient of two binary images, twice the common area over the sum of both (1: the same).
-
-    >>> dice(np.eye(2, dtype=np.uint8), np.ones((2, 2), dtype=np.uint8))
-    0.6666666666666666
-    """
+    """Return the Dice coefficient of two binary images, twice the common area over the sum of both (1: the same)."""
     a, b = first > 0, second > 0
     total = int(a.sum() + b.sum())
     return 2.0 * int((a & b).sum()) / total if total else 1.0
@@ -123,14 +131,10 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     """Draw a raw frame, the boundaries that were found, the mask of the wall, and the frame under the mask."""
     figure = Figure(figsize=inches(170, 68))
     raw, found, mask, masked = figure.subplots(2, 2, sharex=True, sharey=True).flat
-    titles = {
-        raw: "(a) raw frame",
-        found: "(b) boundaries found",
-        mask: "(c) mask of the wall",
-        masked: "(d) frame, masked",
-    }
-    for axes, title in titles.items():
-        axes.set_title(title)
+    raw.set_title("(a) raw frame")
+    found.set_title("(b) boundaries found")
+    mask.set_title("(c) mask of the wall")
+    masked.set_title("(d) frame, masked")
     show_image(raw, look.frame, look.extent_m)
     draw_wall(found, look, ("#56B4E9", AMBER))
     found.legend(loc="lower center", ncols=2, labelcolor="white")
@@ -143,29 +147,19 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     return figure
 
 
-def laid_on_surface(
-    section: Section, surface_m: NDArray[np.float64], width_m: float, shifts_m: NDArray[np.float64] = SHIFTS_M
-) -> Section:
-    """Return a section moved to where its outer curve covers the surface of a frame best.
+def laid_on_surface(section: Section, surface_m: NDArray[np.float64], width_m: float) -> Section:
+    """Return a section moved to where its outer curve covers the surface of a frame best, m from the upper left corner.
 
     Only the place is fitted: for each lateral shift the depth is the one of the median distance, and the shift of the
-    smallest mean distance wins.
-
-    Args:
-        section: the wall in the plane's frame.
-        surface_m: depth of the surface at the centre of each column of the frame, shape (column,), NaN where unseen.
-        width_m: width of the frame.
-        shifts_m: lateral shifts of the plane's origin from the frame's middle.
-
-    Returns:
-        The section, in m from the frame's upper left corner; in the frame's middle where the surface is not seen.
+    smallest mean distance wins. `surface_m` (column,) is the surface's depth, NaN where unseen; if it is nowhere seen,
+    the section stays in the frame's middle.
     """
     columns = len(surface_m)
     lateral_m = (np.arange(columns) + 0.5) * width_m / columns
     ahead = np.concatenate([[True], section.outer[1:, 0] > np.maximum.accumulate(section.outer[:, 0])[:-1]])
     curve = section.outer[ahead]
     best, place = np.inf, (width_m / 2, 0.0)
-    for shift_m in shifts_m:
+    for shift_m in SHIFTS_M:
         middle_m = width_m / 2 + shift_m
         depth_m = np.interp(lateral_m, curve[:, 0] + middle_m, curve[:, 1], left=np.nan, right=np.nan)
         away = (surface_m - depth_m)[np.isfinite(surface_m - depth_m)]
@@ -229,4 +223,112 @@ def draw_scanner(real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top
     counts.set(xlabel="count", ylabel="share of the pixels, %", title="Histograms", xlim=(0, top))
     log_scale(counts)
     counts.legend()
+    return figure
+
+
+MOST_NAMES, NAME_LENGTH = 60, 14  # trials that carry their frame's name, and last characters of a name
+RING: dict[str, Any] = {"marker": "o", "linestyle": "", "color": "none", "markeredgecolor": BLACK, "label": "misread"}
+
+
+@styled
+def draw_trial_forces(evaluation: Evaluation) -> Figure:
+    """Draw the measured force of every trial that counts with the class bounds; misread trials are ringed."""
+    figure, frames = Figure(figsize=inches(170, 84)), evaluation.scored
+    axes = _draw_trials(figure, evaluation)
+    if len(frames) <= MOST_NAMES:
+        names = [frame.file if len(frame.file) <= NAME_LENGTH else f"…{frame.file[-NAME_LENGTH:]}" for frame in frames]
+        axes.set_xticks(range(1, len(frames) + 1), names, rotation=90, fontsize=5.5)
+        axes.set_xlabel("frame")
+    return figure
+
+
+def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> Axes:
+    axes, frames = figure.subplots(), evaluation.scored
+    top_mn = from_si(evaluation.max_force_n, "mn")
+    for x, frame in enumerate(frames, start=1):
+        if frame.measured_force_n is not None:
+            force_mn = from_si(frame.measured_force_n, "mn")
+            top_mn = max(top_mn, force_mn)
+            marker, colour = CLASS_MARKERS[frame.answer.predicted], CLASS_COLOURS[frame.answer.predicted]
+            fill = colour if frame.answer.usable else "white"
+            axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
+            if frame.misread:
+                axes.plot(x, force_mn, markersize=10, zorder=5, **RING)
+    mark_bounds(axes, evaluation.bounds_n)
+    _separate_eyes(axes, frames)
+    axes.set(xlabel="trial", ylabel="measured force [mN]", xlim=(0.0, len(frames) + 1.0))
+    axes.set_ylim(-0.04 * top_mn, 1.12 * top_mn)
+    unusable = Line2D([], [], linestyle="", marker="^", color="white", markeredgecolor=RED, label="not usable")
+    figure.legend(handles=_legend(unusable), loc="outside upper center", ncols=5)
+    return axes
+
+
+def _separate_eyes(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
+    """Name the eyes along the top and draw lines between them."""
+    names = [frame.eye for frame in frames]
+    starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
+    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+        if start:
+            axes.axvline(start + 0.5, color="#D9DEE3", linewidth=0.8, zorder=0)
+        middle = 0.5 * (start + end) + 0.5
+        axes.text(middle, 0.985, names[start], transform=axes.get_xaxis_transform(), ha="center", va="top")
+
+
+def _legend(*more: Line2D) -> list[Line2D]:
+    read = [
+        Line2D([], [], linestyle="", marker=marker, color=colour, markersize=4.5, label=f"read as class {number}")
+        for number, (marker, colour) in enumerate(zip(CLASS_MARKERS, CLASS_COLOURS, strict=True))
+    ]
+    return [*read, Line2D([], [], markersize=9, **RING), *more]
+
+
+@styled
+def draw_read_forces(evaluation: Evaluation) -> Figure:
+    """Draw the read force of every trial that counts with its interval over the measured one."""
+    figure = Figure(figsize=inches(170, 105))
+    axes = figure.subplots()
+    top = from_si(evaluation.max_force_n, "mn")
+    axes.plot([0.0, top], [0.0, top], color=GREY, linewidth=0.8, zorder=1, label="equal")
+    for bound in evaluation.bounds_n:
+        for draw in (axes.axhline, axes.axvline):
+            draw(from_si(bound, "mn"), color=GREY, linewidth=0.6, linestyle=DASHED, zorder=1)
+    for frame in evaluation.scored:
+        if frame.measured_force_n is not None:
+            _draw_read_force(axes, frame, from_si(frame.measured_force_n, "mn"), 1.08 * top)
+    axes.set(xlim=(-0.05 * top, 1.08 * top), ylim=(-0.05 * top, 1.08 * top), aspect="equal")
+    axes.set(xlabel="measured force [mN]", ylabel="read force [mN]")
+    unusable = Line2D([], [], linestyle="", marker="x", color=RED, markersize=4, label="not usable (at the top)")
+    interval = Line2D([], [], linestyle="", color=BLACK, marker="|", markersize=8, label="90 % interval")
+    figure.legend(handles=_legend(interval, unusable), loc="outside right upper")
+    return figure
+
+
+def _draw_read_force(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: float) -> None:
+    if frame.answer.force_n is None or frame.answer.interval_n is None:
+        axes.plot(measured_mn, 0.98 * top_mn, "x", color=RED, markersize=4, zorder=4, label="not usable")
+        return
+    read_mn, low_mn, high_mn = (from_si(force, "mn") for force in (frame.answer.force_n, *frame.answer.interval_n))
+    colour, marker = CLASS_COLOURS[frame.answer.predicted], CLASS_MARKERS[frame.answer.predicted]
+    axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
+    axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")
+    if frame.misread:
+        axes.plot(measured_mn, read_mn, markersize=9, zorder=5, **RING)
+        axes.annotate(frame.file, (measured_mn, read_mn), (6, -6), textcoords="offset points", fontsize=6, va="top")
+
+
+@styled
+def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figure:
+    """Draw frames, one of each class, with their walls and the classes read, above the forces of all trials."""
+    figure = Figure(figsize=inches(170, 92))
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
+    for axes, one in zip(top.subplots(1, len(read), squeeze=False)[0], read, strict=True):
+        draw_wall(axes, one)
+        axes.set_axis_off()
+        answer = one.answer.answer
+        sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
+        axes.set_title(f"read: class {answer.predicted}{sure}", color=CLASS_INKS[answer.predicted], fontweight="bold")
+        if one.answer.measured_force_n is not None:
+            measured = f"measured: {from_si(one.answer.measured_force_n, 'mn'):.1f} mN"
+            axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")
+    _draw_trials(bottom, evaluation)
     return figure

@@ -50,12 +50,7 @@ def look_at(answer: FrameAnswer) -> AnsweredFrame:
 
 
 def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
-    """Read the pixels of answers' frames, each recording once.
-
-    Raises:
-        RecordingError: a recording does not exist any more.
-        FrameError: a frame cannot be read.
-    """
+    """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
     recordings: dict[str, Recording] = {}
     looks = []
     for answer in answers:

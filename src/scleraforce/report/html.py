@@ -158,11 +158,7 @@ def page(title: str, lead: str, stamp: str, *sections: Html, style: str = "", sc
 
 
 def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
-    """Write a page.
-
-    Raises:
-        InputError: the file exists and must not be overwritten, or its folder cannot be written to.
-    """
+    """Write a page; raises `InputError`."""
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; remove it or choose another name")
     write_whole(content, path)
@@ -219,11 +215,8 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
             NOTHING if frame.target is None else frame.target,
             frame.answer.predicted,
             *(_read_force(frame) if with_force else []),
-            *(
-                [NOTHING] * len(classes)
-                if frame.answer.probabilities is None
-                else [f"{p:.3f}" for p in frame.answer.probabilities]
-            ),
+            *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
+            *([] if frame.answer.probabilities else [NOTHING] * len(classes)),
             _remark(frame),
         ]
         for frame in frames
@@ -249,9 +242,9 @@ def _read_force(frame: FrameAnswer) -> list[str]:
 
 
 def _remark(frame: FrameAnswer) -> str:
-    remarks = (
-        [] if frame.answer.usable else [f"not usable ({frame.answer.reason})" if frame.answer.reason else "not usable"]
-    )
+    remarks = []
+    if not frame.answer.usable:
+        remarks.append(f"not usable ({frame.answer.reason})" if frame.answer.reason else "not usable")
     if frame.calibration:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
@@ -262,45 +255,30 @@ def _remark(frame: FrameAnswer) -> str:
 
 RESEARCH_USE = "Research use only: not a medical device."
 
-PACKAGES = (
-    "scleraforce",
-    "numpy",
-    "scipy",
-    "opencv-python-headless",
-    "onnxruntime",
-    "zarr",
-    "matplotlib",
-)
+PACKAGES = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "zarr", "matplotlib")
 
 
 def made_line(made_at: datetime) -> str:
-    """Return which version made a page, when, and what it may be used for.
+    """Return the version that made a page, the date, and its use.
 
     >>> from datetime import timedelta, timezone
     >>> made_line(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
     '2026-02-28 23:30 UTC. Research use only: not a medical device.'
-
-    Raises:
-        ValueError: `made_at` has no time zone.
     """
-    if made_at.tzinfo is None:
-        raise ValueError("made_at: a time without a time zone; give one, like datetime.now(UTC)")
     return f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC. {RESEARCH_USE}"
 
 
 def provenance_table(study: Study, reader: Reader) -> Html:
     """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
-    provenance = reader.provenance
-    rows: list[list[object]] = [
+    rows: list[Sequence[object]] = [
         ["study, SHA-256", study_hash(study)],
-        ["data set, SHA-256", provenance.get("dataset_sha256", "")],
+        ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
         ["seed of the data set", study.dataset.seed],
         ["seed of the network", study.network.seed],
         ["seed of the virtual eyes", study.phantom.seed],
         ["Python", platform.python_version()],
-        ["PyTorch", provenance.get("torch", "")],
+        ["PyTorch", reader.provenance.get("torch", "")],
+        *([name, version(name)] for name in PACKAGES),
     ]
-    rows += [[name, version(name)] for name in PACKAGES]
-    return table(
-        ["", "value"], rows, "Inputs of this run; the same study and versions give the same result.", prose=True
-    )
+    caption = "Inputs of this run; the same study and versions give the same result."
+    return table(["", "value"], rows, caption, prose=True)

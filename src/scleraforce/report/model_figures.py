@@ -75,7 +75,7 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
 
 
 def behind_needle(eye: SimulatedEye) -> NDArray[np.bool_]:
-    """Return which elements lie on the far side of the plane through the needle's meridian, seen by the viewer."""
+    """Return True for the elements on the far side of the plane through the needle's meridian, seen by the viewer."""
     middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
     far: NDArray[np.bool_] = middles_ec @ eye.contact.parallel > 0.0
     return far
@@ -92,7 +92,6 @@ def skin_outlines(cells_en: Integers) -> Integers:
 
 
 Point = tuple[float, float]
-
 THICKNESS_DRAWN_MM = 1.3  # about twice a sclera: a true one is a line at this size
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
 BOX_MM, ROW_MM = 24.0, 14.0
@@ -168,7 +167,7 @@ def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
 
 
 def _draw_base(axes: Axes, radius: float) -> None:
-    """Hatch what holds the base."""
+    """Hatch the support of the base."""
     for side in (-1.0, 1.0):
         ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
         axes.plot(ends, [0.0, 0.0], color=BLACK, linewidth=1.4)
@@ -202,11 +201,7 @@ def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
 
 @styled
 def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
-    """Draw the curves of a training, a panel for each quantity: training dashed, validation solid.
-
-    Curves are named `training_loss`, `validation_loss` and so on. A classifier's training figures are measured under
-    dropout, so that its validation may be better.
-    """
+    """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
     figure = Figure(figsize=inches(170 if len(names) > 1 else 110, 60))
     for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=True):

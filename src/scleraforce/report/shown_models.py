@@ -39,11 +39,7 @@ MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
 def show_library(path: Path) -> Thing:
-    """Look at a response library: a store of `scleraforce library`, or the file of a model folder.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Look at a response library: a store of `scleraforce library`, or the file of a model folder."""
     library = load_library(path) if path.is_file() else open_library(path)
     shape = library.force_ratio_tpd.shape
     rows = (
@@ -91,11 +87,7 @@ def draw_library(library: Library) -> Figure:
 
 
 def show_data_set(path: Path) -> Thing:
-    """Look at a data set.
-
-    Raises:
-        DatasetError: it cannot be read.
-    """
+    """Look at a data set; raises `DatasetError`."""
     dataset = open_dataset(path)
     _, validation = dataset.split()
     counts = np.bincount(dataset.target, minlength=len(dataset.study.classes.bounds_n) + 1).tolist()
@@ -124,11 +116,7 @@ def _draw_slices(dataset: Dataset) -> Figure:
 
 
 def show_model(path: Path) -> Thing:
-    """Look at a model folder; its files are checked against their hashes.
-
-    Raises:
-        ModelError: it cannot be read, or a file is not the one that was trained.
-    """
+    """Look at a model folder; its files are checked against their hashes; raises `ModelError`."""
     folder = read_folder(path)
     record = folder.record
     metrics, provenance = _table(record, "metrics"), _table(record, "provenance")

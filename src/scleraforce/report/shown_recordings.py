@@ -35,12 +35,7 @@ SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}
 
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
-    """Look at a recording, and whether a model reads it; forces are put into the paper's classes.
-
-    Raises:
-        RecordingError: it cannot be read.
-        ModelError: the model cannot.
-    """
+    """Look at a recording, and whether a model reads it; forces are put into the paper's classes."""
     recording = read_recording(path)
     trials, fault = _labelled(recording)
     notes = (*limit_notes(model, recording.info), *label_notes(recording, () if fault else trials))
@@ -117,11 +112,7 @@ def _value(value: float | None, unit: HumanUnit, printed: str) -> str:
 
 
 def show_calibration(path: Path) -> Thing:
-    """Look at a calibration file.
-
-    Raises:
-        CalibrationError: it cannot be read.
-    """
+    """Look at a calibration file; raises `CalibrationError`."""
     calibration = parse_calibration(open_calibration(path))
     mean_pa, sd_pa = calibration.population
     used = sum(len(eye.used) for eye in calibration.eyes.values())
@@ -208,12 +199,7 @@ class DecisionsRead:
 
 
 def read_decisions(path: Path) -> DecisionsRead:
-    """Read a log: a file, the folder of its files, or the folder of a black box.
-
-    Raises:
-        InputError: it has no decision or note, one of its files is not a regular file, or a whole record is not a
-            monitor's.
-    """
+    """Read a log: a file, the folder of its files, or the folder of a black box; raises `InputError`."""
     folder = path / "log" if (path / "log").is_dir() else path
     for file in folder.glob(LOG_FILES):
         if not file.is_file():
@@ -232,11 +218,7 @@ def read_decisions(path: Path) -> DecisionsRead:
 
 
 def show_decision_log(path: Path) -> Thing:
-    """Look at the log of a black box.
-
-    Raises:
-        InputError: as `read_decisions`.
-    """
+    """Look at the log of a black box; raises `InputError`."""
     log = read_decisions(path)
     forces_mn = [entry.force_mn for entry in log.decisions if entry.force_mn is not None]
     causes = Counter(entry.cause or "?" for entry in log.withdrawals)

@@ -27,8 +27,14 @@ from scleraforce.report.calibration_figures import draw_modulus_over_frames, dra
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
 from scleraforce.report.eye_view import eye_view, view_script, view_style
 from scleraforce.report.files import write_figure
-from scleraforce.report.force_figures import draw_overview
-from scleraforce.report.frame_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
+from scleraforce.report.frame_figures import (
+    SlicePair,
+    dice,
+    draw_montage,
+    draw_overview,
+    draw_segmentation,
+    draw_slice_pairs,
+)
 from scleraforce.report.frames import look_at, look_at_all
 from scleraforce.report.html import (
     NOTHING,

@@ -128,11 +128,7 @@ def view_script() -> str:
 
 
 def write_simulation_html(eye: SimulatedEye, path: Path, made_at: datetime) -> None:
-    """Write one simulated eye as a page: its numbers, the wall to be turned, mesh and slice as a picture.
-
-    Raises:
-        InputError: the file exists already, or cannot be written.
-    """
+    """Write one simulated eye as a page: its numbers, the wall to be turned, mesh and slice as a picture."""
     numbers = cards(
         [
             (f"{from_si(eye.force_n, 'mn'):g} mN", "force of the needle", "along the inward normal"),
