@@ -19,7 +19,7 @@ from scleraforce.library.files import load_library
 from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_force_reader, load_model
 from scleraforce.recording.folder import read_recording
-from scleraforce.recording.images import read_frame, read_frame_image
+from scleraforce.recording.images import read_frame
 from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.study import parse_study, read_study
 
@@ -140,7 +140,7 @@ def test_a_reader_is_not_trained_on_a_study_that_its_library_does_not_know(tmp_p
 
 READERS = (
     load_classifier, load_force_reader, load_library, load_model, open_calibration, open_dataset, open_library,
-    read_calibration, read_frame, read_frame_image, read_population_modulus, read_recording, read_study,
+    read_calibration, read_frame, read_population_modulus, read_recording, read_study,
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 from effects import less_than
-from foreign_files import COLUMNS, COUNT, FRAMES, pictures_of, write_dicom
+from foreign_files import COLUMNS, COUNT, FRAMES, pictures_of, sizes_of, write_dicom
 from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate, generate_frames
 from pydicom.sequence import Sequence
@@ -24,7 +24,7 @@ from pydicom.uid import (
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.dicom import read_dicom
-from scleraforce.recording.images import read_frame, read_frame_image
+from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.sources import source_kind
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
@@ -122,8 +122,8 @@ def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
             if compressed:
                 dataset.compress("1.2.840.10008.1.2.5")
                 dataset.save_as(tmp_path / "a.dcm")
-            image = read_frame_image(tmp_path / "a.dcm")
-            np.testing.assert_array_equal(image.pixels, RAMP)
+            pixels, image = read_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(pixels, RAMP)
             assert any("HighBit" in note for note in image.notes) is (high != 11)
             assert read_dicom(tmp_path / "a.dcm").bits == 12
 
@@ -167,8 +167,8 @@ def test_an_overlay_in_the_pixels_bits_is_left_out(tmp_path: Path) -> None:
     dataset.add_new((0x6000, 0x0100), "US", 16)
     dataset.add_new((0x6000, 0x0102), "US", 15)
     dataset.save_as(tmp_path / "a.dcm")
-    image = read_frame_image(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(image.pixels, RAMP)
+    pixels, image = read_image(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pixels, RAMP)
     assert any("OverlayBitPosition 15" in note for note in image.notes)
 
 
@@ -190,8 +190,8 @@ def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
             elif display:
                 tags["PresentationLUTShape"] = display
             write_dicom(tmp_path / "a.dcm", dark.astype(np.int16) - 2048 if signed else dark, **tags)
-            image = read_frame_image(tmp_path / "a.dcm")
-            np.testing.assert_array_equal(image.pixels, RAMP)
+            pixels, image = read_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(pixels, RAMP)
             said = " ".join(image.notes)
             assert ("were exchanged" in said) is dark_is_large
             assert ("cancel" in said) is (slope < 0.0 and bool(display))
@@ -238,9 +238,9 @@ def test_padding_is_dark_and_shifts_nothing(tmp_path: Path) -> None:
             padded[:5] = -3000
             tags = {"PixelPaddingValue": -3000} | ({} if limit is None else {"PixelPaddingRangeLimit": limit})
             write_dicom(tmp_path / "a.dcm", padded, PhotometricInterpretation=kind, **tags)
-            image = read_frame_image(tmp_path / "a.dcm")
-            np.testing.assert_array_equal(image.pixels[5:], RAMP[5:] - RAMP[5, 0])
-            assert (image.pixels[:5] == 0).all()
+            pixels, image = read_image(tmp_path / "a.dcm")
+            np.testing.assert_array_equal(pixels[5:], RAMP[5:] - RAMP[5, 0])
+            assert (pixels[:5] == 0).all()
             assert any("PixelPaddingValue -3000" in note for note in image.notes)
 
 
@@ -257,8 +257,8 @@ def test_planes_of_colour_are_read_as_colour(tmp_path: Path) -> None:
         colour = np.stack([grey, grey, grey], axis=0 if planar else -1)
         tags = {"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB", "PlanarConfiguration": planar}
         write_dicom(tmp_path / "a.dcm", grey, PixelData=colour.tobytes(), **tags)
-        image = read_frame_image(tmp_path / "a.dcm")
-        np.testing.assert_array_equal(image.pixels, grey)
+        pixels, image = read_image(tmp_path / "a.dcm")
+        np.testing.assert_array_equal(pixels, grey)
         assert any("colour became grey" in note for note in image.notes)
 
 
@@ -305,8 +305,8 @@ def test_two_scales_in_one_file_are_refused_with_both(tmp_path: Path) -> None:
         ),
     ]:
         write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-        image = read_frame_image(tmp_path / "a.dcm")
-        assert (image.depth_pixel_m, image.lateral_pixel_m) == (None, None)
+        _, image = read_image(tmp_path / "a.dcm")
+        assert sizes_of(image) == (None, None)
         assert "0.004 x 0.0125 mm" in image.scale_fault
         assert found in image.scale_fault
 
@@ -323,15 +323,15 @@ def test_one_scale_that_is_stated_twice_is_read(tmp_path: Path) -> None:
         },
     ]:
         write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-        image = read_frame_image(tmp_path / "a.dcm")
+        _, image = read_image(tmp_path / "a.dcm")
         assert image.scale_fault is None
-        assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 12.5e-6))
+        assert sizes_of(image) == pytest.approx((4e-6, 12.5e-6))
 
 
 def test_an_aspect_ratio_alone_is_no_scale(tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", RAMP, PixelAspectRatio=[1, 2])
-    image = read_frame_image(tmp_path / "a.dcm")
-    assert (image.depth_pixel_m, image.lateral_pixel_m, image.scale_fault) == (None, None, None)
+    _, image = read_image(tmp_path / "a.dcm")
+    assert (*sizes_of(image), image.scale_fault) == (None, None, None)
 
 
 def test_a_file_that_begins_as_a_tiff_is_dicom(tmp_path: Path) -> None:

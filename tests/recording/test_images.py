@@ -11,11 +11,11 @@ import numpy as np
 import pydicom
 import pytest
 import tifffile
-from foreign_files import FRAMES, pictures_of, write_dicom
+from foreign_files import FRAMES, pictures_of, sizes_of, write_dicom
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.images import check_frame, read_frame, read_frame_image, read_numpy
+from scleraforce.recording.images import check_frame, read_frame, read_image, read_numpy
 from scleraforce.recording.scan import AXES, UnansweredError
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
@@ -50,11 +50,11 @@ def test_colour_becomes_grey_alike_in_all_formats(tmp_path):
 
 def test_dicom_gives_pixels_and_their_size_where_the_tags_know_it(tmp_path):
     write_dicom(tmp_path / "a.dcm", RAMP, PixelSpacing=[0.004, 0.015])
-    image = read_frame_image(tmp_path / "a.dcm")
-    assert (image.pixels == RAMP).all()
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6))
+    pixels, image = read_image(tmp_path / "a.dcm")
+    assert (pixels == RAMP).all()
+    assert sizes_of(image) == pytest.approx((4e-6, 15e-6))
     write_dicom(tmp_path / "b.dcm", RAMP)
-    assert read_frame_image(tmp_path / "b.dcm").depth_pixel_m is None
+    assert sizes_of(read_image(tmp_path / "b.dcm")[1])[0] is None
 
 
 def test_signed_dicom_is_shifted_to_start_at_zero(tmp_path):
@@ -65,9 +65,9 @@ def test_signed_dicom_is_shifted_to_start_at_zero(tmp_path):
 def test_visante_dicom_is_turned_so_that_rows_are_depth(tmp_path):
     maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000"}
     write_dicom(tmp_path / "a.dcm", RAMP, PixelSpacing=[0.02, 0.003], **maker)
-    image = read_frame_image(tmp_path / "a.dcm")
-    assert (image.pixels == RAMP.T).all()
-    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((3e-6, 20e-6))
+    pixels, image = read_image(tmp_path / "a.dcm")
+    assert (pixels == RAMP.T).all()
+    assert sizes_of(image) == pytest.approx((3e-6, 20e-6))
 
 
 def test_odd_dicom_tags_are_read_without_a_warning(tmp_path):

@@ -373,7 +373,7 @@ def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path) -> None
 
 def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(tmp_path: Path) -> None:
     for pixels, fields, message in [
-        (b"x" + FRAMES.tobytes(), {"ElementDataFile": "a.raw"}, r"a\.raw: damaged: 9601 bytes .* take 9600"),
+        (b"x" + FRAMES.tobytes(), {"ElementDataFile": "a.raw"}, r"a\.raw has 9601 bytes .* take 9600"),
         (None, {"DimSize": "40 24 4"}, "9600 bytes of pixels; DimSize = 40 24 4 .* take 7680"),
         (None, {"DimSize": "40 24"}, "NDims = 3, and DimSize has 2 numbers"),
         (None, {"DimSize": None}, "its header has no DimSize"),

@@ -19,6 +19,11 @@ def pictures_of(scan) -> np.ndarray:
     return found
 
 
+def sizes_of(scan) -> tuple[float | None, float | None]:
+    """Return the depth and the width of a pixel, m."""
+    return tuple(size and size.value for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
+
+
 def told(*options: object) -> list[str]:
     """Options that answer what no file states, and `options`."""
     needle = ["--eye", "eye-1", "--gauge", "22", "--gap-mm", "0.6"]

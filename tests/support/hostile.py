@@ -96,10 +96,10 @@ def _read_recording(folder: Path) -> None:
 
 
 def _read_frames(folder: Path) -> None:
-    from scleraforce.recording.images import read_frame_image
+    from scleraforce.recording.images import read_frame
 
     for path in sorted((folder / "frames").iterdir()):
-        read_frame_image(path)
+        read_frame(path)
 
 
 def _read_calibration(folder: Path) -> None:

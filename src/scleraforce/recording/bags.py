@@ -5,23 +5,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError, RecordingError
+from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scan import (
-    PictureStream,
-    Scan,
-    Times,
-    UnansweredError,
-    check_bytes,
-    named_faults,
-    package_for,
-)
+from scleraforce.recording.scan import Scan, Times, UnansweredError
 from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si
 
@@ -43,22 +36,27 @@ ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
 }
 
-
 # What decides on the meaning of a message's bytes, and stays the same within a topic.
 IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
-
-
-def _image_fields(message: Any) -> dict[str, object]:
-    """Return the fields of a sensor_msgs Image or CompressedImage that define the meaning of its bytes."""
-    return {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
+SIX, THREE = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"), ("fx_n", "fy_n", "fz_n")
+SECOND_NS = 1_000_000_000
+NEIGHBOURS = 25  # messages before and after a stamp that runs back, whose delays are compared
+SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
+EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
 
 
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
     """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` is for messages."""
-    return _compressed(message, place) if hasattr(message, "format") else _raw(message, place)
-
-
-def _raw(message: Any, place: str) -> NDArray[Any]:
+    if hasattr(message, "format"):
+        data = np.asarray(message.data, dtype=np.uint8)
+        if data[:2].tobytes() not in (b"\x89P", b"\xff\xd8"):
+            raise FrameError(f"{place}: compressed as {message.format!r}; PNG and JPEG are read")
+        decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        if decoded is None:
+            raise FrameError(f"{place}: damaged: an image that cannot be decoded")
+        return np.asarray(decoded if decoded.ndim == 2 else cv2.cvtColor(decoded[..., :3], cv2.COLOR_BGR2GRAY))
     known = ENCODINGS.get(message.encoding)
     if known is None:
         raise FrameError(f"{place}: encoding {message.encoding!r}; one of {', '.join(ENCODINGS)}")
@@ -73,25 +71,6 @@ def _raw(message: Any, place: str) -> NDArray[Any]:
     return pixels[..., 0] if colour is None else np.asarray(cv2.cvtColor(pixels, colour))
 
 
-def _compressed(message: Any, place: str) -> NDArray[Any]:
-    data = np.asarray(message.data, dtype=np.uint8)
-    if data[:2].tobytes() not in (b"\x89P", b"\xff\xd8"):
-        raise FrameError(f"{place}: compressed as {message.format!r}; PNG and JPEG are read")
-    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise FrameError(f"{place}: damaged: an image that cannot be decoded")
-    return np.asarray(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels[..., :3], cv2.COLOR_BGR2GRAY))
-
-
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
-SIX, THREE = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"), ("fx_n", "fy_n", "fz_n")
-SECOND_NS = 1_000_000_000
-NEIGHBOURS = 25  # messages before and after a stamp that runs back, whose delays are compared
-SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
-EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
-
-
 @dataclass(frozen=True, eq=False)
 class _Topic:
     """The messages of a topic, of all its publishers, in the order of their stamps.
@@ -104,8 +83,7 @@ class _Topic:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Heard:
+class _Heard(NamedTuple):
     """One message: its publisher (a connection's number), capture and arrival in ns, coordinate frame."""
 
     publisher: int
@@ -123,51 +101,46 @@ def read_bag(
     stamps.
     """
     with _opened(path) as bag:
-        image = _topic(path, bag, IMAGES, image_topic, "--image-topic")
-        force = _topic(path, bag, FORCES, force_topic, "--force-topic")
+        image = _topic(bag, IMAGES, image_topic, "--image-topic")
+        force = _topic(bag, FORCES, force_topic, "--force-topic")
         if not image and not force:
-            raise InputError(
-                f"{path}: neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)}); there "
-                f"are {_listed(bag.connections)}"
-            )
+            wanted = f"neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)})"
+            raise InputError(f"{wanted}; there are {_listed(bag.connections)}")
         scan = _scan(path, bag, image, by_arrival) if image else None
         return scan, _log(path, bag, force, by_arrival) if force else None
 
 
 @contextmanager
 def _opened(path: Path) -> "Iterator[AnyReader]":
-    highlevel = package_for(path, "rosbags.highlevel", "a ROS bag")
-    typesys = package_for(path, "rosbags.typesys", "a ROS bag")
-    # Older ROS 2 bags do not hold the definitions of their messages.
-    store = typesys.get_typestore(typesys.Stores.LATEST)
-    with named_faults(path, "ROS bag"), highlevel.AnyReader([path], default_typestore=store) as bag:
-        yield bag
+    with scans.named_faults(path, "ROS bag"):
+        highlevel, typesys = (scans.package_for(f"rosbags.{name}", "a ROS bag") for name in ("highlevel", "typesys"))
+        # Older ROS 2 bags do not hold the definitions of their messages.
+        store = typesys.get_typestore(typesys.Stores.LATEST)
+        with highlevel.AnyReader([path], default_typestore=store) as bag:
+            yield bag
 
 
-def _topic(
-    path: Path, bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
-) -> "Sequence[Connection]":
+def _topic(bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str) -> "Sequence[Connection]":
     """Return the connections of the chosen topic, or of the only one of the kinds; empty without such a topic."""
     found = {each.topic for each in bag.connections if each.msgtype in kinds and each.msgcount}
     if chosen is not None and chosen not in found:
-        raise InputError(f"{path}: {option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}")
+        raise InputError(f"{option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}")
     if chosen is None and len(found) > 1:
-        raise UnansweredError(option, f"{path}: which topic? There are {', '.join(sorted(found))}")
+        raise UnansweredError(option, f"which topic? There are {', '.join(sorted(found))}")
     topic = chosen or next(iter(found), None)
     connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
     for other in connections[1:]:
         if other.msgtype != connections[0].msgtype:
-            raise InputError(
-                f"{path}: {topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}"
-            )
+            raise InputError(f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}")
     for first in connections[:1]:
         # A type has one definition when messages are decoded, whichever connection they came by.
         for other in bag.connections:
             if other.msgtype == first.msgtype and _definition(other) != _definition(first):
-                raise InputError(
-                    f"{path}: {topic}: two definitions of {first.msgtype}, of connection {first.id} ({first.topic}: "
-                    f"{_digest(first)}) and of {other.id} ({other.topic}: {_digest(other)}); {SPLIT}"
+                two = " and of ".join(
+                    f"connection {each.id} ({each.topic}: {each.digest or f'{len(each.msgdef.data)} characters'})"
+                    for each in (first, other)
                 )
+                raise InputError(f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}")
     return connections
 
 
@@ -177,24 +150,17 @@ def _definition(connection: "Connection") -> str:
     return "\n".join(" ".join(words) for words in lines if words)
 
 
-def _digest(connection: "Connection") -> str:
-    return connection.digest or f"{len(connection.msgdef.data)} characters"
-
-
 def _listed(connections: "Sequence[Connection]") -> str:
     return ", ".join(f"{each.topic} ({each.msgtype})" for each in connections) or "no topics"
 
 
-def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator[tuple[int, int, Any]]:
-    """Yield publisher, arrival in ns and message of a topic, in the order of arrival."""
+def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator[tuple[_Heard, Any]]:
+    """Yield the messages of a topic, in the order of arrival."""
     for each, arrived_ns, data in bag.messages(connections):
-        yield each.id, arrived_ns, bag.deserialize(data, each.msgtype)
-
-
-def _heard(publisher: int, arrived_ns: int, message: Any) -> _Heard:
-    header = message.header
-    captured_ns = int(header.stamp.sec) * SECOND_NS + int(header.stamp.nanosec)
-    return _Heard(publisher, captured_ns, arrived_ns, header.frame_id)
+        message: Any = bag.deserialize(data, each.msgtype)
+        stamp = message.header.stamp
+        captured_ns = int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
+        yield _Heard(each.id, captured_ns, arrived_ns, message.header.frame_id), message
 
 
 def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> _Topic:
@@ -205,11 +171,8 @@ def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes
                 f"{place}: header.frame_id is {heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message "
                 f"{nth}; {SPLIT}"
             )
-    captured_ns, arrived_ns = (
-        np.array([getattr(each, name) for each in heard], dtype=np.int64) for name in ("captured_ns", "arrived_ns")
-    )
+    publisher, captured_ns, arrived_ns = np.array([each[:3] for each in heard], dtype=np.int64).T
     late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
-    publisher = np.array([each.publisher for each in heard])
     stamps_ns = arrived_ns if by_arrival else captured_ns
     if not by_arrival:
         _check_stamped(place, captured_ns, late_ms)
@@ -287,35 +250,34 @@ def _late_note(place: str, late_ms: NDArray[np.float64]) -> str:
 
 def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> Scan:
     topic = connections[0].topic
-    place = f"{path}: {topic}"
     heard: list[_Heard] = []
     digests: list[bytes] = []
     stated: dict[str, object] = {}
-    for publisher, arrived_ns, message in _messages(bag, connections):
+    for nth, (each, message) in enumerate(_messages(bag, connections)):
+        fields = {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
         if not heard:
-            stated, first = _image_fields(message), _image_pixels(message, place)
-            check_size(path, *first.shape)
-            check_bytes(path, sum(each.msgcount for each in connections) * first.nbytes)
-        for field, value in _image_fields(message).items():
+            stated, first = fields, _image_pixels(message, topic)
+            check_size(*first.shape)
+            scans.check_bytes(sum(each.msgcount for each in connections) * first.nbytes)
+        for field, value in fields.items():
             if value != stated[field]:
-                raise FrameError(
-                    f"{place}: {field} is {stated[field]!r} in message 0 and {value!r} in message {len(heard)}; {SPLIT}"
-                )
-        heard.append(_heard(publisher, arrived_ns, message))
+                found = f"{field} is {stated[field]!r} in message 0 and {value!r} in message {nth}"
+                raise FrameError(f"{topic}: {found}; {SPLIT}")
+        heard.append(each)
         digests.append(blake2b(message.data).digest())
-    ordered = _ordered(place, heard, digests.__getitem__, by_arrival)
+    ordered = _ordered(topic, heard, digests.__getitem__, by_arrival)
     return Scan(
-        names=tuple(f"{place}[{nth}]" for nth in ordered.order.tolist()),
+        names=tuple(f"{path}: {topic}[{nth}]" for nth in ordered.order.tolist()),
         rows=first.shape[0],
         columns=first.shape[1],
         pictures=lambda: _pictures(path, topic, ordered.order.tolist()),
         bits=8 if first.dtype == np.uint8 else None,
         times=Times(ordered.time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
         notes=ordered.notes,
-    )
+    ).of_file(path)
 
 
-def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
+def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
     """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
     wanted, turn = set(order), iter(order)
@@ -323,16 +285,14 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
     first: NDArray[Any] | None = None
     with _opened(path) as bag:
         connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
-        for nth, (_, _, message) in enumerate(_messages(bag, connections)):
+        for nth, (_, message) in enumerate(_messages(bag, connections)):
             if nth not in wanted:
                 continue
-            pixels = waiting[nth] = _image_pixels(message, f"{path}: {topic}[{nth}]")
+            pixels = waiting[nth] = _image_pixels(message, f"{topic}[{nth}]")
             first = pixels if first is None else first
             if (pixels.shape, pixels.dtype) != (first.shape, first.dtype):
-                raise FrameError(
-                    f"{path}: {topic}: images of {first.shape} pixels, {first.dtype}, and in message {nth} of "
-                    f"{pixels.shape}, {pixels.dtype}; {SPLIT}"
-                )
+                kinds = [f"{each.shape} pixels, {each.dtype}" for each in (first, pixels)]
+                raise FrameError(f"{topic}: images of {kinds[0]}, and in message {nth} of {kinds[1]}; {SPLIT}")
             while due in waiting:
                 yield waiting.pop(due)
                 due = next(turn, -1)
@@ -340,14 +300,13 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
 
 def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> ForceLog:
     heard, values = [], []
-    for publisher, arrived_ns, message in _messages(bag, connections):
+    for each, message in _messages(bag, connections):
         vectors = (message.wrench.force, message.wrench.torque) if hasattr(message, "wrench") else (message.vector,)
         values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
-        heard.append(_heard(publisher, arrived_ns, message))
+        heard.append(each)
     wrench_sc = np.array(values, dtype=np.float64)
-    ordered = _ordered(f"{path}: {connections[0].topic}", heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
+    ordered = _ordered(connections[0].topic, heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
     names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
     measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
-    return ForceLog(
-        ordered.time_s, wrench_sc[ordered.order][:, measured], tuple(names[measured].tolist()), ordered.notes
-    )
+    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {note}" for note in ordered.notes)
+    return ForceLog(ordered.time_s, wrench_sc[ordered.order][:, measured], columns, notes)

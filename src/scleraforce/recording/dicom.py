@@ -15,171 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import check_size, inverted, jpeg_frame, one_grey, unpacked_bytes
-from scleraforce.recording.scan import (
-    PictureStream,
-    PixelSize,
-    Scan,
-    Times,
-    check_bytes,
-    even_times,
-    frame_names,
-    named_faults,
-    one_size,
-    rising,
-)
+from scleraforce.recording.scan import PixelSize, Scan, Times, rising
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
-    import pydicom
+    from pydicom import Dataset, FileDataset
 
 GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
+KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 OVERLAYS = range(0x6000, 0x6020, 2)  # groups
 # What turns stored values into grey levels in another way than along a straight line.
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
-
-
-def _grey_kind(dataset: "pydicom.Dataset") -> str:
-    return str(dataset.get("PhotometricInterpretation", "")).strip()
-
-
-def _cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
-    stored = int(dataset.BitsStored)
-    high = dataset.get("HighBit", None)
-    return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
-
-
-def _places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, pydicom.Dataset]]":
-    """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
-    yield "", dataset
-    for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
-        for nth, group in enumerate(dataset.get(groups, None) or []):
-            place = f" of frame {nth + 1}" if groups.startswith("PerFrame") else f" of {groups}"
-            for item in group.get(sequence, None) or []:
-                yield place, item
-
-
-def _dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
-    """Return whether larger stored values are darker, and notes on the treatment of the values.
-
-    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
-    cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
-    are refused.
-    """
-    kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
-    for place, item in _places(dataset, "FrameVOILUTSequence"):
-        table = next((name for name in TABLES if item.get(name, None)), None)
-        if table:
-            raise FrameError(f"{path}: {table}{place}: a table of grey levels, which is not read; export it applied")
-    if shape not in ("IDENTITY", "INVERSE"):
-        raise FrameError(f"{path}: PresentationLUTShape: {shape}; IDENTITY or INVERSE")
-    if kind == "MONOCHROME1" and shape == "INVERSE":
-        raise FrameError(
-            f"{path}: PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE: programs differ in "
-            "whether these are one inversion or two; export it as MONOCHROME2"
-        )
-    slope = _slope(path, dataset)
-    notes = [f"{path}: colour became grey"] if kind not in GREY_KINDS else []
-    turns = [f"RescaleSlope {slope:g}"] if slope < 0.0 else []
-    turns += ["MONOCHROME1"] if kind == "MONOCHROME1" else []
-    turns += ["PresentationLUTShape INVERSE"] if shape == "INVERSE" else []
-    if turns and kind not in GREY_KINDS:
-        raise FrameError(f"{path}: {turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
-    if len(turns) == 1:
-        notes.append(f"{path}: {turns[0]}: dark and bright were exchanged")
-    elif turns:
-        notes.append(f"{path}: {turns[0]} and {turns[1]} cancel: pixels stay as stored")
-    return len(turns) == 1, notes + _cell_notes(path, dataset)
-
-
-def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
-    """Return notes on bits and values outside the picture."""
-    _, stored, high = _cell(dataset)
-    padding = dataset.get("PixelPaddingValue", None)
-    notes = [f"{path}: HighBit is {high}, BitsStored {stored}: pixels were shifted"] if high != stored - 1 else []
-    if overlays := _overlay_bits(dataset):
-        bits = ", ".join(map(str, overlays))
-        notes.append(f"{path}: OverlayBitPosition {bits}: overlays in the pixels' bits were left out")
-    if padding is not None:
-        notes.append(f"{path}: PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
-    return notes
-
-
-def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
-    """Return the RescaleSlope of all frames, 1 by default."""
-    found = [
-        (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
-        for place, item in _places(dataset, "PixelValueTransformationSequence")
-        if item.get("RescaleSlope", None) is not None
-    ]
-    if not found:
-        return 1.0
-    first, scale = found[0]
-    for place, other in found:
-        if other != scale:
-            raise FrameError(
-                f"{path}: RescaleSlope and RescaleIntercept {scale[0]:g}, {scale[1]:g}{first} and {other[0]:g}, "
-                f"{other[1]:g}{place}; export frames of one scale of grey"
-            )
-    if not np.isfinite(scale[0]) or scale[0] == 0.0:
-        raise FrameError(f"{path}: RescaleSlope: {scale[0]:g}; it is a number other than 0")
-    return scale[0]
-
-
-def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
-    """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
-    _, stored, high = _cell(dataset)
-    found: list[int] = []
-    for group in OVERLAYS:
-        position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
-        bit = None if position is None or data is not None else position.value
-        if bit is not None and not high - stored < int(bit) <= high:
-            found.append(int(bit))
-    return found
-
-
-def _stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -> NDArray[Any]:
-    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1)."""
-    allocated, stored, high = _cell(dataset)
-    if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
-        return cells
-    cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
-    shift = high + 1 - stored
-    values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
-    above, below = (1 << allocated) - (1 << (high + 1)), (1 << shift) - 1
-    drawn = sum(1 << bit for bit in _overlay_bits(dataset))
-    plain = cells.view(f"u{cells.dtype.itemsize}")
-    stray = plain & plain.dtype.type((above | below) & ~drawn)
-    if cells.dtype.kind == "i":
-        stray[(values < 0) & (stray == (above & ~drawn))] = 0
-    if stray.any():
-        found = f"a pixel is {int(plain[stray != 0][0]):#x}"
-        raise FrameError(
-            f"{path}: BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
-        )
-    return values
-
-
-def _without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
-    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
-    ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
-    if ends[0] is None:
-        return bright
-    stored = int(dataset.BitsStored)
-    first, last = (int(ends[0] if end is None else end) for end in ends)
-    if values.dtype.kind == "i":  # some programs write the negative ones without their sign
-        first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
-    padded = (values >= min(first, last)) & (values <= max(first, last))
-    if not padded.any() or padded.all():
-        return bright
-    darkest = bright[~padded].min()
-    return np.where(padded, darkest if values.dtype.kind == "i" else np.minimum(bright, darkest), bright)
-
-
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
-KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
-SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
 HEAD_BYTES = 1024  # in which the transfer syntax is
 NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
@@ -198,16 +49,20 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
     """Return a DICOM file's frames; `data` is the file's content if it has been read."""
     with _opened(path, data) as dataset:
         count = int(dataset.get("NumberOfFrames", None) or 1)
-        _check_image(path, dataset, count)
+        _check_image(dataset, count)
         rows, columns = int(dataset.Rows), int(dataset.Columns)
-        check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
-        _check_codec(path, dataset)
-        turned_round, turning_notes = _turned_round(path, dataset)
-        dark_large, grey_notes = _dark_is_large(path, dataset)
-        depth, lateral, scale_fault = one_size(path, _pixel_sizes(dataset))
-        times, times_fault = _times(path, dataset, count)
+        scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
+        if dataset.file_meta.TransferSyntaxUID.is_compressed:
+            _check_codec(dataset)
+        dark_large, notes = _dark_is_large(dataset)
+        # A scanner that writes A-scans along the rows of its images.
+        maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
+        if maker in A_SCANS_ALONG_ROWS:
+            notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
+        depth, lateral, scale_fault = scans.one_size(_pixel_sizes(dataset))
+        times, times_fault = _times(dataset, count)
         scan = Scan(
-            names=frame_names(path, count),
+            names=scans.frame_names(path, count),
             rows=rows,
             columns=columns,
             pictures=lambda: _pictures(path, data, dark_large),
@@ -215,15 +70,15 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             depth_pixel_m=depth,
             lateral_pixel_m=lateral,
             times=times,
-            notes=(*grey_notes, *turning_notes),
+            notes=tuple(notes),
             scale_fault=scale_fault,
             times_fault=times_fault,
-        )
-    return scan.turned() if turned_round else scan
+        ).of_file(path)
+    return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 
 @contextmanager
-def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
+def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
     """Read a data set; take over-long private tags, as scanners write them, and name the file in every error."""
     import pydicom  # here, so that reading PNG needs OpenCV only
     from pydicom import config
@@ -231,12 +86,10 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
     before = config.settings.reading_validation_mode
     config.settings.reading_validation_mode = config.IGNORE
     try:
-        with named_faults(path, "DICOM"):
+        with scans.named_faults(path, "DICOM"):
             with path.open("rb") if data is None else BytesIO(data) as file:
                 if DEFLATED in file.read(HEAD_BYTES):
-                    raise FrameError(
-                        f"{path}: a deflated DICOM file, whose size is not known before; save it uncompressed"
-                    )
+                    raise FrameError("a deflated DICOM file, whose size is not known before; save it uncompressed")
                 file.seek(0)
                 dataset = pydicom.dcmread(file)
             yield dataset
@@ -244,117 +97,197 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
         config.settings.reading_validation_mode = before
 
 
-def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+def _grey_kind(dataset: "Dataset") -> str:
+    return str(dataset.get("PhotometricInterpretation", "")).strip()
+
+
+def _cell(dataset: "Dataset") -> tuple[int, int, int]:
+    stored = int(dataset.BitsStored)
+    high = dataset.get("HighBit", None)
+    return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
+
+
+def _places(dataset: "Dataset", sequence: str) -> "Iterator[tuple[str, Dataset]]":
+    """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
+    yield "", dataset
+    for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
+        for nth, group in enumerate(dataset.get(groups, None) or []):
+            place = f" of frame {nth + 1}" if groups.startswith("PerFrame") else f" of {groups}"
+            for item in group.get(sequence, None) or []:
+                yield place, item
+
+
+def _check_image(dataset: "FileDataset", frames: int) -> None:
     floats = [name for name in FLOATS if name in dataset]
     if floats:
-        raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
+        raise FrameError(f"pixels are floats ({floats[0]}); export whole numbers (PixelData)")
     missing = [name for name in NEEDED if dataset.get(name, None) is None]
     if missing:
-        raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
+        raise FrameError(f"a DICOM file without {', '.join(missing)}; export it anew")
     kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
-        raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
+        raise FrameError(f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
-    check_size(path, rows, columns, samples)
+    check_size(rows, columns, samples)
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
-        raise FrameError(f"{path}: {found}, which has {SAMPLES.get(kind, 3)}; export it anew")
+        raise FrameError(f"{found}, which has {SAMPLES.get(kind, 3)}; export it anew")
     allocated, stored, high = _cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
-        raise FrameError(f"{path}: {found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
-    syntax = dataset.file_meta.TransferSyntaxUID
-    if syntax.is_compressed:
-        _check_compressed(path, dataset, frames)
+        raise FrameError(f"{found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
+    if dataset.file_meta.TransferSyntaxUID.is_compressed:
+        _check_compressed(dataset, frames)
         return
     subsampled = 2 * samples // 3 if kind == "YBR_FULL_422" else samples
     size = rows * columns * subsampled * (allocated // 8)
     if len(dataset.PixelData) // size != frames:
         found = f"PixelData has {len(dataset.PixelData):,} bytes, which are {len(dataset.PixelData) / size:.4g} frames"
-        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, {found}; export it anew")
+        raise FrameError(f"damaged: NumberOfFrames is {frames}, {found}; export it anew")
 
 
-def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     """Check the number of compressed images, and that each is of the size and type that the header says."""
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.uid import RLELossless
 
     syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
-    rows, columns = int(dataset.Rows), int(dataset.Columns)
     if syntax == RLELossless:
         count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
     else:
         count = sum(packed.startswith(JPEG_BEGINS) for packed in generate_fragments(dataset.PixelData))
         if high != stored - 1:
-            raise FrameError(
-                f"{path}: HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}; "
-                "save it uncompressed"
-            )
+            found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
+            raise FrameError(f"{found}; save it uncompressed")
     if count > frames:
-        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
+        raise FrameError(f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
     for packed in generate_frames(dataset.PixelData, number_of_frames=frames):
         if syntax == RLELossless:
-            _check_rle(path, packed, rows * columns)
+            _check_rle(packed, int(dataset.Rows) * int(dataset.Columns))
         else:
-            _check_jpeg(path, dataset, packed)
+            _check_jpeg(dataset, packed)
 
 
-def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
+def _check_jpeg(dataset: "FileDataset", packed: bytes) -> None:
     from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
 
     syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
     header = (int(dataset.Rows), int(dataset.Columns))
     frame = jpeg_frame(packed)
     if frame is None or frame[:2] != header:
-        found = f"the compressed image is of {frame and frame[:2]} pixels, the header says {header}"
-        raise FrameError(f"{path}: damaged: {found}")
+        raise FrameError(f"damaged: the compressed image is of {frame and frame[:2]} pixels, the header says {header}")
     bits, signed = frame[2:]
     if syntax == JPEGExtended12Bit and (bits, stored) != (8, 8):
-        raise FrameError(
-            f"{path}: compressed as {syntax.name} ({syntax}) with {bits} bits a pixel, of which only 8 are read; save "
-            "it uncompressed"
-        )
-    if syntax in JPEG2000TransferSyntaxes and signed != bool(dataset.PixelRepresentation):
+        found = f"compressed as {syntax.name} ({syntax}) with {bits} bits a pixel, of which only 8 are read"
+        raise FrameError(f"{found}; save it uncompressed")
+    if syntax not in JPEG2000TransferSyntaxes:
+        return
+    if signed != bool(dataset.PixelRepresentation):
         words = {False: "unsigned", True: "signed"}
-        raise FrameError(
-            f"{path}: PixelRepresentation is {dataset.PixelRepresentation} "
-            f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
-            "uncompressed"
-        )
+        stated = f"{dataset.PixelRepresentation} ({words[bool(dataset.PixelRepresentation)]})"
+        found = f"PixelRepresentation is {stated}, its JPEG 2000 image has {words[signed]} pixels"
+        raise FrameError(f"{found}; save it uncompressed")
     # Values of more bits are right where they fit, which `_stored_values` checks.
-    if syntax in JPEG2000TransferSyntaxes and bits < stored:
-        raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
+    if bits < stored:
+        raise FrameError(f"BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
 
 
-def _check_rle(path: Path, packed: bytes, largest: int) -> None:
+def _check_rle(packed: bytes, largest: int) -> None:
     """Check that no segment, one byte of each pixel, gives more bytes than there are pixels (and one to be even)."""
     count = int.from_bytes(packed[:4], "little")
     places = np.frombuffer(packed[4:RLE_HEADER], dtype="<u4")[: min(count, 15)].tolist()
     for begin, end in zip(places, [*places[1:], len(packed)], strict=True):
         if unpacked_bytes(packed[begin:end], largest + 1) > largest + 1:
-            raise FrameError(f"{path}: damaged: more is packed in it than the {largest} pixels that its header says")
+            raise FrameError(f"damaged: more is packed in it than the {largest} pixels that its header says")
 
 
-def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
+def _check_codec(dataset: "FileDataset") -> None:
     """Check that the compression of the pixels can be undone with the packages that are installed."""
     from pydicom.pixels.decoders.base import get_decoder
 
     syntax = dataset.file_meta.TransferSyntaxUID
-    if not syntax.is_compressed:
-        return
     try:
         there = get_decoder(syntax).is_available
     except NotImplementedError as fault:
-        raise FrameError(
-            f"{path}: compressed as {syntax.name}, which no package reads; save it uncompressed"
-        ) from fault
+        raise FrameError(f"compressed as {syntax.name}, which no package reads; save it uncompressed") from fault
     if not there:
+        raise FrameError(f"compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'")
+
+
+def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
+    """Return whether larger stored values are darker, and notes on the treatment of the values.
+
+    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
+    cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
+    are refused.
+    """
+    kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
+    for place, item in _places(dataset, "FrameVOILUTSequence"):
+        table = next((name for name in TABLES if item.get(name, None)), None)
+        if table:
+            raise FrameError(f"{table}{place}: a table of grey levels, which is not read; export it applied")
+    if shape not in ("IDENTITY", "INVERSE"):
+        raise FrameError(f"PresentationLUTShape: {shape}; IDENTITY or INVERSE")
+    if kind == "MONOCHROME1" and shape == "INVERSE":
         raise FrameError(
-            f"{path}: compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'"
+            "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE: programs differ in whether these "
+            "are one inversion or two; export it as MONOCHROME2"
         )
+    slope = _slope(dataset)
+    notes = ["colour became grey"] if kind not in GREY_KINDS else []
+    turns = [f"RescaleSlope {slope:g}"] if slope < 0.0 else []
+    turns += ["MONOCHROME1"] if kind == "MONOCHROME1" else []
+    turns += ["PresentationLUTShape INVERSE"] if shape == "INVERSE" else []
+    if turns and kind not in GREY_KINDS:
+        raise FrameError(f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
+    if len(turns) == 1:
+        notes.append(f"{turns[0]}: dark and bright were exchanged")
+    elif turns:
+        notes.append(f"{turns[0]} and {turns[1]} cancel: pixels stay as stored")
+    _, stored, high = _cell(dataset)
+    if high != stored - 1:
+        notes.append(f"HighBit is {high}, BitsStored {stored}: pixels were shifted")
+    if overlays := _overlay_bits(dataset):
+        bits = ", ".join(map(str, overlays))
+        notes.append(f"OverlayBitPosition {bits}: overlays in the pixels' bits were left out")
+    if (padding := dataset.get("PixelPaddingValue", None)) is not None:
+        notes.append(f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
+    return len(turns) == 1, notes
 
 
-def _bits(dataset: "pydicom.Dataset") -> int | None:
+def _slope(dataset: "Dataset") -> float:
+    """Return the RescaleSlope of all frames, 1 by default."""
+    found = [
+        (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
+        for place, item in _places(dataset, "PixelValueTransformationSequence")
+        if item.get("RescaleSlope", None) is not None
+    ]
+    if not found:
+        return 1.0
+    first, scale = found[0]
+    for place, other in found:
+        if other != scale:
+            raise FrameError(
+                f"RescaleSlope and RescaleIntercept {scale[0]:g}, {scale[1]:g}{first} and {other[0]:g}, "
+                f"{other[1]:g}{place}; export frames of one scale of grey"
+            )
+    if not np.isfinite(scale[0]) or scale[0] == 0.0:
+        raise FrameError(f"RescaleSlope: {scale[0]:g}; it is a number other than 0")
+    return scale[0]
+
+
+def _overlay_bits(dataset: "Dataset") -> list[int]:
+    """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
+    _, stored, high = _cell(dataset)
+    found: list[int] = []
+    for group in OVERLAYS:
+        position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
+        if position is not None and data is None and position.value is not None:
+            found += [] if high - stored < int(position.value) <= high else [int(position.value)]
+    return found
+
+
+def _bits(dataset: "Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
     stored = int(dataset.BitsStored)
     if _grey_kind(dataset) not in GREY_KINDS:
@@ -362,15 +295,7 @@ def _bits(dataset: "pydicom.Dataset") -> int | None:
     return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
 
 
-def _turned_round(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, tuple[str, ...]]:
-    """Return whether the scanner is one that writes A-scans along the rows of its images, and a note if so."""
-    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
-    if maker not in A_SCANS_ALONG_ROWS:
-        return False, ()
-    return True, (f"{path}: this scanner writes A-scans along the rows: rows and columns were exchanged",)
-
-
-def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream:
+def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.PictureStream:
     """Yield the frames as they are stored; larger is brighter, signed ones stay signed."""
     from pydicom.pixels.processing import apply_color_lut
     from pydicom.pixels.utils import iter_pixels
@@ -378,17 +303,53 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream
     with _opened(path, data) as dataset:
         kind = _grey_kind(dataset)
         for pixels in iter_pixels(dataset, correct_unused_bits=False):
-            values = _stored_values(path, dataset, np.asarray(pixels))
+            values = _stored_values(dataset, np.asarray(pixels))
             if kind == "PALETTE COLOR":
-                yield one_grey(np.asarray(apply_color_lut(values, dataset)), path)
+                yield one_grey(np.asarray(apply_color_lut(values, dataset)))
             elif kind in GREY_KINDS:
-                bright = inverted(values, int(dataset.BitsStored), path) if dark_large else values
+                bright = inverted(values, int(dataset.BitsStored)) if dark_large else values
                 yield _without_padding(dataset, values, bright)
             else:
-                yield one_grey(values, path)
+                yield one_grey(values)
 
 
-def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
+def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
+    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1)."""
+    allocated, stored, high = _cell(dataset)
+    if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
+        return cells
+    cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
+    shift = high + 1 - stored
+    values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
+    above, below = (1 << allocated) - (1 << (high + 1)), (1 << shift) - 1
+    drawn = sum(1 << bit for bit in _overlay_bits(dataset))
+    plain = cells.view(f"u{cells.dtype.itemsize}")
+    stray = plain & plain.dtype.type((above | below) & ~drawn)
+    if cells.dtype.kind == "i":
+        stray[(values < 0) & (stray == (above & ~drawn))] = 0
+    if stray.any():
+        found = f"a pixel is {int(plain[stray != 0][0]):#x}"
+        raise FrameError(f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew")
+    return values
+
+
+def _without_padding(dataset: "Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
+    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
+    ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
+    if ends[0] is None:
+        return bright
+    stored = int(dataset.BitsStored)
+    first, last = (int(ends[0] if end is None else end) for end in ends)
+    if values.dtype.kind == "i":  # some programs write the negative ones without their sign
+        first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
+    padded = (values >= min(first, last)) & (values <= max(first, last))
+    if not padded.any() or padded.all():
+        return bright
+    darkest = bright[~padded].min()
+    return np.where(padded, darkest if values.dtype.kind == "i" else np.minimum(bright, darkest), bright)
+
+
+def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
     """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
     sizes = []
     for place, item in _places(dataset, "PixelMeasuresSequence"):
@@ -402,28 +363,25 @@ def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
     for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
         units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
         if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
-            depth_m, lateral_m = (
-                to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
-            )
+            deltas_cm = (abs(float(region.get(f"PhysicalDelta{axis}", 0.0))) for axis in "YX")
+            depth_m, lateral_m = (to_si(10.0 * delta_cm, "mm") for delta_cm in deltas_cm)
             sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
     if len(ratio) == 2 and min(ratio) > 0.0:
-        across_m = (sizes[0].depth_m or 0.0) * ratio[1] / ratio[0]
-        sizes.append(
-            PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", depth_m=sizes[0].depth_m, lateral_m=across_m)
-        )
+        depth_m, source = sizes[0].depth_m or 0.0, f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}"
+        sizes.append(PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0]))
     return sizes
 
 
 def _several(value: Any) -> Sequence[Any]:
-    return (
-        [] if value is None else list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
-    )
+    if value is None:
+        return []
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
 
 
-def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | None, str | None]:
+def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     """Return the frames' times: of each, by their steps, or of the one image; and the fault if fields differ."""
-    zone = _zone(path, dataset)
+    zone = _zone(dataset)
     for name in FRAME_TIMES:
         groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
         contents: list[Any] = [group.get("FrameContentSequence", None) for group in groups]
@@ -440,18 +398,18 @@ def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | 
     by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
     if steps_ms and not by_step:
         if len(steps_ms) != count:
-            return None, f"{path}: FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}"
+            return None, f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}"
         time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
         if step_ms > 0.0 and FRAME_TIME_VECTOR not in pointers and not np.allclose(steps_ms[1:], step_ms, rtol=0.01):
-            return None, f"{path}: FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms"
+            return None, f"FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms"
         if rising(time_s):
             return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
     if FRAME_TIME_VECTOR in pointers and not steps_ms:
-        return None, f"{path}: FrameIncrementPointer names FrameTimeVector, which is missing"
-    return even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
+        return None, "FrameIncrementPointer names FrameTimeVector, which is missing"
+    return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
 
 
-def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
+def _zone(dataset: "Dataset") -> tzinfo:
     """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC."""
     stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
     if not stated:
@@ -459,7 +417,7 @@ def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
     found = ZONE.fullmatch(stated)
     offset = timedelta(hours=int(found[2]), minutes=int(found[3])) if found else timedelta.max
     if found is None or offset > timedelta(hours=14):
-        raise FrameError(f"{path}: TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
+        raise FrameError(f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
     return timezone(-offset if found[1] == "-" else offset)
 
 

@@ -142,9 +142,9 @@ NOWHERE = [np.nan] * 3
 
 def write_sequence(recording: Recording, path: Path) -> None:
     """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to the back."""
-    nrrd = package_for(path, "nrrd", "NRRD")
+    nrrd = package_for("nrrd", "NRRD")
     oct_info = recording.info.oct
-    check_bytes(path, len(recording.frames) * oct_info.rows * oct_info.columns * 2)
+    check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
     shape = (oct_info.columns, oct_info.rows, 1, len(recording.frames))
     volume = np.empty(shape, dtype=np.uint16, order="F")
     for nth, entry in enumerate(recording.frames):
@@ -201,8 +201,8 @@ def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path:
 
     `origin_s` is the beginning of the recording's clock on its sources' clock.
     """
-    writing = package_for(path, "mcap.writer", "MCAP")
-    typesys = package_for(path, "rosbags.typesys", "MCAP with ROS messages")
+    writing = package_for("mcap.writer", "MCAP")
+    typesys = package_for("rosbags.typesys", "MCAP with ROS messages")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     store.register(typesys.get_types_from_msg(ANSWER_DEFINITION, ANSWER))
     with renamed_when_whole(path) as part, part.open("wb") as file:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scan import PictureStream, Scan, Times, check_bytes, frame_names, rising
+from scleraforce.recording.scan import PictureStream, Scan, Times, check_bytes, frame_names, named_faults, rising
 from scleraforce.units import to_si
 
 GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
@@ -28,15 +28,15 @@ def read_film(path: Path) -> Scan:
     """Return a film's frames; all of them are counted first, as the stated number is not reliable."""
     with _opened(path) as film:
         rows, columns = (int(film.get(what)) for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH))
-        check_size(path, rows, columns)
+        check_size(rows, columns)
         deep = _is_deep(path, film)
         rate_hz, stated = float(film.get(cv2.CAP_PROP_FPS)), int(film.get(cv2.CAP_PROP_FRAME_COUNT))
         times_ms = []
         while film.grab():
             times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
-    if not times_ms:
-        raise FrameError(f"{path}: no frame in it that can be decoded")
-    check_bytes(path, len(times_ms) * rows * columns * (2 if deep else 1))
+        if not times_ms:
+            raise FrameError("no frame in it that can be decoded")
+        check_bytes(len(times_ms) * rows * columns * (2 if deep else 1))
     time_s = to_si(np.array(times_ms), "ms")
     return Scan(
         names=frame_names(path, len(times_ms)),
@@ -46,11 +46,11 @@ def read_film(path: Path) -> Scan:
         bits=None if deep else 8,
         times=Times(time_s, _pace(time_s, rate_hz)) if rising(time_s) else None,
         notes=(
-            f"{path}: a film's compression changes grey levels and fine structure; times are those at which it plays, "
+            "a film's compression changes grey levels and fine structure; times are those at which it plays, "
             "from its first frame on (--rate-hz where frames were taken at another rate)",
             *_missing(path, stated, len(times_ms)),
         ),
-    )
+    ).of_file(path)
 
 
 def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
@@ -62,8 +62,8 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
     if bits != 8:
         depth = "an unknown number of" if bits is None else bits
         raise FrameError(
-            f"{path}: pixels of {depth} bits (FFmpeg's pixel format {tag!r}); 8 bits, and 16 of grey, are read "
-            f"unchanged; write it so: ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
+            f"pixels of {depth} bits (FFmpeg's pixel format {tag!r}); 8 bits, and 16 of grey, are read unchanged; "
+            f"write it so: ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
         )
     return False
 
@@ -97,11 +97,9 @@ def _missing(path: Path, stated: int, count: int) -> tuple[str, ...]:
         head = file.read(4)
     known = "" if head == MATROSKA else f"states {stated} frames, of which "
     if _ends_early(path):
-        return (f"{path}: {known}{count} can be decoded: it was cut off, for it ends before the end that it states",)
+        return (f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states",)
     if known and count < stated:
-        return (
-            f"{path}: holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged",
-        )
+        return (f"holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged",)
     return ()
 
 
@@ -139,9 +137,10 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     film = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     try:
-        if not film.isOpened():
-            raise FrameError(f"{path}: damaged or a kind of film that OpenCV does not decode")
-        yield film
+        with named_faults(path, "film"):
+            if not film.isOpened():
+                raise FrameError("damaged or a kind of film that OpenCV does not decode")
+            yield film
     finally:
         film.release()
         cv2.utils.logging.setLogLevel(before)
@@ -156,9 +155,7 @@ def _pictures(path: Path, shape: tuple[int, int], deep: bool) -> PictureStream:
             if not there:
                 return
             if picture.shape[:2] != shape:
-                raise FrameError(f"{path}: its frames change their size, from {shape} to {picture.shape[:2]}")
+                raise FrameError(f"its frames change their size, from {shape} to {picture.shape[:2]}")
             if picture.dtype != (np.uint16 if deep else np.uint8):
-                raise FrameError(
-                    f"{path}: decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has"
-                )
+                raise FrameError(f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has")
             yield cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture

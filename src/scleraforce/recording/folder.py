@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import FrameError, RecordingError, StudyError
-from scleraforce.recording.images import check_frame, read_frame, read_frame_image
+from scleraforce.recording.images import check_frame, read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS
@@ -285,17 +285,18 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     `given` takes precedence over recording.toml, the file, and `assumed`, which comes with its source. With
     `transpose`, the image's depth runs along its rows.
     """
-    image = read_frame_image(path)
-    lateral_m, depth_m = image.lateral_pixel_m, image.depth_pixel_m
-    pixels: Pixels = image.pixels.T if transpose else image.pixels
+    pixels, image = read_image(path)
     if transpose:
-        lateral_m, depth_m = depth_m, lateral_m
-    rows, columns = pixels.shape
+        pixels, image = pixels.T, image.turned()
     recording = recording_of(path)
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
         check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
-    file = Scanner(width_m=lateral_m and lateral_m * columns, depth_m=depth_m and depth_m * rows)
+    lateral, depth = image.lateral_pixel_m, image.depth_pixel_m
+    file = Scanner(
+        width_m=None if lateral is None else lateral.value * image.columns,
+        depth_m=None if depth is None else depth.value * image.rows,
+    )
     stated = ((given, "option"), (info.oct if info else Scanner(), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)

@@ -4,6 +4,7 @@ The size that a file states is checked before memory is taken for its pixels.
 """
 
 import zlib
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -13,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.pixels import FrameImage, Pixels, as_shown, check_size, grey_pixels, jpeg_frame
+from scleraforce.recording.pixels import Pixels, as_shown, check_size, grey_pixels, jpeg_frame
 from scleraforce.recording.scan import Scan, UnansweredError, array_scan, check_bytes, named_faults
 from scleraforce.whole_files import KINDS, read_bytes
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-PNG_HEADER = b"IHDR"
 JPEG_EXIF = b"Exif\0\0"
 ORIENTATION_TAG, UPRIGHT = 0x0112, 1
+TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
 def read_frame(path: str | PathLike[str]) -> Pixels:
@@ -34,77 +35,67 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
     >>> pixels.shape, pixels.dtype.name
     ((512, 512), 'uint16')
     """
-    return read_frame_image(path).pixels
+    return read_image(Path(path))[0]
 
 
-def read_frame_image(path: str | PathLike[str]) -> FrameImage:
-    """Read one frame with the size of its pixels if its tags state it (DICOM, TIFF).
+def read_image(path: Path) -> tuple[Pixels, Scan]:
+    """Read one frame, and what its file states of it, as a scan of one.
 
     The content decides the kind of file, not the name. Signed values are shifted so that the smallest is 0.
     """
-    path = Path(path)
     data = read_bytes(path, KINDS["frame"])
     if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
         from scleraforce.recording.dicom import read_dicom
 
-        return _only_frame(path, read_dicom(path, data))
-    if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
+        scan = read_dicom(path, data)
+    elif data.startswith(TIFF_MARKS):
         from scleraforce.recording.tiff import read_tiff
 
-        return _only_frame(path, read_tiff(path, data))
-    return _read_picture(path, data)
-
-
-def read_picture(path: Path) -> Scan:
-    """Return a PNG or JPEG as a scan of one frame; its pixels are read again on demand."""
-    image = read_frame_image(path)
-    rows, columns = image.pixels.shape
-    return Scan(
-        names=(str(path),),
-        rows=rows,
-        columns=columns,
-        pictures=lambda: iter([read_frame_image(path).pixels]),
-        bits=8 if image.pixels.itemsize == 1 else None,
-        notes=image.notes,
-    )
-
-
-def _only_frame(path: Path, scan: Scan) -> FrameImage:
+        scan = read_tiff(path, data)
+    else:
+        return _read_picture(path, data)
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
-    (pixels,), notes = scan.pictures(), scan.notes
+    (pixels,) = scan.pictures()
     if pixels.dtype.kind == "i":
         least = int(pixels.min())
-        notes += (f"{path}: signed pixels: {-least} was added, so that the smallest is 0",)
+        note = f"{path}: signed pixels: {-least} was added, so that the smallest is 0"
+        scan = replace(scan, notes=(*scan.notes, note))
         pixels = pixels.astype(np.int64) - least
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
-    depth, lateral = scan.depth_pixel_m, scan.lateral_pixel_m
-    return FrameImage(
-        grey_pixels(np.ascontiguousarray(pixels), path),
-        depth_pixel_m=None if depth is None else depth.value,
-        lateral_pixel_m=None if lateral is None else lateral.value,
-        notes=notes,
-        scale_fault=scan.scale_fault,
+    with named_faults(path, "image"):
+        return grey_pixels(np.ascontiguousarray(pixels)), scan
+
+
+def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
+    """Read a PNG or JPEG; the pictures of its scan are read again on demand."""
+    with named_faults(path, "image"):
+        if data.startswith(PNG_SIGNATURE):
+            orientation, flags = _check_png(data), cv2.IMREAD_UNCHANGED
+        elif data.startswith(b"\xff\xd8\xff"):
+            orientation, flags = _check_jpeg(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        else:
+            found = "an empty file" if not data else "not an image that can be read"
+            raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
+        decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+        if decoded is None:
+            raise FrameError("damaged: it starts like an image but cannot be decoded")
+        pixels: NDArray[Any] = np.asarray(decoded)
+        notes = []
+        if pixels.ndim == 3 and pixels.shape[-1] == 4 and not (pixels[..., 3] == np.iinfo(pixels.dtype).max).all():
+            notes.append("its transparency was left out")
+        if orientation != UPRIGHT:
+            notes.append(f"EXIF Orientation {orientation}: the frame was turned as it states")
+        grey: Pixels = np.ascontiguousarray(as_shown(grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation))
+    scan = Scan(
+        names=(str(path),),
+        rows=grey.shape[0],
+        columns=grey.shape[1],
+        pictures=lambda: iter([read_image(path)[0]]),
+        bits=8 if grey.itemsize == 1 else None,
+        notes=tuple(notes),
     )
-
-
-def _read_picture(path: Path, data: bytes) -> FrameImage:
-    if data.startswith(PNG_SIGNATURE):
-        orientation = _check_png(path, data)
-        pixels = _decode(path, data, cv2.IMREAD_UNCHANGED)
-    elif data.startswith(b"\xff\xd8\xff"):
-        orientation = _check_jpeg(path, data)
-        pixels = _decode(path, data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    else:
-        found = "an empty file" if not data else "not an image that can be read"
-        raise FrameError(f"{path}: {found}; give a PNG, TIFF, JPEG or a single DICOM image")
-    notes = []
-    if pixels.ndim == 3 and pixels.shape[-1] == 4 and not (pixels[..., 3] == np.iinfo(pixels.dtype).max).all():
-        notes.append(f"{path}: its transparency was left out")
-    if orientation != UPRIGHT:
-        notes.append(f"{path}: EXIF Orientation {orientation}: the frame was turned as it states")
-    grey = as_shown(grey_pixels(pixels, path, cv2.COLOR_BGR2GRAY), orientation)
-    return FrameImage(np.ascontiguousarray(grey), notes=tuple(notes))
+    return grey, scan.of_file(path)
 
 
 def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -> None:
@@ -120,42 +111,42 @@ def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -
         )
 
 
-def _check_png(path: Path, data: bytes) -> int:
+def _check_png(data: bytes) -> int:
     """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
     at, orientation = len(PNG_SIGNATURE), UPRIGHT
-    if data[at + 4 : at + 8] == PNG_HEADER:
+    if data[at + 4 : at + 8] == b"IHDR":
         columns, rows = (int.from_bytes(data[at + 8 + k : at + 12 + k], "big") for k in (0, 4))
-        check_size(path, rows, columns)
+        check_size(rows, columns)
     while at + 12 <= len(data):
         length = int.from_bytes(data[at : at + 4], "big")
         chunk, check = data[at + 4 : at + 8 + length], data[at + 8 + length : at + 12 + length]
         if len(check) < 4:
             break
         if zlib.crc32(chunk) != int.from_bytes(check, "big"):
-            raise FrameError(f"{path}: damaged: the check sum of a PNG chunk is wrong")
+            raise FrameError("damaged: the check sum of a PNG chunk is wrong")
         if chunk.startswith(b"acTL"):
-            raise FrameError(f"{path}: an animated PNG; give a file for each frame")
+            raise FrameError("an animated PNG; give a file for each frame")
         if chunk.startswith(b"eXIf"):
-            orientation = _exif_orientation(path, chunk[4:])
+            orientation = _exif_orientation(chunk[4:])
         if chunk.startswith(b"IEND"):
             return orientation
         at += 12 + length
-    raise FrameError(f"{path}: a truncated PNG: its end is missing")
+    raise FrameError("a truncated PNG: its end is missing")
 
 
-def _check_jpeg(path: Path, data: bytes) -> int:
+def _check_jpeg(data: bytes) -> int:
     """Check the size of a JPEG and return its EXIF Orientation."""
     if b"\xff\xd9" not in data[-1024:]:
-        raise FrameError(f"{path}: a truncated JPEG: its end is missing")
+        raise FrameError("a truncated JPEG: its end is missing")
     frame = jpeg_frame(data)
     if frame is None:
-        raise FrameError(f"{path}: damaged: a JPEG that does not say how large it is")
-    check_size(path, *frame[:2])
+        raise FrameError("damaged: a JPEG that does not say how large it is")
+    check_size(*frame[:2])
     at = data[: 2**17].find(JPEG_EXIF)
-    return UPRIGHT if at < 0 else _exif_orientation(path, data[at + len(JPEG_EXIF) :])
+    return UPRIGHT if at < 0 else _exif_orientation(data[at + len(JPEG_EXIF) :])
 
 
-def _exif_orientation(path: Path, exif: bytes) -> int:
+def _exif_orientation(exif: bytes) -> int:
     """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF."""
     order: Literal["little", "big"] = "little" if exif.startswith(b"II") else "big"
     begin = int.from_bytes(exif[4:8], order)
@@ -164,19 +155,9 @@ def _exif_orientation(path: Path, exif: bytes) -> int:
         if int.from_bytes(exif[at : at + 2], order) == ORIENTATION_TAG:
             found = int.from_bytes(exif[at + 8 : at + 10], order) or UPRIGHT
             if not UPRIGHT <= found <= 8:
-                raise FrameError(f"{path}: EXIF Orientation {found}; it is 1 to 8")
+                raise FrameError(f"EXIF Orientation {found}; it is 1 to 8")
             return found
     return UPRIGHT
-
-
-def _decode(path: Path, data: bytes, flags: int) -> NDArray[Any]:
-    try:
-        pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-    except cv2.error as fault:
-        raise FrameError(f"{path}: damaged: {fault.err or 'OpenCV cannot decode it'}") from fault
-    if pixels is None:
-        raise FrameError(f"{path}: damaged: it starts like an image but cannot be decoded")
-    return np.asarray(pixels)
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
@@ -194,12 +175,12 @@ def _numpy_array(path: Path, array: str | None) -> NDArray[Any]:
         if file.read(2) != b"PK":
             return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     with np.load(path, allow_pickle=False) as held:
-        check_bytes(path, sum(info.file_size for info in held.zip.infolist()))
+        check_bytes(sum(info.file_size for info in held.zip.infolist()))
         found = {name: held[name] for name in held.files}
     frames = {name: value for name, value in found.items() if value.ndim in (2, 3) and value.size > 1}
     if array is None and len(frames) != 1:
-        raise UnansweredError("--array", f"{path}: which array has the frames? There are {', '.join(found) or 'none'}")
+        raise UnansweredError("--array", f"which array has the frames? There are {', '.join(found) or 'none'}")
     name = array or next(iter(frames))
     if name not in found:
-        raise FrameError(f"{path}: no array {name!r}; there are {', '.join(found)}")
+        raise FrameError(f"no array {name!r}; there are {', '.join(found)}")
     return np.asarray(found[name])

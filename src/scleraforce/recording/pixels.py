@@ -1,8 +1,7 @@
 """Pixels of frames of any file: their type and size, colour to grey, counts of at most 16 bits."""
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -62,60 +61,41 @@ class PixelScale:
         )
 
 
-@dataclass(frozen=True)
-class FrameImage:
-    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel if the file states them, else None.
-
-    `notes` are on changes of the pixels; `scale_fault` is a contradiction in the stated sizes.
-    """
-
-    pixels: Pixels
-    _: KW_ONLY
-    depth_pixel_m: float | None = None
-    lateral_pixel_m: float | None = None
-    notes: tuple[str, ...] = ()
-    scale_fault: str | None = None
-
-
-def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
+def check_size(rows: int, columns: int, samples: int = 1) -> None:
     """Check the size that a file states, before memory is taken for its pixels."""
     if min(rows, columns) < 2:
-        raise FrameError(f"{path}: an image of {rows} x {columns} pixels; give one frame, rows x columns")
+        raise FrameError(f"an image of {rows} x {columns} pixels; give one frame, rows x columns")
     if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
         many = f" with {samples} samples each" if samples > 1 else ""
-        raise FrameError(
-            f"{path}: {rows} x {columns} pixels{many}; a frame may have {MAX_PIXELS // 2**20} million pixels "
-            "(docs/recordings.md)"
-        )
+        most = f"a frame may have {MAX_PIXELS // 2**20} million pixels (docs/recordings.md)"
+        raise FrameError(f"{rows} x {columns} pixels{many}; {most}")
 
 
-def grey_pixels(pixels: NDArray[Any], path: Path, colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
+def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
     """Return grey uint8 or uint16 pixels (rows, columns) of an array (rows, columns[, 1, 3 or 4]).
 
     The fourth sample of a pixel is ignored; `colour` is OpenCV's code for the order of the colours.
     """
-    if np.issubdtype(pixels.dtype, np.floating):
+    if pixels.dtype not in (np.uint8, np.uint16):
         lost = int(np.count_nonzero(~np.isfinite(pixels)))
         found = f"{lost} pixels that are NaN or infinite" if lost else f"{pixels.dtype} pixels"
-        raise FrameError(f"{path}: {found}; give whole numbers of 8 or 16 bits")
-    if pixels.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{path}: {pixels.dtype} pixels; give whole numbers of 8 or 16 bits")
+        raise FrameError(f"{found}; give whole numbers of 8 or 16 bits")
     if pixels.ndim == 3 and pixels.shape[-1] in (3, 4):
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels[..., :3]), colour))
     elif pixels.ndim == 3 and pixels.shape[-1] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim != 2:
-        raise FrameError(f"{path}: an image of shape {pixels.shape}; give one frame, rows x columns")
-    check_size(path, *pixels.shape)
+        raise FrameError(f"an image of shape {pixels.shape}; give one frame, rows x columns")
+    check_size(*pixels.shape)
     return pixels
 
 
-def one_grey(picture: NDArray[Any], path: Path) -> NDArray[Any]:
+def one_grey(picture: NDArray[Any]) -> NDArray[Any]:
     """Return a picture without colour."""
-    return grey_pixels(picture, path) if picture.ndim == 3 else picture
+    return grey_pixels(picture) if picture.ndim == 3 else picture
 
 
-def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
+def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
     """Return pixels with dark and bright exchanged.
 
     Unsigned ones of up to 16 bits are subtracted from the largest value of `bits`; others change their sign.
@@ -126,27 +106,19 @@ def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
         return -pixels.astype(np.int64 if pixels.dtype != np.uint64 else np.float64)
     top = 2**bits - 1
     if int(pixels.max()) > top:
-        raise FrameError(f"{path}: damaged: a pixel of {int(pixels.max())} is more than {bits} bits")
+        raise FrameError(f"damaged: a pixel of {int(pixels.max())} is more than {bits} bits")
     turned: NDArray[Any] = pixels.dtype.type(top) - pixels
     return turned
 
 
 def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Return pixels turned by TIFF's or EXIF's Orientation (1 to 8), rows and columns first.
-
-    >>> as_shown(np.array([[1, 2], [3, 4]]), 6).tolist()
-    [[3, 1], [4, 2]]
-    """
+    """Return pixels turned by TIFF's or EXIF's Orientation (1 to 8), rows and columns first."""
     turned = pixels.swapaxes(0, 1) if orientation >= TRANSPOSED else pixels
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
 def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
-    """Return rows, columns, bits and signedness of a JPEG, JPEG-LS or JPEG 2000 stream, None for others.
-
-    >>> jpeg_frame(bytes.fromhex("ffd8 ffe0 0002 ffc0 0008 08 0010 0020 01"))
-    (16, 32, 8, False)
-    """
+    """Return rows, columns, bits and signedness of a JPEG, JPEG-LS or JPEG 2000 stream, None for others."""
     begin = data.find(JPEG_2000)
     if begin >= 0 and not data.startswith(b"\xff\xd8"):
         right, bottom, left, top = (int.from_bytes(data[begin + at : begin + at + 4], "big") for at in (8, 12, 16, 20))
@@ -170,11 +142,7 @@ def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
 
 
 def unpacked_bytes(packed: bytes, most: int) -> int:
-    """Return how many bytes PackBits data (TIFF, DICOM's RLE) gives, or a number above `most` once there are more.
-
-    >>> unpacked_bytes(bytes([2, 1, 2, 3, 255, 7, 128]), 100)
-    5
-    """
+    """Return how many bytes PackBits data (TIFF, DICOM's RLE) gives, or a number above `most` once there are more."""
     at, count = 0, 0
     while at < len(packed) and count <= most:
         code = packed[at]
@@ -228,11 +196,8 @@ def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | No
     for picture in pictures:
         if picture.dtype.kind not in "uif":
             raise FrameError(f"{name}: pixels of type {picture.dtype}; give whole numbers or floats")
-        if picture.dtype.kind == "f":
-            known = picture[np.isfinite(picture)]
-            whole, lost = False, lost + picture.size - known.size
-        else:
-            known = picture
+        known = picture[np.isfinite(picture)] if picture.dtype.kind == "f" else picture
+        whole, lost = whole and picture.dtype.kind != "f", lost + picture.size - known.size
         if known.size:
             low, high = min(low, float(known.min())), max(high, float(known.max()))
     if given is not None:

@@ -17,10 +17,11 @@ from scleraforce.units import from_si
 
 @contextmanager
 def named_faults(path: Path, kind: str) -> Iterator[None]:
-    """Name the file and its kind in any exception of a reader; the system's own errors pass."""
+    """Name the file in every exception of a reader, and its kind in those of packages; the system's own errors pass."""
     try:
         yield
-    except InputError:
+    except InputError as fault:
+        fault.args = (f"{path}: {fault}",)
         raise
     except Exception as fault:  # packages raise whatever the damage leads to: OSError without a name, MemoryError
         if isinstance(fault, OSError) and fault.filename is not None:
@@ -29,14 +30,14 @@ def named_faults(path: Path, kind: str) -> Iterator[None]:
         raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {words}") from fault
 
 
-def package_for(path: Path, name: str, kind: str) -> Any:
+def package_for(name: str, kind: str) -> Any:
     """Import and return the optional package that reads or writes a file of a kind."""
     try:
         return import_module(name)
     except ImportError as fault:
         package = name.partition(".")[0]
         raise InputError(
-            f"{path}: {kind} takes the package {package}, which is not installed: pip install 'scleraforce[formats]'"
+            f"{kind} takes the package {package}, which is not installed: pip install 'scleraforce[formats]'"
         ) from fault
 
 
@@ -96,6 +97,12 @@ class Scan:
             lateral_pixel_m=self.depth_pixel_m,
         )
 
+    def of_file(self, path: Path) -> "Scan":
+        """Return the scan with the file's name before each note and fault."""
+        scale_fault, times_fault = (fault and f"{path}: {fault}" for fault in (self.scale_fault, self.times_fault))
+        notes = tuple(f"{path}: {note}" for note in self.notes)
+        return replace(self, notes=notes, scale_fault=scale_fault, times_fault=times_fault)
+
 
 @dataclass(frozen=True)
 class PixelSize:
@@ -118,25 +125,20 @@ class PixelSize:
         return any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs)
 
 
-def one_size(path: Path, sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None, str | None]:
+def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None, str | None]:
     """Return the distance of rows and of columns by the first field that states one, and the fault if fields differ."""
     stated = [size for size in sizes if size.depth_m or size.lateral_m]
+    other = next((size for size in stated[1:] if size.differs(stated[0])), None)
+    if other is not None:
+        return None, None, f"{stated[0].words}, {other.words}"
     if not stated:
         return None, None, None
-    first = stated[0]
-    other = next((size for size in stated[1:] if size.differs(first)), None)
-    if other is not None:
-        return None, None, f"{path}: {first.words}, {other.words}"
-    depth, lateral = (size_m and Sourced(size_m, first.source) for size_m in (first.depth_m, first.lateral_m))
+    depth, lateral = (m and Sourced(m, stated[0].source) for m in (stated[0].depth_m, stated[0].lateral_m))
     return depth or None, lateral or None, None
 
 
 def frame_names(path: Path, count: int) -> tuple[str, ...]:
-    """Return the names of a file's frames.
-
-    >>> frame_names(Path("a.tif"), 2), frame_names(Path("b.tif"), 1)
-    (('a.tif[0]', 'a.tif[1]'), ('b.tif',))
-    """
+    """Return the names of a file's frames: a.tif[0], a.tif[1]; of its only one b.tif."""
     return tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
 
 
@@ -146,21 +148,14 @@ def even_times(count: int, step_s: float, source: str) -> Times | None:
 
 
 def rising(time_s: NDArray[np.float64]) -> bool:
-    """Return whether every time is later than the one before.
-
-    >>> rising(np.array([0.0, 0.1])), rising(np.array([0.0, 0.0]))
-    (True, False)
-    """
+    """Return whether every time is later than the one before."""
     return bool(np.isfinite(time_s).all() and (np.diff(time_s) > 0.0).all())
 
 
-def check_bytes(path: Path, count: int) -> None:
+def check_bytes(count: int) -> None:
     """Check the memory or disk space of a file's frames before they are read."""
     if count > LARGEST_BYTES:
-        raise FrameError(f"{path}: {count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
-
-
-SAME_KIND = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")  # the same in all files
+        raise FrameError(f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
 
 
 class UnansweredError(InputError):
@@ -178,16 +173,23 @@ def joined(scans: Sequence[Scan]) -> Scan:
     """Return several files of frames as one scan: in the order of their times, or in the given order."""
     first = scans[0]
     for scan in scans[1:]:
-        for field, mine, theirs in zip(SAME_KIND, _kind(scan), _kind(first), strict=True):
-            if mine != theirs:
-                found = f"{field} {_words(mine)}, where {first.names[0]} has {_words(theirs)}"
+        kind = _kind(first)
+        for field, mine in _kind(scan).items():
+            if mine != kind[field]:
+                found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
                 raise FrameError(f"{scan.names[0]}: {found}; import frames of one kind at a time")
-    ordered, times = _by_time(scans)
+    times = [scan.times for scan in scans if scan.times is not None]
+    ordered, joint = scans, None
+    if len(times) == len(scans):
+        order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
+        time_s = np.concatenate([times[nth].time_s for nth in order])
+        if rising(time_s):
+            ordered, joint = [scans[nth] for nth in order], Times(time_s, times[0].source)
     return replace(
         first,
         names=tuple(name for scan in ordered for name in scan.names),
         pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
-        times=times,
+        times=joint,
         scale_fault=next((scan.scale_fault for scan in scans if scan.scale_fault), None),
         times_fault=next((scan.times_fault for scan in scans if scan.times_fault), None),
         notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
@@ -208,23 +210,12 @@ def _checked(scan: Scan) -> PictureStream:
         raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")
 
 
-def _kind(scan: Scan) -> tuple[float | None, ...]:
-    sizes = (scan.depth_pixel_m, scan.lateral_pixel_m)
-    sizes_um = (None if size is None else float(f"{from_si(size.value, 'um'):.9g}") for size in sizes)
-    return (scan.rows, scan.columns, scan.bits, *sizes_um)
-
-
-def _words(value: float | None) -> str:
-    return "not stated" if value is None else f"{value:g}"
-
-
-def _by_time(scans: Sequence[Scan]) -> tuple[Sequence[Scan], Times | None]:
-    stated = [scan.times for scan in scans if scan.times is not None]
-    if len(stated) < len(scans):
-        return scans, None
-    order = sorted(range(len(scans)), key=lambda nth: float(stated[nth].time_s[0]))
-    time_s = np.concatenate([stated[nth].time_s for nth in order])
-    return ([scans[nth] for nth in order], Times(time_s, stated[0].source)) if rising(time_s) else (scans, None)
+def _kind(scan: Scan) -> dict[str, str]:
+    """Return the properties that all files of a scan share, in words."""
+    sizes = (size and from_si(size.value, "um") for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
+    names = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")
+    values = (scan.rows, scan.columns, scan.bits, *sizes)
+    return {name: "not stated" if value is None else f"{value:.9g}" for name, value in zip(names, values, strict=True)}
 
 
 AXES = ("frame", "depth", "lateral")
@@ -255,25 +246,25 @@ def array_scan(
     steps_m = [pixel_m[axis] if pixel_m else None for axis in long]
     array = array.squeeze()
     if array.ndim not in (2, 3):
-        raise FrameError(f"{path}: an array of {sizes}; give frames x rows x columns, or one frame")
+        raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
     if array.dtype.kind not in "uif":
-        raise FrameError(f"{path}: pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
+        raise FrameError(f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
     if axes is None:
         names = ",".join(AXES[-array.ndim :])
         question = f"which axis is which? Name {names} in the order of the sizes"
-        raise UnansweredError("--axes", f"{path}: an array of {sizes}: {question}")
+        raise UnansweredError("--axes", f"an array of {sizes}: {question}")
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
     if len(axes) != array.ndim:
-        raise FrameError(f"{path}: --axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}")
-    check_bytes(path, array.nbytes)
+        raise FrameError(f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}")
+    check_bytes(array.nbytes)
     frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
-    rows, columns = frames.shape[1:]
-    check_size(path, rows, columns)
+    count, rows, columns = frames.shape
+    check_size(rows, columns)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
     return Scan(
-        names=frame_names(path, len(frames)),
+        names=frame_names(path, count),
         rows=rows,
         columns=columns,
         pictures=lambda: iter(frames),

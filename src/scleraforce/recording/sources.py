@@ -12,7 +12,7 @@ from scleraforce.recording.bags import read_bag
 from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.film import read_film
 from scleraforce.recording.force_log import LogColumn, parse_column, read_force_text
-from scleraforce.recording.images import read_numpy, read_picture
+from scleraforce.recording.images import TIFF_MARKS, read_image, read_numpy
 from scleraforce.recording.log_text import read_log_text
 from scleraforce.recording.scan import Scan, Times, joined, parse_axes, rising
 from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
@@ -99,7 +99,6 @@ OPTION = "option"  # the source of a value given by an option or an argument
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
-TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
@@ -218,8 +217,9 @@ def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array:
             return read_numpy(path, axes, array)
         case "nifti" | "nrrd" | "metaimage":
             return {"nifti": read_nifti, "nrrd": read_nrrd, "metaimage": read_metaimage}[kind](path, axes)
-    read = {"picture": read_picture, "tiff": read_tiff, "dicom": read_dicom, "film": read_film}[kind]
-    return _oriented(path, read(path), axes)
+        case "picture":
+            return _oriented(path, read_image(path)[1], axes)
+    return _oriented(path, {"tiff": read_tiff, "dicom": read_dicom, "film": read_film}[kind](path), axes)
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:

@@ -22,65 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import as_shown, check_size, inverted, one_grey, unpacked_bytes
-from scleraforce.recording.scan import (
-    METRES,
-    SECONDS,
-    PictureStream,
-    PixelSize,
-    Scan,
-    Times,
-    check_bytes,
-    even_times,
-    frame_names,
-    named_faults,
-    one_size,
-    rising,
-)
+from scleraforce.recording.scan import METRES, SECONDS, PixelSize, Scan, Times, rising
 
 if TYPE_CHECKING:
-    import tifffile
-
-
-def _ome_pixels(xml: str) -> list[dict[str, str]]:
-    """Return the attributes of all elements `Pixels`, whatever their name space."""
-    return [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Pixels"]
-
-
-def _local(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2]
-
-
-def _ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
-    """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
-    found = []
-    for stated in _ome_pixels(xml):
-        units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
-        notes += [f"{path}: OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
-        found.append(PixelSize("OME", depth_m=_ome_size(stated, "Y"), lateral_m=_ome_size(stated, "X")))
-    return found
-
-
-def _ome_size(stated: dict[str, str], axis: str) -> float | None:
-    unit_m = METRES.get(stated.get(f"PhysicalSize{axis}Unit", "µm"))
-    size = float(stated.get(f"PhysicalSize{axis}", "nan"))
-    return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
-
-
-def _ome_times(path: Path, xml: str, count: int, notes: list[str]) -> Times | None:
-    """Return the times of planes, else even ones by the increment of time; None where neither is stated."""
-    stated = next(iter(_ome_pixels(xml)), {})
-    step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(stated.get("TimeIncrementUnit", "s"), 0.0)
-    planes = [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Plane"]
-    if len(planes) == count and all("DeltaT" in plane for plane in planes):
-        units_s = [SECONDS.get(plane.get("DeltaTUnit", "s")) for plane in planes]
-        if None not in units_s:
-            time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(units_s, dtype=np.float64)
-            if step_s and count > 1 and not isclose(found_s := float(np.diff(time_s).mean()), step_s, rel_tol=0.01):
-                notes.append(f"{path}: OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts")
-            return Times(time_s, "OME's DeltaT") if rising(time_s) else None
-    return even_times(count, step_s, "OME's TimeIncrement")
-
+    from tifffile import TiffFile, TiffPage, TiffPageSeries
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
 DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
@@ -100,30 +47,32 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
     `data` is the file's content if it has been read.
     """
     with _opened(path, data) as file:
+        pages = [entry.aspage() for entry in file.pages]
+        frames = [page for page in pages if not _is_copy(page, pages[0])]
         with _held(path, data) as held:
-            for entry in file.pages:
-                _check_page(path, entry.aspage(), held)
+            for page in pages:
+                _check_page(page, held)
             first = file.series[0].keyframe
-            full_size = [each for each in file.series if not _is_copy(each.keyframe, first)]
-            count, rows, columns = _sizes(path, full_size)
-            check_bytes(path, sum(each.nbytes for each in file.series))
-            _check_pages(path, file, count, held)
-        pages = _frame_pages(file)
-        orientation = _orientation(path, pages)
-        sizes, notes = _pixel_sizes(path, file, pages, rows, columns)
-        times = _times(path, file, count, notes)
-        depth, lateral, scale_fault = one_size(path, sizes)
-        kinds = {page.photometric for page in pages}
-        if len(pages) < len(file.pages) or any(page.subifds for page in pages):
-            notes.append(f"{path}: smaller copies of the frames in the file were not read")
+            count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, first)])
+            scans.check_bytes(sum(each.nbytes for each in file.series))
+            _check_pages(file, pages, len(frames), count, held)
+        orientation = _orientation(frames)
+        notes: list[str] = []
+        sizes = [*_ome_sizes(file, notes), *(_resolution(file, page, notes) for page in frames)]
+        depth, lateral, scale_fault = scans.one_size([*sizes, _json_size(frames[0], rows, columns)])
+        notes = list(dict.fromkeys(notes))
+        times = _times(file, count, notes)
+        kinds = {page.photometric for page in frames}
+        if len(frames) < len(pages) or any(page.subifds for page in frames):
+            notes.append("smaller copies of the frames in the file were not read")
         if WHITE_IS_ZERO in kinds:
-            notes.append(f"{path}: PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged")
+            notes.append("PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged")
         if kinds & {RGB, PALETTE}:
-            notes.append(f"{path}: colour became grey")
+            notes.append("colour became grey")
         if orientation != ORIENTATIONS[0]:
-            notes.append(f"{path}: Orientation {orientation}: the frames were turned as it states")
+            notes.append(f"Orientation {orientation}: the frames were turned as it states")
         scan = Scan(
-            names=frame_names(path, count),
+            names=scans.frame_names(path, count),
             rows=rows,
             columns=columns,
             pictures=lambda: _pictures(path, data, (count, rows, columns)),
@@ -133,23 +82,19 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             times=times,
             notes=tuple(notes),
             scale_fault=scale_fault,
-        )
-    return scan if orientation == ORIENTATIONS[0] else _shown(scan, orientation)
-
-
-def _shown(scan: Scan, orientation: int) -> Scan:
-    """Return a scan turned by its Orientation; from 5 on rows and columns change places, with their sizes."""
+        ).of_file(path)
+    # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
     return replace(shown, pictures=lambda: (as_shown(picture, orientation) for picture in scan.pictures()))
 
 
 @contextmanager
-def _opened(path: Path, data: bytes | None) -> "Iterator[tifffile.TiffFile]":
+def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
     import tifffile  # here, so that reading PNG needs OpenCV only
 
     tifffile.logger().setLevel("CRITICAL")  # we report faults ourselves, once
     file = path if data is None else BytesIO(data)
-    with named_faults(path, "TIFF"), tifffile.TiffFile(file, _multifile=False) as opened:
+    with scans.named_faults(path, "TIFF"), tifffile.TiffFile(file, _multifile=False) as opened:
         yield opened
 
 
@@ -162,41 +107,43 @@ def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
         yield held
 
 
-def _check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> None:
+def _is_copy(page: "TiffPage", first: "TiffPage") -> bool:
+    """Return whether a page is a smaller copy of the first."""
+    return bool(page.is_reduced) and page.shape != first.shape
+
+
+def _check_page(page: "TiffPage", data: bytes | mmap) -> None:
     """Check the stated size of a page, and that its packed data are not larger."""
+    kind = getattr(page.photometric, "name", page.photometric)
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
-        kind = getattr(page.photometric, "name", page.photometric)
-        raise FrameError(f"{path}: a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
-    check_size(path, page.imagelength, page.imagewidth, page.samplesperpixel)
+        raise FrameError(f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
+    check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
     if page.photometric != RGB and page.samplesperpixel > 1:
-        kind = getattr(page.photometric, "name", page.photometric)
         found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
-        raise FrameError(f"{path}: {found}: several channels; save the one with the frames")
-    _check_compression(path, page)
-    check_size(path, max(2, page.tilelength), max(2, page.tilewidth))
+        raise FrameError(f"{found}: several channels; save the one with the frames")
+    _check_compression(page)
+    check_size(max(2, page.tilelength), max(2, page.tilewidth))
     if page.imagedepth != 1 or page.bitspersample > 64:
-        raise FrameError(f"{path}: a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
+        raise FrameError(f"a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
     largest = int(np.prod(page.chunks)) * 8
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if _unpacks_to_more(page.compression, data[at : at + count], largest):
-            raise FrameError(f"{path}: damaged: more is packed in it than the {page.shape} pixels that it states")
+            raise FrameError(f"damaged: more is packed in it than the {page.shape} pixels that it states")
 
 
-def _check_compression(path: Path, page: "tifffile.TiffPage") -> None:
+def _check_compression(page: "TiffPage") -> None:
     from tifffile import TIFF
 
-    for kinds, kind, option in (
-        (TIFF.DECOMPRESSORS, page.compression, "compression"),
-        (TIFF.UNPREDICTORS, page.predictor, "predictor"),
+    for kinds, kind, option, words in (
+        (TIFF.DECOMPRESSORS, page.compression, "compression", "compressed as"),
+        (TIFF.UNPREDICTORS, page.predictor, "predictor", "its Predictor is"),
     ):
         try:
             kinds[kind]
         except KeyError as fault:
-            name = getattr(kind, "name", kind)
-            word = "compressed as" if option == "compression" else "its Predictor is"
             raise FrameError(
-                f"{path}: {word} {name}; save it without {option}, or as ZIP (deflate), or install what reads it: "
-                "pip install imagecodecs"
+                f"{words} {getattr(kind, 'name', kind)}; save it without {option}, or as ZIP (deflate), or install "
+                "what reads it: pip install imagecodecs"
             ) from fault
 
 
@@ -209,37 +156,29 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
     return compression == PACKBITS and unpacked_bytes(packed, largest) > largest
 
 
-def _frame_pages(file: "tifffile.TiffFile") -> "list[tifffile.TiffPage]":
-    pages = [entry.aspage() for entry in file.pages]
-    return [page for page in pages if not _is_copy(page, pages[0])]
-
-
-def _is_copy(page: "tifffile.TiffPage", first: "tifffile.TiffPage") -> bool:
-    """Return whether a page is a smaller copy of the first."""
-    return bool(page.is_reduced) and page.shape != first.shape
-
-
-def _sizes(path: Path, several: "Sequence[tifffile.TiffPageSeries]") -> tuple[int, int, int]:
+def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
     """Return the number of frames, rows and columns; pages that were written one by one are a series each."""
     if len(several) > 1:
-        sizes = {(*_sizes(path, [series]), series.dtype) for series in several}
+        sizes = {(*_sizes([series]), series.dtype) for series in several}
         count, rows, columns, _ = next(iter(sizes))
         if len(sizes) > 1 or count > 1:
             found = " and ".join(f"{series.shape} {series.dtype}" for series in several[:2])
-            raise FrameError(f"{path}: {len(several)} series of images ({found}); save the one with the frames alone")
+            raise FrameError(f"{len(several)} series of images ({found}); save the one with the frames alone")
         return len(several), rows, columns
     series = several[0]
     length = dict(zip(series.axes, series.shape, strict=True))
     others = [axis for axis, size in length.items() if axis not in "YXS" and size > 1]
     if not {"Y", "X"} <= set(length) or len(others) > 1 or not set(others) <= set(FRAME_AXES):
         found = ", ".join(f"{axis} {size}" for axis, size in length.items())
-        raise FrameError(f"{path}: axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)")
+        raise FrameError(f"axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)")
     return length[others[0]] if others else 1, length["Y"], length["X"]
 
 
-def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes | mmap) -> None:
-    """Check that all pages are in the file: tifffile leaves out pages that it cannot reach."""
-    pages = [entry.aspage() for entry in file.pages]
+def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int, data: bytes | mmap) -> None:
+    """Check that all pages are in the file: tifffile leaves out pages that it cannot reach.
+
+    `there` pages of frames are in it, `count` frames are stated.
+    """
     last, form = pages[-1], file.tiff
     tags = last.offset + form.tagnosize
     (number,) = unpack(form.tagnoformat, data[last.offset : tags])
@@ -247,42 +186,40 @@ def _check_pages(path: Path, file: "tifffile.TiffFile", count: int, data: bytes 
     (following,) = unpack(form.offsetformat, data[after : after + form.offsetsize])
     ends = [at + size for page in pages for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
     if following != 0 or max(ends) > len(data):
-        raise FrameError(f"{path}: damaged: its end is missing, or pages that it states")
+        raise FrameError("damaged: its end is missing, or pages that it states")
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:
-        raise FrameError(f"{path}: damaged: ImageJ's description states images={stated}, the file has {count}")
-    there = len(_frame_pages(file))
+        raise FrameError(f"damaged: ImageJ's description states images={stated}, the file has {count}")
     if None in (page for series in file.series for page in series.pages) or there not in (1, count):
         kind = "OME-XML" if file.ome_metadata else "its description"
-        raise FrameError(
-            f"{path}: {kind} states {count} frames, the file has {there} pages; save all frames in one file"
-        )
+        raise FrameError(f"{kind} states {count} frames, the file has {there} pages; save all frames in one file")
 
 
-def _orientation(path: Path, pages: "Sequence[tifffile.TiffPage]") -> int:
+def _orientation(pages: "Sequence[TiffPage]") -> int:
     found = [int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages]
     other = next((each for each in found if each != found[0]), found[0])
     if other != found[0]:
-        raise FrameError(f"{path}: Orientation {found[0]} and {other} in one file; save all frames with one")
+        raise FrameError(f"Orientation {found[0]} and {other} in one file; save all frames with one")
     if other not in ORIENTATIONS:
-        raise FrameError(f"{path}: Orientation {other}; TIFF has 1 to 8")
+        raise FrameError(f"Orientation {other}; TIFF has 1 to 8")
     return other
 
 
-def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> PictureStream:
+def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> scans.PictureStream:
     """Yield the frames as they are stored; larger is brighter."""
     with _opened(path, data) as file:
-        pages = _frame_pages(file)
+        first = file.pages[0].aspage()
+        pages = [page for entry in file.pages if not _is_copy(page := entry.aspage(), first)]
         if len(pages) == shape[0]:
             for page in pages:
-                yield one_grey(_bright(path, page, np.asarray(page.asarray())), path)
+                yield one_grey(_bright(page, np.asarray(page.asarray())))
         else:  # ImageJ writes large stacks as one page, followed by the others
             for picture in np.asarray(file.asarray(series=0)).reshape(*shape, -1):
                 plain = picture if picture.shape[-1] > 1 else picture[..., 0]
-                yield one_grey(_bright(path, pages[0], plain), path)
+                yield one_grey(_bright(first, plain))
 
 
-def _bright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
+def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
     """Return pixels with larger values brighter, colours last."""
     if page.photometric == PALETTE and page.colormap is not None:
         # Values of 16 bits; some programs write 8 bits all the same.
@@ -291,21 +228,32 @@ def _bright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDAr
         return np.moveaxis(colours[:, pixels], 0, -1)
     if page.planarconfig == PLANES_APART and pixels.ndim == 3:
         pixels = np.moveaxis(pixels, 0, -1)
-    return inverted(pixels, page.bitspersample, path) if page.photometric == WHITE_IS_ZERO else pixels
+    return inverted(pixels, page.bitspersample) if page.photometric == WHITE_IS_ZERO else pixels
 
 
-def _pixel_sizes(
-    path: Path, file: "tifffile.TiffFile", pages: "Sequence[tifffile.TiffPage]", rows: int, columns: int
-) -> tuple[list[PixelSize], list[str]]:
-    """Return the sizes of a pixel that the fields of a file state, in the order of their precedence, and notes."""
-    notes: list[str] = []
-    sizes = _ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
-    sizes += [_resolution(path, file, page, notes) for page in pages]
-    sizes.append(_json_size(pages[0], rows, columns))
-    return sizes, list(dict.fromkeys(notes))
+def _of_ome(file: "TiffFile", kind: str) -> list[dict[str, str]]:
+    """Return the attributes of all elements of a kind in OME-XML, whatever their name space; empty without it."""
+    elements = ElementTree.fromstring(file.ome_metadata).iter() if file.ome_metadata else ()
+    return [element.attrib for element in elements if element.tag.rpartition("}")[2] == kind]
 
 
-def _resolution(path: Path, file: "tifffile.TiffFile", page: "tifffile.TiffPage", notes: list[str]) -> PixelSize:
+def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
+    """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
+    found = []
+    for stated in _of_ome(file, "Pixels"):
+        units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
+        notes += [f"OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
+        found.append(PixelSize("OME", depth_m=_ome_size(stated, "Y"), lateral_m=_ome_size(stated, "X")))
+    return found
+
+
+def _ome_size(stated: dict[str, str], axis: str) -> float | None:
+    unit_m = METRES.get(stated.get(f"PhysicalSize{axis}Unit", "µm"))
+    size = float(stated.get(f"PhysicalSize{axis}", "nan"))
+    return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
+
+
+def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSize:
     """Return the size that X and YResolution state, in ImageJ's unit or in ResolutionUnit.
 
     ImageJ itself reads the two tags in the unit of its description and ignores ResolutionUnit, but for `um` beside
@@ -317,18 +265,16 @@ def _resolution(path: Path, file: "tifffile.TiffFile", page: "tifffile.TiffPage"
     units = [names[0] or names[1], names[1]]
     source, units_m = "ImageJ's unit", [_metres(unit) for unit in units]
     if names[1] and names[1] not in NO_UNITS and units_m[1] is None:
-        notes.append(f"{path}: ImageJ's unit {names[1]!r} is not known: the scale is not either")
+        notes.append(f"ImageJ's unit {names[1]!r} is not known: the scale is not either")
     if not names[1]:
         source, units_m = "XResolution, YResolution", [tag_m, tag_m]
         if tag_m and "ResolutionUnit" not in page.tags and "XResolution" in page.tags:
-            notes.append(f"{path}: no ResolutionUnit: by the standard of TIFF it is the inch")
+            notes.append("no ResolutionUnit: by the standard of TIFF it is the inch")
     elif "ResolutionUnit" in page.tags and tag_m and units_m != [tag_m, tag_m]:
         if kind == CENTIMETRE and units == ["um", "um"]:
             units_m = [tag_m, tag_m]
         taken = "ResolutionUnit" if units_m == [tag_m, tag_m] else "ImageJ's unit"
-        notes.append(
-            f"{path}: ImageJ's unit is {units[1]}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ"
-        )
+        notes.append(f"ImageJ's unit is {units[1]}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ")
     depth_m, lateral_m = (
         _size(page, tag, unit_m) for tag, unit_m in zip(("YResolution", "XResolution"), units_m, strict=True)
     )
@@ -337,30 +283,26 @@ def _resolution(path: Path, file: "tifffile.TiffFile", page: "tifffile.TiffPage"
 
 
 def _metres(unit: str) -> float | None:
-    r"""Return a unit in m, as programs write it: case and Java's escapes do not matter.
-
-    >>> _metres("\\u00B5m"), _metres("Micron"), _metres("pixel")
-    (1e-06, 1e-06, None)
-    """
+    r"""Return a unit in m, as programs write it: case and Java's escapes (\u00B5m) do not matter."""
     plain = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), unit)
     return METRES.get(plain, METRES.get(plain.lower()))
 
 
-def _size(page: "tifffile.TiffPage", name: str, unit_m: float | None) -> float | None:
+def _size(page: "TiffPage", name: str, unit_m: float | None) -> float | None:
     """Return the size of a pixel in m, where the tag has a number of them for each unit."""
     count, units = page.tags.valueof(name, default=(0, 0))
     return units / count * unit_m if unit_m and count > 0 and units > 0 else None
 
 
-def _json_size(page: "tifffile.TiffPage", rows: int, columns: int) -> PixelSize:
+def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
     """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
-    source = "JSON axes in the Software tag"
-    tag = page.tags.get("Software")
+    depth_m, lateral_m = None, None
     try:
-        axes = json.loads(tag.value)["metadata"] if tag is not None else {}
-        return PixelSize(source, depth_m=_step_m(axes.get("z"), rows), lateral_m=_step_m(axes.get("x"), columns))
+        axes = json.loads(page.tags["Software"].value)["metadata"]
+        depth_m, lateral_m = _step_m(axes.get("z"), rows), _step_m(axes.get("x"), columns)
     except (ValueError, TypeError, KeyError, AttributeError):
-        return PixelSize(source, depth_m=None, lateral_m=None)
+        pass
+    return PixelSize("JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m)
 
 
 def _step_m(axis: Any, size: int) -> float | None:
@@ -374,12 +316,20 @@ def _step_m(axis: Any, size: int) -> float | None:
     return abs(step) * unit_m if step and np.allclose(steps, step, rtol=0.01) else None
 
 
-def _times(path: Path, file: "tifffile.TiffFile", count: int, notes: list[str]) -> Times | None:
-    """Return times of frames from ImageJ's frame interval, or OME's planes or increment."""
-    if file.ome_metadata:
-        return _ome_times(path, file.ome_metadata, count, notes)
-    interval = (file.imagej_metadata or {}).get("finterval")
-    unit_s = SECONDS.get(str((file.imagej_metadata or {}).get("tunit", "sec")))
-    if not isinstance(interval, int | float) or unit_s is None:
-        return None
-    return even_times(count, interval * unit_s, "ImageJ's finterval")
+def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
+    """Return times of frames from OME's planes or increment, else ImageJ's frame interval; None without them."""
+    imagej = file.imagej_metadata or {}
+    if not file.ome_metadata:
+        interval, unit_s = imagej.get("finterval"), SECONDS.get(str(imagej.get("tunit", "sec")))
+        step_s = interval * unit_s if isinstance(interval, int | float) and unit_s is not None else 0.0
+        return scans.even_times(count, step_s, "ImageJ's finterval")
+    stated = next(iter(_of_ome(file, "Pixels")), {})
+    step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(stated.get("TimeIncrementUnit", "s"), 0.0)
+    planes = _of_ome(file, "Plane")
+    units_s = [SECONDS.get(plane.get("DeltaTUnit", "s")) for plane in planes if "DeltaT" in plane]
+    if len(planes) == len(units_s) == count and None not in units_s:
+        time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(units_s, dtype=np.float64)
+        if step_s and count > 1 and not isclose(found_s := float(np.diff(time_s).mean()), step_s, rel_tol=0.01):
+            notes.append(f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts")
+        return Times(time_s, "OME's DeltaT") if rising(time_s) else None
+    return scans.even_times(count, step_s, "OME's TimeIncrement")

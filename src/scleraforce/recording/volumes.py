@@ -16,30 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import Sourced
-from scleraforce.recording.scan import (
-    AXES,
-    METRES,
-    SECONDS,
-    Scan,
-    Times,
-    array_scan,
-    check_bytes,
-    even_times,
-    named_faults,
-    package_for,
-    rising,
-)
+from scleraforce.recording.scan import AXES, METRES, SECONDS, Scan, Times, array_scan, rising
 
 Axes = tuple[str, ...] | None
+Steps = tuple[Sourced | None, ...]
 
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 SAME = 1e-3  # spacings that differ by less are rounded
 ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
 SEQUENCE = "Seq_Frame(\\d+)_{}"
+CONVERT = "save it as one file, .mha or .nrrd (3D Slicer, SimpleITK)"
 
 
-def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
+def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> Steps:
     """Return the step along each axis, None if it is not known."""
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
         return tuple(None for _ in steps)
@@ -54,62 +45,47 @@ def _listed(values: Sequence[float]) -> str:
     return " x ".join(f"{value:.6g}" for value in values)
 
 
-def _data_file(path: Path, named: str) -> Path:
-    """Return the file of a header's pixels: its own by default, else one beside it."""
-    if not named:
+def _data_file(path: Path, field: str, named: str) -> Path:
+    """Return the file of a header's pixels, which a field of it names: its own by default, else one beside it."""
+    if named.upper().startswith("LIST") or "%" in named:
+        raise FrameError(f"{field}{named}: pixels in several files; {CONVERT}")
+    if not named or named.upper() == "LOCAL":
         return path
     if PurePath(named).name != named:
-        raise FrameError(f"{path}: its pixels are said to be in {named!r}; import it where they lie beside it")
+        raise FrameError(f"its pixels are said to be in {named!r}; import it where they lie beside it")
     return path.with_name(named)
 
 
-def _unpacked(path: Path, packed: bytes, most: int) -> bytes:
+def _unpacked(packed: bytes, most: int) -> bytes:
     """Return the content of a zlib or gzip stream."""
-    stream = zlib.decompressobj(GZIP_OR_ZLIB)
-    data = stream.decompress(packed, most + 1)
+    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
     if len(data) > most:
-        raise FrameError(f"{path}: damaged: more is packed in it than its header says")
+        raise FrameError("damaged: more is packed in it than its header says")
     return data
 
 
-def _check_orientation(path: Path, orientation: str, axes: Axes) -> None:
+def _check_orientation(orientation: str, axes: Axes) -> None:
     """Check that depth runs away from the probe along the axis that is named depth (PLUS)."""
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
+    found = f"UltrasoundImageOrientation = {orientation}: depth"
     if "N" in letters:
-        raise FrameError(
-            f"{path}: UltrasoundImageOrientation = {orientation}: depth runs towards the probe; write it as MF "
-            "(PlusToolkit: EditSequenceFile --operation=..., or flip the rows)"
-        )
-    if axes is not None and "F" in letters and letters.index("F") < len(axes) and axes[letters.index("F")] != "depth":
-        raise FrameError(
-            f"{path}: UltrasoundImageOrientation = {orientation}: depth is axis {letters.index('F') + 1}; --axes names "
-            f"{','.join(axes)}"
-        )
+        way = "PlusToolkit: EditSequenceFile --operation=..., or flip the rows"
+        raise FrameError(f"{found} runs towards the probe; write it as MF ({way})")
+    at = letters.find("F")
+    if axes is not None and 0 <= at < len(axes) and axes[at] != "depth":
+        raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
 
 
-def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
+def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
     """Return a sequence of PLUS with its stated times, in s, and without its invalid frames."""
-    stated = {
-        field: {int(match[1]): value for name, value in fields.items() if (match := re.fullmatch(pattern, name, re.I))}
-        for field in ("Timestamp", "ImageStatus")
-        for pattern in [SEQUENCE.format(field)]
-    }
-    times, states = stated["Timestamp"], stated["ImageStatus"]
+    times, states = _of_frames(scan, fields, "Timestamp"), _of_frames(scan, fields, "ImageStatus")
     count = len(scan.names)
-    for name, values in stated.items():
-        if values and sorted(values) != list(range(count)):
-            raise FrameError(
-                f"{path}: Seq_FrameNNNN_{name} of {len(values)} frames, {min(values)} to {max(values)}, and {count} "
-                "frames along the axis named frame; write the sequence again, or name the actual axes"
-            )
     kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
     if not kept:
-        raise FrameError(
-            f"{path}: Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read"
-        )
+        raise FrameError(f"Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read")
     if len(kept) < count:
         left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
-        note = f"{path}: ImageStatus = INVALID: frames {left_out} (from 0) are left out"
+        note = f"ImageStatus = INVALID: frames {left_out} (from 0) are left out"
         pictures = scan.pictures
         scan = replace(
             scan,
@@ -123,8 +99,20 @@ def _plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
     if not rising(time_s):
         at = next(nth for nth in range(len(kept)) if not rising(time_s[: nth + 1]))
         pair = " and ".join(f"{times[nth]} (frame {nth})" for nth in kept[max(0, at - 1) : at + 1])
-        return replace(scan, times_fault=f"{path}: Seq_FrameNNNN_Timestamp does not rise: {pair}")
+        return replace(scan, times_fault=f"Seq_FrameNNNN_Timestamp does not rise: {pair}")
     return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
+
+
+def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, str]:
+    """Return a field of PLUS of each frame; empty without it."""
+    found = {int(match[1]): value for field, value in fields.items()
+             if (match := re.fullmatch(SEQUENCE.format(name), field, re.IGNORECASE))}  # fmt: skip
+    if found and sorted(found) != list(range(len(scan.names))):
+        raise FrameError(
+            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, and {len(scan.names)} frames "
+            "along the axis named frame; write the sequence again, or name the actual axes"
+        )
+    return found
 
 
 SAMPLE_BYTES = 8  # of the widest type of NRRD
@@ -136,30 +124,28 @@ PACKED = ("gzip", "gz", "bzip2", "bz2")
 
 def read_nifti(path: Path, axes: Axes) -> Scan:
     """Return a NIfTI volume's frames; times from a fourth axis in seconds."""
-    nibabel = package_for(path, "nibabel", "NIfTI")
-    with named_faults(path, "NIfTI"):
-        image = nibabel.load(path)
+    with scans.named_faults(path, "NIfTI"):
+        image = scans.package_for("nibabel", "NIfTI").load(path)
         header = image.header
         shape = header.get_data_shape()
         size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
-        check_bytes(path, size)
-        _check_nifti_end(path, image, size)
+        scans.check_bytes(size)
+        _check_nifti_end(image, size)
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
-        steps, notes = _nifti_steps(path, header, shape)
-        scan = array_scan(path, array, axes, steps)
+        steps, notes = _nifti_steps(header, shape)
         if not unscaled:
-            notes.append(f"{path}: pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
-        scan = replace(scan, notes=(*scan.notes, *notes))
+            notes.append(f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
+        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes)).of_file(path)
         if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
-        times = even_times(len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim")
+        times = scans.even_times(len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim")
         start_s = float(header["toffset"]) * unit_s
         return replace(scan, times=times and replace(times, time_s=times.time_s + start_s))
 
 
-def _check_nifti_end(path: Path, image: Any, size: int) -> None:
+def _check_nifti_end(image: Any, size: int) -> None:
     """Check that no further slice follows the last one that the header states."""
     file_map = image.file_map["image"]
     plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
@@ -167,17 +153,15 @@ def _check_nifti_end(path: Path, image: Any, size: int) -> None:
         file.seek(image.dataobj.offset + size)
         more = len(file.read(plane))
     if more >= plane:
-        raise FrameError(
-            f"{file_map.filename or path}: dim states {' x '.join(map(str, image.shape))} pixels, and more follow; "
-            "correct dim, or write the file again"
-        )
+        sizes = " x ".join(map(str, image.shape))
+        raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
 
 
-def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple[Sourced | None, ...], list[str]]:
+def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]:
     """Return the spacing of each axis as pixdim and sform state it, and notes."""
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
-        raise FrameError(f"{path}: xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)")
+        raise FrameError(f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)")
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
@@ -188,57 +172,47 @@ def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple
     sform_steps = _stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
     both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
     if not any(sform_steps):
-        others = (
-            [f"{path}: {both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
-        )
+        others = [f"{both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
         return pixdim_steps, others
     if not any(pixdim_steps):
-        return (*sform_steps, *pixdim_steps[3:]), [f"{path}: {both}; sform is taken"]
+        return (*sform_steps, *pixdim_steps[3:]), [f"{both}; sform is taken"]
     if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
-        raise FrameError(f"{path}: {both}; correct one of them")
+        raise FrameError(f"{both}; correct one of them")
     return pixdim_steps, []
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
     """Return an NRRD's frames; axes labelled frame, depth and lateral need not be named."""
-    nrrd = package_for(path, "nrrd", "NRRD")
-    with named_faults(path, "NRRD"):
+    with scans.named_faults(path, "NRRD"):
+        nrrd = scans.package_for("nrrd", "NRRD")
         with path.open("rb") as file:
             header = nrrd.read_header(file)
             start = file.tell()
-        _check_nrrd(path, header)
+        _check_nrrd(header)
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
-        check_bytes(path, count)
-        data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
+        scans.check_bytes(count)
+        data = _data_file(path, "data file: ", str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"].lower() in ("gzip", "gz"):
-            _unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
+            _unpacked(data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
-        _check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
-        scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
-        times = _nrrd_times(header, len(scan.names))
-        return _plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
+        _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
+        scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
+        scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
+        return _plus_sequence(scan, {name: str(value) for name, value in header.items()}).of_file(path)
 
 
-def _check_nrrd(path: Path, header: Any) -> None:
+def _check_nrrd(header: Any) -> None:
     """Refuse by name what is not read."""
     if header["type"] == "block":
-        raise FrameError(f"{path}: type: block; give whole numbers or floats")
+        raise FrameError("type: block; give whole numbers or floats")
     for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
         if size > 1 and kind.lower() not in NRRD_AXES:
-            raise FrameError(f"{path}: kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
-    place = str(header.get("data file", header.get("datafile", "")))
-    if place.startswith("LIST") or "%" in place:
-        raise FrameError(
-            f"{path}: data file: {place}: pixels in several files; save it as one .nrrd (unu save, 3D Slicer)"
-        )
+            raise FrameError(f"kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
     for field in ("byte skip", "line skip"):
         skipped = header.get(field, header.get(field.replace(" ", ""), 0))
         if skipped and header["encoding"].lower() in PACKED:
-            raise FrameError(
-                f"{path}: {field}: {skipped} beside encoding: {header['encoding']}; save it as one .nrrd (unu save, "
-                "3D Slicer)"
-            )
+            raise FrameError(f"{field}: {skipped} beside encoding: {header['encoding']}; {CONVERT}")
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -261,30 +235,28 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
     return None
 
 
-def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ...]:
+def _nrrd_steps(header: Any, count: int) -> Steps:
     """Return the spacing of each axis, by space directions or else by spacings, each in its own unit."""
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
-    _check_ends(path, header, spacings)
+    _check_ends(header, spacings)
     if "space directions" not in header:
         return _stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
-    in_space = _space_units(path, header, directions)
+    in_space = _space_units(header, directions)
     for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
         if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
-            raise FrameError(
-                f"{path}: axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one"
-            )
+            raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
         if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
             raise FrameError(
-                f"{path}: axis {axis}: units states {units[axis - 1]!r}, and space units "
+                f"axis {axis}: units states {units[axis - 1]!r}, and space units "
                 f"{header.get('space units', 'nothing')}; correct one of them"
             )
     return _stated_steps(lengths, in_space, "NRRD's space directions")
 
 
-def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
+def _check_ends(header: Any, spacings: Sequence[float]) -> None:
     """Check that spacings are those between the first and the last sample, or between the edges of both."""
     ends = [
         header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
@@ -293,12 +265,12 @@ def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
         fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
         if np.isfinite([step, low, high]).all() and not fits:
             raise FrameError(
-                f"{path}: axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
+                f"axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
                 f"{high:g} have another; correct one of them"
             )
 
 
-def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
+def _space_units(header: Any, directions: NDArray[np.float64]) -> list[float | None]:
     """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it."""
     sides = directions.shape[1]
     anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
@@ -307,7 +279,7 @@ def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> li
     for axis, direction in enumerate(directions, start=1):
         along = {METRES.get(name) for name, part in zip(names, direction, strict=True) if part}
         if len(along) > 1 and np.isfinite(direction).all():
-            raise FrameError(f"{path}: axis {axis} runs along directions of several space units, {' '.join(names)}")
+            raise FrameError(f"axis {axis} runs along directions of several space units, {' '.join(names)}")
         found.append(next(iter(along), None))
     return found
 
@@ -319,20 +291,21 @@ TYPES = {
     "MET_DOUBLE": "f8",
 }  # fmt: skip
 NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
-CONVERT = "convert it to one .mha file (3D Slicer, SimpleITK)"
 
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:
     """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid."""
-    with named_faults(path, "MetaImage"):
+    with scans.named_faults(path, "MetaImage"):
         fields, start = _header(path)
-        notes = _check(path, fields)
-        array, order_notes = _pixels(path, fields, start)
-        steps, spacing_notes = _steps(path, fields)
-        _check_orientation(path, fields.get("ultrasoundimageorientation", ""), axes)
-        scan = array_scan(path, array, axes, steps)
-        scan = replace(scan, notes=(*scan.notes, *notes, *order_notes, *spacing_notes))
-        return _plus_sequence(path, scan, fields)
+        _check(fields)
+        notes = []
+        if orientation := fields.get("ultrasoundimageorientation", ""):
+            notes.append(f"UltrasoundImageOrientation = {orientation}")
+        array = _pixels(path, fields, start, notes)
+        steps = _steps(fields, notes)
+        _check_orientation(orientation, axes)
+        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes))
+        return _plus_sequence(scan, fields).of_file(path)
 
 
 def _header(path: Path) -> tuple[dict[str, str], int]:
@@ -344,117 +317,107 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
             if not name or name.startswith("#"):
                 continue
             if fields.setdefault(name.lower(), value) != value:
-                raise FrameError(f"{path}: {name} is stated twice: {fields[name.lower()]!r} and {value!r}; correct it")
+                raise FrameError(f"{name} is stated twice: {fields[name.lower()]!r} and {value!r}; correct it")
             if name.lower() == "elementdatafile":
                 return fields, file.tell()
-    raise FrameError(f"{path}: damaged: its header has no ElementDataFile")
+    raise FrameError("damaged: its header has no ElementDataFile")
 
 
-def _check(path: Path, fields: dict[str, str]) -> list[str]:
+def _check(fields: dict[str, str]) -> None:
     if (kind := fields.get("objecttype", "Image")).lower() != "image":
-        raise FrameError(f"{path}: ObjectType = {kind}; give one of ObjectType = Image")
+        raise FrameError(f"ObjectType = {kind}; give one of ObjectType = Image")
     for field in NOT_READ:
         if field.lower() in fields:
-            raise FrameError(f"{path}: {field} = {fields[field.lower()]}: not read; {CONVERT}")
+            raise FrameError(f"{field} = {fields[field.lower()]}: not read; {CONVERT}")
     if int(channels := fields.get("elementnumberofchannels", "1")) != 1:
-        raise FrameError(f"{path}: ElementNumberOfChannels = {channels}; give grey frames, of one channel")
+        raise FrameError(f"ElementNumberOfChannels = {channels}; give grey frames, of one channel")
     if missing := [field for field in ("DimSize", "ElementType") if field.lower() not in fields]:
-        raise FrameError(f"{path}: damaged: its header has no {missing[0]}")
+        raise FrameError(f"damaged: its header has no {missing[0]}")
     sizes, count = fields["dimsize"].split(), fields.get("ndims", "")
     if count and int(count) != len(sizes):
-        raise FrameError(f"{path}: NDims = {count}, and DimSize has {len(sizes)} numbers; correct one of them")
+        raise FrameError(f"NDims = {count}, and DimSize has {len(sizes)} numbers; correct one of them")
     for field in ("TransformMatrix", "Orientation", "Rotation"):
         values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
-        side = len(sizes)
-        if values.size == side**2 and not np.allclose(
-            np.linalg.norm(values.reshape(side, side), axis=1), 1.0, atol=SAME
-        ):
-            lengths = _listed(np.linalg.norm(values.reshape(side, side), axis=1).tolist())
+        if values.size != len(sizes) ** 2:
+            continue
+        lengths = np.linalg.norm(values.reshape(len(sizes), -1), axis=1)
+        if not np.allclose(lengths, 1.0, atol=SAME):
             raise FrameError(
-                f"{path}: {field} has directions of length {lengths}, not 1, beside ElementSpacing = "
+                f"{field} has directions of length {_listed(lengths.tolist())}, not 1, beside ElementSpacing = "
                 f"{fields.get('elementspacing', '(missing)')}; put the whole scale into ElementSpacing"
             )
-    orientation = fields.get("ultrasoundimageorientation")
-    return [f"{path}: UltrasoundImageOrientation = {orientation}"] if orientation else []
 
 
-def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
+def _flag(fields: dict[str, str], *names: str) -> bool | None:
     """Return a field that is true or false, under one of several names; None if it is missing."""
     stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
     for name, value in stated.items():
         if value[:1].lower() not in ("t", "f", "1", "0"):
-            raise FrameError(f"{path}: {name} = {value}; give True or False")
+            raise FrameError(f"{name} = {value}; give True or False")
     found = {value[:1].lower() in ("t", "1") for value in stated.values()}
     if len(found) > 1:
         listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
-        raise FrameError(f"{path}: {listed}; correct one of them")
+        raise FrameError(f"{listed}; correct one of them")
     return next(iter(found), None)
 
 
-def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any], list[str]]:
-    """Return the pixels, their first axis the fastest, and notes."""
+def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) -> NDArray[Any]:
+    """Return the pixels, their first axis the fastest."""
     kind = TYPES.get(fields["elementtype"].upper())
     if kind is None:
-        raise FrameError(f"{path}: ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
-    big = _flag(path, fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
+        raise FrameError(f"ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
+    big = _flag(fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
     dtype = np.dtype((">" if big else "<") + kind)
     shape = [int(length) for length in fields["dimsize"].split()]
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-    check_bytes(path, size)
-    name = fields["elementdatafile"]
-    if name.upper().startswith("LIST") or "%" in name:
-        raise FrameError(f"{path}: ElementDataFile = {name}: pixels in several files; {CONVERT}")
-    local = name.upper() == "LOCAL"
-    data_path = path if local else _data_file(path, name)
-    skipped = int(fields.get("headersize", "0"))
-    packed = _flag(path, fields, "CompressedData")
+    scans.check_bytes(size)
+    data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
+    local, skipped = data_path == path, int(fields.get("headersize", "0"))
+    packed = _flag(fields, "CompressedData")
     if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
         where = "pixels in the same file" if local else "CompressedData = True"
-        raise FrameError(f"{path}: HeaderSize = {skipped} beside {where}; {CONVERT}")
-    text = _flag(path, fields, "BinaryData") is False
-    with data_path.open("rb") as file:
-        file.seek((start if local else 0) + max(skipped, 0))
-        if text:
-            if packed:
-                raise FrameError(f"{path}: BinaryData = False and CompressedData = True; correct one of them")
-            return _text_pixels(path, file.read(), dtype.newbyteorder("=")).reshape(shape, order="F"), []
-        data = _unpacked(data_path, file.read(), size) if packed else file.read()
+        raise FrameError(f"HeaderSize = {skipped} beside {where}; {CONVERT}")
+    text = _flag(fields, "BinaryData") is False
+    if text and packed:
+        raise FrameError("BinaryData = False and CompressedData = True; correct one of them")
+    data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
+    if text:
+        return _text_pixels(data, dtype.newbyteorder("=")).reshape(shape, order="F")
+    data = _unpacked(data, size) if packed else data
     if skipped == -1:
         data = data[len(data) - size :] if len(data) > size else data
     if len(data) != size:
-        raise FrameError(
-            f"{data_path}: damaged: {len(data)} bytes of pixels; DimSize = {fields['dimsize']} of "
-            f"{fields['elementtype']} take {size} (HeaderSize = {skipped})"
-        )
-    array = np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
-    unknown = big is None and dtype.itemsize > 1
-    return array, [f"{path}: no BinaryDataByteOrderMSB; taken as False"] if unknown else []
+        stated = f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size} (HeaderSize = {skipped})"
+        raise FrameError(f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}")
+    if big is None and dtype.itemsize > 1:
+        notes.append("no BinaryDataByteOrderMSB; taken as False")
+    return np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
 
 
-def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
+def _text_pixels(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return pixels written as text (BinaryData = False)."""
     values = np.array(data.split()).astype(np.float64)
     pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
     pixels = pixels.astype(dtype)
     if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
-        raise FrameError(f"{path}: pixel {wrong[0]} is {values[wrong[0]]:g}, which is not a number of type {dtype}")
+        raise FrameError(f"pixel {wrong[0]} is {values[wrong[0]]:g}, which is not a number of type {dtype}")
     return pixels
 
 
-def _steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ...], list[str]]:
+def _steps(fields: dict[str, str], notes: list[str]) -> Steps:
     """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
     found = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
-            raise FrameError(f"{path}: {field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
+            raise FrameError(f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
         steps = _stated_steps(values, [METRES["mm"]] * len(values), field)
         if any(steps):
             found[field] = (values, steps)
     if not found:
-        return (), []
+        return ()
     name, (values, steps) = next(iter(found.items()))
     sizes = found.get("ElementSize", (values,))[0]
-    differ = not np.allclose(sizes, values, rtol=SAME)
-    words = f"{path}: ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken"
-    return steps, [words] if differ else []
+    if not np.allclose(sizes, values, rtol=SAME):
+        notes.append(f"ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken")
+    return steps
