@@ -150,7 +150,7 @@ def test_missing_force_axis_is_named(folder):
 
 
 def test_empty_force_log_is_an_error(folder):
-    for body, message in [("", "no samples below the header"), ("0,1\n", "1 samples of 2 fields")]:
+    for body, message in [("", "no samples below the header"), ("0,1\n", "fewer than two samples")]:
         (folder / "forces.csv").write_text("time_s,fz_n\n" + body)
         with pytest.raises(RecordingError, match=message):
             read_recording(folder)

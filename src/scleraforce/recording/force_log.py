@@ -1,7 +1,7 @@
 """Force logs as robots and sensors write them: delimited text, any columns, with or without settings above them."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from math import isfinite
@@ -11,32 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.recording.log_text import (
-    CLOCK,
-    CLOCKS,
-    FORCE,
-    TIME,
-    TORQUE,
-    clock_of,
-    is_day,
-    numbers_of,
-    quantity_of,
-    seconds_of,
-    texts_of,
-    unit_factor,
-)
+from scleraforce.recording import log_text, tables
+from scleraforce.recording.log_text import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.scan import UnansweredError
-from scleraforce.recording.tables import (
-    FORCE_COLUMNS,
-    GROUPED,
-    PLAIN_NUMBERS,
-    ForceLog,
-    Table,
-    checked_samples,
-    decimal_mark,
-    gap_notes,
-    number,
-)
+from scleraforce.recording.tables import FORCE_COLUMNS, GROUPED, PLAIN_NUMBERS, ForceLog, Table, number
 
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
@@ -59,11 +37,7 @@ SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
 
 def _status_meaning(name: str, others: Sequence[str]) -> str | None:
-    """Return the meaning of a column of flags, by its name; None for other columns.
-
-    >>> [_status_meaning(name, ["RDT Sequence"]) for name in ("Status (hex)", "is_valid", "Fz [N]")]
-    ['ati', 'set', None]
-    """
+    """Return the meaning of a column of flags, by its name; None for other columns."""
     bare = HEX.sub("", name.strip().lower())
     if FAULTS.fullmatch(bare):
         of_ati = bare != name.strip().lower() and any("sequence" in other.lower() for other in others)
@@ -71,14 +45,13 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
-def _faulty_samples(
-    name: str, meaning: str, texts: NDArray[np.str_], place: Callable[[int], str]
-) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Return the samples that the flags of a column, read by their `meaning`, mark as faulty, and notes."""
-    none = np.zeros(len(texts), dtype=bool)
-    values, index = np.unique(np.char.strip(texts), return_inverse=True)
+def _faulty_samples(text: Table, column: "LogColumn") -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Return the samples that the flags of a column, read by their meaning, mark as faulty, and notes."""
+    name, meaning = column.name, column.unit
+    none = np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
         return none, ()
+    values, index = np.unique(np.char.strip(np.array(text.column(name))), return_inverse=True)
     in_hex = bool(HEX.search(name.strip()))
     codes = [_code(str(value), in_hex) for value in values]
     if any(isinstance(code, float) for code in codes):  # a measured quantity, like the error of a position
@@ -87,15 +60,14 @@ def _faulty_samples(
     count = int(faulty.sum())
     if count == len(faulty):
         raise RecordingError(
-            f"{place(0)}: {name}: {str(values[index[0]])!r}, and every sample is flagged: the sensor gave no force; if "
-            f"this column is not its status, give --column {STATUS}={name}:{ANY}"
+            f"{text.place(0)}: {name}: {str(values[index[0]])!r}, and every sample is flagged: it gave no force; "
+            f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
         )
     if count:
         first = int(np.argmax(faulty))
-        return faulty, (
-            f"{name}: {count} of {len(faulty)} samples are flagged by the sensor and have no force; the first is "
-            f"{place(first)}: {values[index[first]]}",
-        )
+        found = f"{text.place(first)}: {values[index[first]]}"
+        flagged = f"{count} of {len(faulty)} samples are flagged by the sensor and have no force"
+        return faulty, (f"{name}: {flagged}; the first is {found}",)
     harmless = sorted({str(value) for value, code in zip(values, codes, strict=True) if meaning == ATI and code})
     note = f"{name}: {', '.join(harmless)}: a summary or the user's own threshold, without a fault; its forces are kept"
     return faulty, (note,) if harmless else ()
@@ -176,7 +148,7 @@ def parse_column(text: str) -> LogColumn:
     ours, unit = SHORT_NAMES.get(short.strip().lower()), unit.strip()
     if not equals or not colon or ours is None or not name.strip():
         raise InputError(f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}")
-    words = {"time_s": CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
+    words = {"time_s": log_text.CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
     if ours == STATUS and unit not in words:
         raise InputError(f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)")
     if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
@@ -210,19 +182,6 @@ def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[Lo
                 "--column", f"{path}: {short}: is it {other.name!r} or {column.name!r}?", f"{short}=NAME:UNIT"
             )
     return list(answered.values())
-
-
-def _clock_columns(names: Sequence[str]) -> list[str]:
-    """Return the names of columns with dates and times of day.
-
-    >>> _clock_columns(["Date/Time", "Fz [N]", "Uhrzeit", "Time (UTC)"])
-    ['Date/Time', 'Uhrzeit', 'Time (UTC)']
-    """
-    return [
-        name
-        for name in names
-        if re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_") in CLOCK_NAMES
-    ]
 
 
 def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[str]) -> tuple[LogColumn, ...]:
@@ -266,11 +225,7 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
 
 
 def _ours(word: str) -> str | None:
-    """Return our column for a word.
-
-    >>> _ours("force_z"), _ours("Mx"), _ours("Kraft Z"), _ours("z-force"), _ours("timestamp"), _ours("temperature")
-    ('fz_n', 'tx_nm', 'fz_n', 'fz_n', 'time_s', None)
-    """
+    """Return our column for a word."""
     lower = word.strip().lower()
     if re.sub(r"[ -]", "_", lower) in TIME_NAMES:
         return "time_s"
@@ -316,24 +271,29 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
     _check_units(text, [column for column in answered if column not in given], stated)
     columns = required_columns(text.path, answered, text.names)
     places = [text.names.index(column.name) for column in columns]
-    dated = columns[0].unit in CLOCKS
+    dated = columns[0].unit in log_text.CLOCKS
     read = places[1:] if dated else places
-    mark = decimal_mark(text, read)
-    values_sc = numbers_of(text, read, gaps=places[1:], mark=mark)
+    mark = tables.decimal_mark(text, read)
+    values_sc = tables.numbers_of(text, read, gaps=places[1:], mark=mark)
     _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], given)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
-    time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
+    time_s, wrench_sc = values_sc[:, 0], values_sc[:, -len(columns) + 1 :]
+    if dated:
+        moments = text.column(columns[0].name)
+        seconds = log_text.seconds_of(moments, columns[0].unit)
+        if isinstance(seconds, int):
+            found = f"{moments[seconds]!r} is not a time ({columns[0].unit})"
+            raise RecordingError(f"{text.place(seconds)}: {columns[0].name}: {found}")
+        time_s = seconds
     notes = [*text.notes, *(["numbers have decimal commas"] if mark == "," else []), *_unused_date(text, columns[0])]
-    notes += [*_overruled(by_header, given), *gap_notes(text.path, wrench_sc)]
+    notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
     flags = _flagged(text, given)
-    faulty = np.zeros(len(text.lines), dtype=bool)
     for column in flags:
-        found, said = _faulty_samples(column.name, column.unit, texts_of(text, column.name), text.place)
-        faulty |= found
+        faulty, said = _faulty_samples(text, column)
+        wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
-    wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
     log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:]), tuple(notes))
-    return checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
+    return tables.checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
 
 
 def _stated_units(text: Table) -> dict[str, str]:
@@ -426,18 +386,20 @@ def _stated_number(pattern: str, text: Table) -> float | None:
 
 def _clock_column(text: Table) -> list[LogColumn]:
     """Return the column of dates or times of day, by its name and content."""
-    for name in _clock_columns(text.names):
-        found = dict.fromkeys(clock_of(moment) for moment in texts_of(text, name).tolist())
+    for name in text.names:
+        if re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_") not in CLOCK_NAMES:
+            continue
+        moments = text.column(name)
+        found = dict.fromkeys(map(log_text.clock_of, moments))
         if None in found:
             continue
         known = [clock for clock in found if clock]
         if known:
             return [LogColumn("time_s", name, known[0])]
         if found:
-            example = str(texts_of(text, name)[0])
             raise UnansweredError(
                 "--column",
-                f"{text.path}: {name}: {example!r}: is the day or the month first? time={name}:dmy says the day, "
+                f"{text.path}: {name}: {moments[0]!r}: is the day or the month first? time={name}:dmy says the day, "
                 f"time={name}:mdy the month",
                 "time=NAME:UNIT",
             )
@@ -446,20 +408,11 @@ def _clock_column(text: Table) -> list[LogColumn]:
 
 def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
     """Return a note on a day in a column of its own beside times of day."""
-    if time.unit != CLOCK:
+    if time.unit != log_text.CLOCK:
         return ()
-    days = [name for name in text.names if all(is_day(day) for day in texts_of(text, name)[:1].tolist())]
     return tuple(
-        f"{time.name}: times of day; the day in {name!r} ({texts_of(text, name)[0]}) is not used: clocks that count "
-        "from 1970 do not go with it (--clock-offset-s)"
-        for name in days
+        f"{time.name}: times of day; the day in {name!r} ({day}) is not used: clocks that count from 1970 do not go "
+        "with it (--clock-offset-s)"
+        for name, day in zip(text.names, text.fields(0), strict=False)
+        if log_text.is_day(day)
     )
-
-
-def _moments(text: Table, column: LogColumn) -> NDArray[np.float64]:
-    """Return dates and times in s since 1970; the default zone is UTC."""
-    texts = texts_of(text, column.name).tolist()
-    found = seconds_of(texts, column.unit)
-    if isinstance(found, int):
-        raise RecordingError(f"{text.place(found)}: {column.name}: {texts[found]!r} is not a time ({column.unit})")
-    return found

@@ -15,11 +15,11 @@ from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, eye_id_fault, read_info
 from scleraforce.recording.force_log import columns_by_header
-from scleraforce.recording.log_text import numbers_of, read_log_text
+from scleraforce.recording.log_text import read_log_text
 from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
 from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, check_overlap, on_one_clock, option_name
-from scleraforce.recording.tables import ForceLog, fields_of
+from scleraforce.recording.tables import ForceLog, numbers_of
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
 
@@ -48,10 +48,9 @@ def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
         listed = ", ".join(repr(name) for name in text.names)
         raise InputError(f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}")
     time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
-    file = next((nth for nth, name in enumerate(text.names) if name.lower() in FILE_NAMES), None)
+    file = next((name for name in text.names if name.lower() in FILE_NAMES), None)
     if file is not None:
-        files = [Path(fields_of(line, text.separator, str(table))[file]).name for line in text.lines]
-        by_name = dict(zip(files, time_s.tolist(), strict=True))
+        by_name = dict(zip([Path(name).name for name in text.column(file)], time_s.tolist(), strict=True))
         frames = [Path(name).name for name in scan.names]
         if set(frames) <= set(by_name):
             return np.array([by_name[name] for name in frames])

@@ -6,7 +6,7 @@ may end in separators before nothing. Where commas do not separate columns, they
 
 import csv
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from scleraforce.errors import RecordingError
 from scleraforce.whole_files import KINDS, FileKind, read_text
 
-SEPARATORS = ";\t,"
+SEPARATORS, SPACES = ";\t,", " "  # any number of spaces is one separator
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"
 # A comma that may part thousands; "0,250" cannot, for no group of thousands begins with 0.
 GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", re.ASCII)
+POINT_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +30,9 @@ class Table:
 
     path: Path
     names: tuple[str, ...]
-    separator: str  # " " is any number of spaces
-    lines: tuple[str, ...]  # below the header, without blank ones
-    numbers: tuple[int, ...]  # of these lines in the file, from 1
+    separator: str
+    lines: tuple[str, ...] = ()  # below the header, without blank ones
+    numbers: tuple[int, ...] = ()  # of these lines in the file, from 1
     above: tuple[str, ...] = ()  # lines above the header
     units: tuple[str, ...] = ()  # of the columns, from a line of their own
     mark: str | None = None  # the stated decimal mark
@@ -40,11 +41,21 @@ class Table:
     @property
     def delimiter(self) -> str | None:
         """The separator for NumPy: None for any number of spaces."""
-        return None if self.separator == " " else self.separator
+        return None if self.separator == SPACES else self.separator
 
     def place(self, line: int) -> str:
         """Return the file and line number of the line with an index, for messages."""
         return f"{self.path}:{self.numbers[line]}"
+
+    def fields(self, line: int) -> tuple[str, ...]:
+        """Return the fields of the line with an index, without empty ones at its end."""
+        text = self.lines[line]
+        return fields_of(text.rstrip(f" {self.separator}"), self.separator, self.place(line))
+
+    def column(self, name: str) -> list[str]:
+        """Return a column as text; empty on lines that end before it."""
+        at = self.names.index(name)
+        return [row[at] if len(row) > at else "" for row in map(self.fields, range(len(self.lines)))]
 
 
 def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
@@ -69,6 +80,8 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
     """Return the fields of one line, without quotes and without spaces around them; `place` is for messages."""
+    if separator == SPACES:
+        return tuple(line.split())
     try:
         row = next(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True), [])
     except csv.Error as fault:
@@ -77,11 +90,7 @@ def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
 
 
 def number(text: str, mark: str = ".") -> float | None:
-    """Return a decimal number in ASCII, or None; `mark` is the decimal mark, a point or a comma.
-
-    >>> number("-1.5e-3"), number("0,25", ","), number("1_000"), number("0,25")
-    (-0.0015, 0.25, None, None)
-    """
+    """Return a decimal number in ASCII, or None; `mark` is the decimal mark, a point or a comma."""
     if mark == "," and "." not in text:
         text = text.replace(",", ".")
     return float(text) if NUMBER.fullmatch(text) else None
@@ -149,6 +158,78 @@ def without_cut(text: Table) -> Table:
     return text
 
 
+def numbers_of(
+    table: Table, places: Sequence[int] | None = None, gaps: Sequence[int] = (), mark: str | None = None
+) -> NDArray[np.float64]:
+    """Return the columns at some places (sample, column); a fault is looked for only if NumPy finds one.
+
+    Columns at `gaps` may be nan, and empty, which becomes NaN. By default all columns are read, and lines have no
+    missing fields. The decimal mark follows from the numbers by default.
+    """
+    read = range(len(table.names)) if places is None else places
+    mark = mark or decimal_mark(table, read)
+    if not table.lines:
+        raise RecordingError(f"{table.path}: no samples below the header")
+    lines = [line.replace(",", ".") for line in table.lines] if mark == "," else table.lines
+    open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
+    if open_quote is not None:  # NumPy would read on to the next one, over lines
+        table.fields(open_quote)
+    columns = None if places is None else tuple(places)
+    try:  # NumPy is ten times as fast as Python
+        found = np.loadtxt(lines, delimiter=table.delimiter, usecols=columns, comments=None, quotechar='"', ndmin=2)
+    except ValueError:
+        found = None
+    if found is None or (places is None and found.shape[1] != len(table.names)):
+        whole = places is None
+        found = np.array([_row_numbers(table, line, read, gaps, mark, whole) for line in range(len(lines))])
+    values_sc = np.asarray(found, dtype=np.float64)
+    if mark == "." and places is not None:
+        _check_points(table, places, values_sc)
+    return values_sc
+
+
+def _check_points(table: Table, places: Sequence[int], values_sc: NDArray[np.float64]) -> None:
+    """Refuse a column whose points may part thousands: -15.000 beside 998, and three digits behind every point."""
+    for place, values in zip(places, values_sc.T, strict=True):
+        size = np.abs(values[np.isfinite(values)])
+        whole = size == np.rint(size)
+        if whole.all() or not whole.any() or size.max() >= 1000.0 or (size[~whole] < 1.0).any():
+            continue
+        texts = table.column(table.names[place])
+        pointed = [line for line, field in enumerate(texts) if "." in field]
+        if len(pointed) == len(texts) or not all(POINT_GROUPED.fullmatch(texts[line]) for line in pointed):
+            continue
+        field = texts[pointed[0]]
+        raise RecordingError(
+            f"{table.place(pointed[0])}: {table.names[place]}: {field!r} is {float(field):g} with a decimal point, or "
+            f"{field.replace('.', '')} with one between thousands (every point has three digits behind it, and other "
+            f"numbers have none); {PLAIN_NUMBERS}"
+        )
+
+
+def _row_numbers(
+    table: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str, whole: bool
+) -> list[float]:
+    """Return the numbers of one line; nan at one of `gaps` is NaN, and an empty field unless lines are `whole`."""
+    fields = table.fields(line)
+    if whole and len(fields) != len(table.names):
+        raise RecordingError(f"{table.place(line)}: {_other_count(table, len(fields))}")
+    values = []
+    for place in places:
+        field = fields[place] if place < len(fields) else ""
+        value = number(field, mark)
+        if value is None and not (place in gaps and field.lower() in (("nan",) if whole else ("", "nan"))):
+            hint = "; write nan where the sensor gave no force" if whole and place in gaps and not field else ""
+            raise RecordingError(f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}")
+        values.append(np.nan if value is None else value)
+    return values
+
+
+def _other_count(table: Table, count: int) -> str:
+    hint = "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
+    return f"{count} fields; the header has {len(table.names)}{hint}"
+
+
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 FRAME_COLUMNS = ("file", "time_s", "pierced")
 GOOD_SAMPLE_RATE_HZ = 100.0
@@ -208,7 +289,12 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     seen: dict[str, str] = {}
     for index in range(len(table.lines)):
         place = table.place(index)
-        entry = _frame_entry(place, _row(table, index), mark)
+        fields = fields_of(table.lines[index], table.separator, place)
+        # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
+        missing = len(table.names) - len(fields)
+        if missing < 0 or any(name != "pierced" for name in table.names[len(fields) :]):
+            raise RecordingError(f"{place}: {_other_count(table, len(fields))}")
+        entry = _frame_entry(place, dict(zip(table.names, (*fields, *[""] * missing), strict=True)), mark)
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
@@ -226,8 +312,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
 def read_force_log(path: Path, axis: str) -> ForceLog:
     """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
     table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
-    values_sc = _numbers(table)
     time = table.names.index("time_s")
+    values_sc = numbers_of(table, gaps=[place for place in range(len(table.names)) if place != time])
     columns = tuple(name for name in table.names if name != "time_s")
     wrench_sc = np.delete(values_sc, time, axis=1)
     notes = *table.notes, *gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
@@ -305,28 +391,6 @@ def _step_n(force_n: NDArray[np.float64]) -> float:
     return float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
 
 
-def _numbers(table: Table) -> NDArray[np.float64]:
-    """Return the numbers of a table (sample, column); NumPy reads them ten times as fast as Python."""
-    lines = table.lines
-    if not lines:
-        raise RecordingError(f"{table.path}: no samples below the header")
-    mark = decimal_mark(table, range(len(table.names)))
-    if mark == ",":
-        lines = tuple(line.replace(",", ".") for line in lines)
-    open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
-    if open_quote is not None:  # NumPy would read on to the next one, over lines
-        fields_of(lines[open_quote], table.separator, table.place(open_quote))
-    try:
-        found = np.loadtxt(lines, delimiter=table.separator, ndmin=2, comments=None, quotechar='"')
-    except ValueError as fault:
-        _raise_bad_number(table, mark)
-        raise RecordingError(f"{table.path}: {fault}") from fault
-    if found.shape[0] < 2 or found.shape[1] != len(table.names):
-        shape = f"{found.shape[0]} samples of {found.shape[1]} fields"
-        raise RecordingError(f"{table.path}: {shape}; the header has {len(table.names)}{_of_commas(table)}")
-    return np.asarray(found, dtype=np.float64)
-
-
 def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
     columns, values_sc = ("time_s", *log.columns), np.column_stack([log.time_s, log.wrench_sc])
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
@@ -356,20 +420,6 @@ def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int],
     return rate_hz
 
 
-def _row(table: Table, index: int) -> dict[str, str]:
-    fields = fields_of(table.lines[index], table.separator, table.place(index))
-    # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
-    missing = len(table.names) - len(fields)
-    if missing < 0 or any(name != "pierced" for name in table.names[len(fields) :]):
-        found = f"{len(fields)} fields; the header has {len(table.names)}"
-        raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
-    return dict(zip(table.names, (*fields, *[""] * missing), strict=True))
-
-
-def _of_commas(table: Table) -> str:
-    return "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
-
-
 def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     file = row["file"]
     inside = not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
@@ -382,17 +432,3 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
         raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
     return FrameEntry(file, time_s, pierced == "1")
-
-
-def _raise_bad_number(table: Table, mark: str) -> None:
-    """Find the field that NumPy could not read, and name its line and column."""
-    for index, line in enumerate(table.lines):
-        fields = fields_of(line, table.separator, table.place(index))
-        if len(fields) != len(table.names):
-            found = f"{len(fields)} fields; the header has {len(table.names)}"
-            raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
-        for name, field in zip(table.names, fields, strict=True):
-            missing = name != "time_s" and field.lower() == "nan"
-            if number(field, mark) is None and not missing:
-                hint = "" if name == "time_s" or field else "; write nan where the sensor gave no force"
-                raise RecordingError(f"{table.place(index)}: {name}: {field!r} is not a number{hint}")
