@@ -1,6 +1,7 @@
 """Options of another recording, and times of frames."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -14,7 +15,7 @@ from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo
 from scleraforce.recording.importing import answers_like, given_times
 from scleraforce.recording.scan import Scan
 from scleraforce.recording.tables import ForceLog
-from scleraforce.recording.writing import folder_when_whole, write_frames, write_log, written
+from scleraforce.recording.writing import RecordingWriter, folder_when_whole, write_log, written
 
 
 def test_scanner_needle_and_sensor_of_a_recording_answer_and_its_eye_does_not(tmp_path: Path) -> None:
@@ -88,8 +89,9 @@ INFO = RecordingInfo(
 
 
 def write_all(folder: Path, log: ForceLog) -> None:
-    frames = ((f"{nth}.png", 0.5 + nth / 3.0, frame) for nth, frame in enumerate(FRAMES))
-    write_frames(folder, INFO, "a comment", frames)
+    with closing(RecordingWriter(folder, INFO, "a comment")) as writer:
+        for nth, frame in enumerate(FRAMES):
+            writer.add(f"{nth}.png", 0.5 + nth / 3.0, frame)
     write_log(folder, log)
 
 

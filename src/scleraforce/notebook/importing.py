@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import fields
 from itertools import islice
 from math import degrees
@@ -18,13 +19,14 @@ from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
+from scleraforce.recording import importing
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
-from scleraforce.recording.importing import IMPORT_RECORD, NOBODY, Asker, Import, answers_like, complete, record_text
-from scleraforce.recording.labels import unit_fault
+from scleraforce.recording.importing import NOBODY, Asker, Import, answers_like
+from scleraforce.recording.labels import labels_n, unit_fault
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
-from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
+from scleraforce.recording.writing import RecordingWriter, folder_when_whole, frame_files, write_log, written
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
@@ -175,17 +177,20 @@ def write_imported(
         scan = gathered.scan
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
-        done = complete(gathered, greys, answers, origins, asker, lambda oct_info: _wall_um(scan, greys, oct_info))
+        done = importing.complete(gathered, greys, answers, origins, asker)
+        given_um, by = answers.thickness_um, origins.get("thickness_um")
+        done = importing.with_thickness(done, given_um, by, asker, lambda oct_info: _wall_um(scan, greys, oct_info))
         done = done.with_notes(limit_notes(model, done.info))
-        with counting("frames", len(scan.names)) as advance:
-            counts = (greys.counts(picture) for picture in _counted(scan.pictures(), advance))
-            named = zip(frame_files(scan.names), done.times.time_s.tolist(), counts, strict=True)
-            write_frames(
-                part, done.info, f"imported by scleraforce {__version__}; import.json names the sources", named
-            )
+        comment = f"imported by scleraforce {__version__}; import.json names the sources"
+        with counting("frames", len(scan.names)) as advance, closing(RecordingWriter(part, done.info, comment)) as to:
+            pictures = _counted(scan.pictures(), advance)
+            for file, time_s, picture in zip(
+                frame_files(scan.names), done.times.time_s.tolist(), pictures, strict=True
+            ):
+                to.add(file, time_s, greys.counts(picture))
         if done.log is not None:
             write_log(part, done.log)
-        (part / IMPORT_RECORD).write_text(record_text(done, answers, __version__), encoding="utf-8")
+        (part / importing.IMPORT_RECORD).write_text(importing.record_text(done, answers, __version__), encoding="utf-8")
         recording = written(part, out)
         _check_unit(recording, done)
         from scleraforce.report.files import write_figure
@@ -230,7 +235,7 @@ def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -
 
 def _check_unit(recording: Recording, done: Import) -> None:
     """Refuse forces that no needle gives, before the recording is there to be used."""
-    fault = unit_fault(recording, ClassesStudy())
+    fault = unit_fault(recording, labels_n(recording), ClassesStudy())
     if fault is None:
         return
     path = next(path for path, kind in done.gathered.files if kind in ("log", "bag"))

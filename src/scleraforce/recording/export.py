@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,9 @@ from scleraforce.errors import InputError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.recording.scan import check_bytes, package_for
-from scleraforce.recording.tables import FORCE_COLUMNS
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_text, renamed_when_whole
@@ -125,9 +125,8 @@ def _cell(value: Any) -> Any:
 
 def _is_answer(frame: Any) -> bool:
     """Return whether an entry names a file and, if it names a recording, does so in words."""
-    if not isinstance(frame, dict) or not isinstance(frame.get("file"), str):
-        return False
-    return isinstance(frame.get("recording"), str | None)
+    named = isinstance(frame, dict) and isinstance(frame.get("file"), str)
+    return named and isinstance(frame.get("recording"), str | None)
 
 
 def _is_of(answer: Row, recording: Path) -> bool:
@@ -142,15 +141,14 @@ NOWHERE = [np.nan] * 3
 
 def write_sequence(recording: Recording, path: Path) -> None:
     """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to the back."""
-    nrrd = package_for("nrrd", "NRRD")
-    oct_info = recording.info.oct
+    nrrd, oct_info = package_for("nrrd", "NRRD"), recording.info.oct
     check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
     shape = (oct_info.columns, oct_info.rows, 1, len(recording.frames))
     volume = np.empty(shape, dtype=np.uint16, order="F")
     for nth, entry in enumerate(recording.frames):
         volume[:, :, 0, nth] = recording.frame(entry).T
-    lateral_mm = from_si(oct_info.width_m / oct_info.columns, "mm")
-    depth_mm = from_si(oct_info.depth_m / oct_info.rows, "mm")
+    scale = PixelScale.of(oct_info)
+    lateral_mm, depth_mm = from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm")
     header = {
         "space": "left-posterior-superior",
         "space directions": np.array([[lateral_mm, 0, 0], [0, depth_mm, 0], [0, 0, SLICE_MM], NOWHERE]),
@@ -187,15 +185,6 @@ SECOND_NS = 1_000_000_000
 ROS = 2
 
 
-@dataclass(frozen=True)
-class _Message:
-    """A message of a topic: when it was captured, and its bytes."""
-
-    topic: str
-    time_ns: int
-    data: bytes
-
-
 def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path: Path) -> None:
     """Write frames (mono16), the force log, and the frames' rows, all with the recording's times.
 
@@ -208,53 +197,44 @@ def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path:
     with renamed_when_whole(path) as part, part.open("wb") as file:
         writer = writing.Writer(file)
         writer.start(profile="ros2", library=f"scleraforce {__version__}")
-        channels = {
-            topic: writer.register_channel(topic, "cdr", _ros_schema(writer, store, kind))
-            for topic, kind in TOPIC_KINDS.items()
-        }
-        for message in _messages(recording, rows, origin_s, store):
-            writer.add_message(channels[message.topic], message.time_ns, message.data, message.time_ns)
+        channels = {}
+        for topic, kind in TOPIC_KINDS.items():
+            definition, _ = store.generate_msgdef(kind, ros_version=ROS)
+            schema = writer.register_schema(kind, "ros2msg", definition.encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+        for time_ns, topic, message in _messages(recording, rows, origin_s, store):
+            data = bytes(store.serialize_cdr(message, TOPIC_KINDS[topic]))
+            writer.add_message(channels[topic], time_ns, data, time_ns)
         writer.finish()
 
 
-def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store: Any) -> Iterator[_Message]:
-    """Yield all messages in the order of their times; each frame is read when its turn comes."""
-    events: list[tuple[int, str, int]] = []
-    for nth, entry in enumerate(recording.frames):
-        events += [(_ns(entry.time_s, origin_s), IMAGE_TOPIC, nth), (_ns(entry.time_s, origin_s), ANSWER_TOPIC, nth)]
-    if recording.forces is not None:
-        stamps = recording.forces.time_s.tolist()
-        events += [(_ns(time_s, origin_s), FORCE_TOPIC, nth) for nth, time_s in enumerate(stamps)]
+def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store: Any) -> Iterator[tuple[int, str, Any]]:
+    """Yield time, topic and message in the order of their times; each frame is read when its turn comes."""
+    log = recording.forces
+    times_s = {
+        IMAGE_TOPIC: [entry.time_s for entry in recording.frames],
+        ANSWER_TOPIC: [entry.time_s for entry in recording.frames],
+        FORCE_TOPIC: [] if log is None else log.time_s.tolist(),
+    }
+    origin_ns = round(origin_s) * SECOND_NS
+    events = [(round(each * SECOND_NS) + origin_ns, topic, nth)
+              for topic, topic_times_s in times_s.items() for nth, each in enumerate(topic_times_s)]  # fmt: skip
     for time_ns, topic, nth in sorted(events):
+        stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, SECOND_NS))
+        header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="oct")
         if topic == IMAGE_TOPIC:
-            data = _image(recording, nth, time_ns, store)
-        elif topic == FORCE_TOPIC:
-            data = _wrench(recording, nth, time_ns, store)
-        else:
-            data = _answer(rows[nth], time_ns, store)
-        yield _Message(topic, time_ns, data)
+            yield time_ns, topic, _image(recording.frame(recording.frames[nth]), header, store)
+        elif topic == ANSWER_TOPIC:
+            yield time_ns, topic, _answer(rows[nth], header, store)
+        elif log is not None:
+            yield time_ns, topic, _wrench(log, nth, header, store)
 
 
-def _ns(time_s: float, origin_s: float) -> int:
-    return round(time_s * SECOND_NS) + round(origin_s) * SECOND_NS
-
-
-def _ros_schema(writer: Any, store: Any, kind: str) -> int:
-    text, _ = store.generate_msgdef(kind, ros_version=ROS)
-    number: int = writer.register_schema(kind, "ros2msg", text.encode())
-    return number
-
-
-def _header(store: Any, time_ns: int) -> Any:
-    stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, SECOND_NS))
-    return store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="oct")
-
-
-def _image(recording: Recording, nth: int, time_ns: int, store: Any) -> bytes:
-    pixels = np.ascontiguousarray(recording.frame(recording.frames[nth]), dtype="<u2")
+def _image(frame: Pixels, header: Any, store: Any) -> Any:
+    pixels = np.ascontiguousarray(frame, dtype="<u2")
     rows, columns = pixels.shape
-    message = store.types[IMAGE](
-        header=_header(store, time_ns),
+    return store.types[IMAGE](
+        header=header,
         height=rows,
         width=columns,
         encoding="mono16",
@@ -262,31 +242,27 @@ def _image(recording: Recording, nth: int, time_ns: int, store: Any) -> bytes:
         step=2 * columns,
         data=pixels.view(np.uint8).ravel(),
     )
-    return bytes(store.serialize_cdr(message, IMAGE))
 
 
-def _wrench(recording: Recording, nth: int, time_ns: int, store: Any) -> bytes:
+def _wrench(log: ForceLog, nth: int, header: Any, store: Any) -> Any:
     """Return a sample of the log; an axis that it does not have is NaN, as zero would be a measurement."""
-    log = recording.forces
-    assert log is not None
     found = dict(zip(log.columns, log.wrench_sc[nth].tolist(), strict=True))
     values = [found.get(name, float("nan")) for name in FORCE_COLUMNS[1:]]
     vector = store.types["geometry_msgs/msg/Vector3"]
     wrench = store.types["geometry_msgs/msg/Wrench"](force=vector(*values[:3]), torque=vector(*values[3:]))
-    return bytes(store.serialize_cdr(store.types[WRENCH](header=_header(store, time_ns), wrench=wrench), WRENCH))
+    return store.types[WRENCH](header=header, wrench=wrench)
 
 
-def _answer(row: Row, time_ns: int, store: Any) -> bytes:
+def _answer(row: Row, header: Any, store: Any) -> Any:
     low_mn, high_mn = row.get("interval_mn") or (None, None)
     numbers = {"measured_force_mn": row.get("measured_force_mn"), "predicted_force_mn": row.get("predicted_force_mn"),
                "interval_low_mn": low_mn, "interval_high_mn": high_mn}  # fmt: skip
     classes = {name: row.get(name) for name in ("target", "predicted")}
-    message = store.types[ANSWER](
-        header=_header(store, time_ns),
+    return store.types[ANSWER](
+        header=header,
         file=str(row["file"]),
         pierced=bool(row.get("pierced")),
         usable=bool(row.get("usable", False)),
         **{name: float("nan") if value is None else float(value) for name, value in numbers.items()},
         **{name: -1 if value is None else int(value) for name, value in classes.items()},
     )
-    return bytes(store.serialize_cdr(message, ANSWER))

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
@@ -38,10 +37,8 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
         if not 0.0 < rate_hz < float("inf"):
             raise InputError(f"--rate-hz: {rate_hz:g}; give the frames taken in a second")
         return even_times(len(scan.names), 1.0 / rate_hz, "option")
-    return None if table is None else Times(_of_table(scan, table), str(table))
-
-
-def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
+    if table is None:
+        return None
     text = read_log_text(table, least=1)
     column = next((found for found in columns_by_header(text.names, {}) if found.ours == "time_s"), None)
     if column is None:
@@ -53,10 +50,10 @@ def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
         by_name = dict(zip([Path(name).name for name in text.column(file)], time_s.tolist(), strict=True))
         frames = [Path(name).name for name in scan.names]
         if set(frames) <= set(by_name):
-            return np.array([by_name[name] for name in frames])
+            return Times(np.array([by_name[name] for name in frames]), str(table))
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
-    return time_s
+    return Times(time_s, str(table))
 
 
 @dataclass(frozen=True)
@@ -148,29 +145,25 @@ class Import:
         return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
 
 
+Known = dict[str, tuple[Any, str]]  # values by the name of their option, each with its source
+
+
 def complete(
-    gathered: Gathered,
-    greys: Greys,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
-    asker: Asker,
-    measured: Callable[[OctInfo], float | None],
+    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker
 ) -> Import:
     """Combine the options, the sources' own values and another recording's, and ask for the rest.
 
-    `origins` says who gave each option; the sources take precedence over another recording. `measured` returns the
-    wall's thickness that the frames show, um, at the recording's scale.
+    `origins` says who gave each option; the sources take precedence over another recording.
     """
     _check_used(gathered, origins)
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
     needed = _needed(gathered, answers, times)
     stated = _stated(gathered, greys)
-    known = {
+    known = stated | {
         name: (value, origins.get(name, ANSWER))
         for name in needed
         if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
     }
-    known = stated | known
     _check_contradictions(gathered.scan, needed - set(known))
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
     if "bits" in questions:
@@ -179,26 +172,23 @@ def complete(
     while True:
         answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
         try:
-            done = _completed(gathered, greys, answers, times, stated, known | answered)
-            break
+            return _completed(gathered, greys, answers, times, known | answered)
         except InputError as fault:
             if not questions:
                 raise
             asker.again(fault)
-    return _with_thickness(done, answers, origins, asker, measured)
 
 
-def _with_thickness(
-    done: Import,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
-    asker: Asker,
-    measured: Callable[[OctInfo], float | None],
+def with_thickness(
+    done: Import, given_um: float | None, source: str | None, asker: Asker, measured: Callable[[OctInfo], float | None]
 ) -> Import:
-    """Ask for the wall's thickness if it was not given; note the consequence if it stays open."""
-    name, value = "thickness_um", answers.thickness_um
-    if value is not None:
-        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
+    """Ask for the wall's thickness if it was not given; note the consequence if it stays open.
+
+    `measured` returns the thickness that the frames show, um, at the recording's scale.
+    """
+    name = "thickness_um"
+    if given_um is not None:
+        return replace(done, sources=done.sources | {name: source or ANSWER})
     found: list[float | None] = []
 
     def offered() -> float | None:
@@ -214,14 +204,7 @@ def _with_thickness(
     return replace(done, info=info, sources=done.sources | {name: source})
 
 
-def _completed(
-    gathered: Gathered,
-    greys: Greys,
-    answers: ImportOptions,
-    times: Times | None,
-    stated: dict[str, tuple[Any, str]],
-    known: dict[str, tuple[Any, str]],
-) -> Import:
+def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: Times | None, known: Known) -> Import:
     """Bring together all known values, each with its source."""
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
@@ -239,7 +222,7 @@ def _completed(
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
     scan = gathered.scan
     faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
-    doubts = (*faults, *_other_scales(stated, known), *_outside(moved, log))
+    doubts = (*faults, *_other_scales(_stated(gathered, greys), known), *_outside(moved, log))
     return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
@@ -278,10 +261,10 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
     return needed
 
 
-def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
+def _stated(gathered: Gathered, greys: Greys) -> Known:
     """Return the values that the sources state, and their places."""
     scan, log = gathered.scan, gathered.log
-    found: dict[str, tuple[Any, str]] = {}
+    found: Known = {}
     extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
     for name, (pixel, count) in extents.items():
         if isinstance(pixel, Sourced):
@@ -296,7 +279,7 @@ def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
     return found
 
 
-def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any, str]]) -> list[str]:
+def _other_scales(stated: Known, known: Known) -> list[str]:
     """Note each given scale that differs from the source's."""
     return [
         f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
@@ -362,39 +345,32 @@ def answers_like(folder: Path) -> dict[str, Any]:
     if info.force is not None:
         force = info.force
         found |= {"axis": force.axis, "contact_sign": str(force.contact_sign), "average_s": force.average_s}
-    return found | _kept(folder / IMPORT_RECORD)
+    answers = _recorded(folder, "answers", {}, "an object")
+    return found | {name: answers[name] for name in KEPT if name in answers}
 
 
 def clock_origin_s(folder: Path) -> float:
     """Return the beginning of a recording's clock on its sources' clock; 0 by default."""
-    origin_s = _read(folder / IMPORT_RECORD).get("clock_origin_s", 0.0)
-    if isinstance(origin_s, bool) or not isinstance(origin_s, int | float):
-        raise RecordingError(f"{folder / IMPORT_RECORD}: clock_origin_s: {origin_s!r} is not a number")
-    return float(origin_s)
+    return float(_recorded(folder, "clock_origin_s", 0.0, "a number"))
 
 
-def _kept(path: Path) -> dict[str, Any]:
-    answers = _read(path).get("answers", {})
-    if not isinstance(answers, dict):
-        raise RecordingError(f"{path}: answers: expected an object")
-    return {name: answers[name] for name in KEPT if name in answers}
-
-
-def _read(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        return {}
+def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
+    """Return a value of import.json, which has the type of its default; without it or the file, the default."""
+    path = folder / IMPORT_RECORD
     try:
-        found = parse_json(read_text(path, RECORD_KIND))
-    except ValueError as fault:
-        raise RecordingError(f"{path}: {fault}") from fault
-    if not isinstance(found, dict):
-        raise RecordingError(f"{path}: expected an object, as `scleraforce import` writes it")
-    return found
+        found = parse_json(read_text(path, RECORD_KIND)) if path.exists() else {}
+        value = found.get(key, default)
+    except (ValueError, AttributeError) as fault:
+        raise RecordingError(f"{path}: {fault}; expected an object, as `scleraforce import` writes it") from fault
+    if isinstance(value, bool) or not isinstance(value, (int, float) if kind == "a number" else type(default)):
+        raise RecordingError(f"{path}: {key}: {value!r} is not {kind}")
+    return value
 
 
 def record_text(done: Import, options: ImportOptions, version: str) -> str:
     """Return the text of import.json: sources with their SHA-256, the source of each value, and reusable options."""
-    files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
+    files = [{"path": str(path), "kind": kind, "sha256": None if path.is_dir() else _sha256(path)}
+             for path, kind in done.gathered.files]  # fmt: skip
     origin = provenance(done)
     answers = asdict(options) | {"columns": origin["columns"]}
     kept = {name: answers[name] for name in KEPT if answers.get(name)}
@@ -414,9 +390,6 @@ def provenance(done: Import) -> dict[str, Any]:
     }
 
 
-def _sha256(path: Path) -> str | None:
-    """Return the hash of a file; None of a folder."""
-    if path.is_dir():
-        return None
+def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return file_digest(file, "sha256").hexdigest()

@@ -5,8 +5,9 @@ before the first contact -> mean over `average_s` centred on the frame -> class.
 of the log; a frame with a gap or too few samples in its window has no label.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,34 +56,24 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
             or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
             starts in contact).
     """
-    log, info = recording.forces, recording.info.force
-    if log is None or info is None:
-        return tuple(_unlabelled(frame, None) for frame in recording.frames)
-    labels = _labels_n(recording, log, info)
-    if all(isinstance(label, str) for label in labels):
+    log, labels = recording.forces, labels_n(recording)
+    if log is not None and labels is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, log, str(labels[0]))
-    fault = _unit_fault(recording, log, info, labels, classes)
+    fault = unit_fault(recording, labels, classes)
     if fault is not None:
         raise RecordingError(
             f"{recording.path / 'forces.csv'}: {fault}; the columns are in N: multiply forces in mN by 0.001, in "
             "gram-force by 0.00981"
         )
-    return tuple(
-        _unlabelled(frame, label) if isinstance(label, str) else _trial(recording, frame, label, classes, max_force_n)
-        for frame, label in zip(recording.frames, labels, strict=True)
-    )
+    each = zip_longest(recording.frames, labels or ())
+    return tuple(_trial(recording, frame, label, classes, max_force_n) for frame, label in each)
 
 
-def unit_fault(recording: Recording, classes: ClassesStudy) -> str | None:
-    """Return why a recording's forces cannot be in N, by its labels and the sensor's noise; None if they can."""
+def labels_n(recording: Recording) -> list[float | str] | None:
+    """Return the force under each frame in N, or why it has none; None without a log."""
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
         return None
-    return _unit_fault(recording, log, info, _labels_n(recording, log, info), classes)
-
-
-def _labels_n(recording: Recording, log: ForceLog, info: ForceInfo) -> list[float | str]:
-    """Return the force under each frame in N, or why it has none."""
     force_n = contact_force(log, info)
     windows = [_samples_around(log, force_n, frame.time_s, info.average_s) for frame in recording.frames]
     return [window if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
@@ -102,18 +93,14 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
     )
 
 
-def _unlabelled(frame: FrameEntry, reason: str | None) -> Trial:
-    excluded = "pierced" if frame.pierced else reason
-    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
-
-
-def _unit_fault(
-    recording: Recording, log: ForceLog, info: ForceInfo, labels: Sequence[float | str], classes: ClassesStudy
-) -> str | None:
-    """Return why forces cannot be in N: by the labels, and by the sensor's noise.
+def unit_fault(recording: Recording, labels: Sequence[float | str] | None, classes: ClassesStudy) -> str | None:
+    """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
 
     The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
     """
+    log, info = recording.forces, recording.info.force
+    if labels is None or log is None or info is None:
+        return None
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
     sizes_n = np.abs([0.0 if isinstance(label, str) else label for label in labels])
     raw_n = log.known(info.axis).force_n(info.axis)
@@ -129,23 +116,21 @@ def _unit_fault(
 
 
 def _trial(
-    recording: Recording, frame: FrameEntry, force_n: float, classes: ClassesStudy, max_force_n: float | None
+    recording: Recording, frame: FrameEntry, label: float | str | None, classes: ClassesStudy, max_force_n: float | None
 ) -> Trial:
-    if force_n < -classes.bounds_n[0] and not frame.pierced:
+    excluded = "pierced" if frame.pierced else None
+    if not isinstance(label, float):
+        excluded = excluded or label
+        return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
+    if label < -classes.bounds_n[0] and not frame.pierced:
         raise RecordingError(
-            f"{recording.path / 'forces.csv'}: the needle would pull with {-from_si(force_n, 'mn'):.1f} mN at the time "
+            f"{recording.path / 'forces.csv'}: the needle would pull with {-from_si(label, 'mn'):.1f} mN at the time "
             f"of {frame.file}, {frame.time_s:g} s; check contact_sign, and that the log starts before the first contact"
         )
-    excluded = "pierced" if frame.pierced else None
-    if max_force_n is not None and force_n > max_force_n:
+    if max_force_n is not None and label > max_force_n:
         excluded = excluded or f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
-    return Trial(
-        file=frame.file,
-        time_s=frame.time_s,
-        measured_force_n=force_n,
-        target=classes.classify(force_n),
-        excluded=excluded,
-    )
+    target = classes.classify(label)
+    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=label, target=target, excluded=excluded)
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
@@ -239,16 +224,13 @@ def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
 
 def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingError:
     """Return the error of a recording without labels; `reason` is the first frame's."""
-    first, last = recording.frames[0], recording.frames[-1]
+    first, last, path = recording.frames[0], recording.frames[-1], recording.path
+    spans = f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
-        return RecordingError(
-            f"{recording.path}: the clocks do not overlap: frames.csv has {first.time_s:g} to {last.time_s:g} s, "
-            f"forces.csv {log.time_s[0]:g} to {log.time_s[-1]:g} s; bring both to one clock"
-        )
-    return RecordingError(
-        f"{recording.path / 'frames.csv'}: no frame has a label; {first.file}: {reason}; forces.csv spans "
-        f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
-    )
+        found = f"frames.csv has {first.time_s:g} to {last.time_s:g} s, forces.csv {spans}"
+        return RecordingError(f"{path}: the clocks do not overlap: {found}; bring both to one clock")
+    found = f"no frame has a label; {first.file}: {reason}"
+    return RecordingError(f"{path / 'frames.csv'}: {found}; forces.csv spans {spans}")
 
 
 def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: float) -> slice | str:
@@ -268,8 +250,6 @@ def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: f
         return f"{missing} of the {stop - start} force samples around it have no force"
     return slice(int(start), int(stop))
 
-
-Array = NDArray[np.float64]
 
 CROSS_FORCE = 2.0  # a needle that is pushed along its axis has no more than that share of the force across it
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
@@ -299,8 +279,8 @@ def log_doubts(
     if len(seen) > MOST_FRAMES:
         seen = seen[np.linspace(0, len(seen) - 1, MOST_FRAMES).astype(np.intp)]
     times_s = np.array([frame.time_s for frame in recording.frames])[seen]
-    means = _Means.of(recording.forces, recording.info.force)
-    stated_n = means.around(times_s)
+    means = _means(recording.forces, recording.info.force)
+    stated_n = means(times_s)
     known = np.isfinite(stated_n)
     times_s, values, stated_n = times_s[known], values[seen][known], stated_n[known]
     doubt = _size_doubt(stated_n, values, classes) if in_newtons else None
@@ -321,7 +301,7 @@ def log_doubts(
     return ()
 
 
-def _size_doubt(stated_n: Array, read_n: Array, classes: ClassesStudy) -> str | None:
+def _size_doubt(stated_n: Samples, read_n: Samples, classes: ClassesStudy) -> str | None:
     """Return a sentence if the log's forces are far smaller or larger than the frames' forces."""
     pushed = np.maximum(read_n, stated_n) > classes.bounds_n[0]
     if pushed.sum() < LEAST_FRAMES // 2:
@@ -343,8 +323,7 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     times_s = np.array([frame.time_s for frame in recording.frames])
     axes = [axis for axis in ("fx", "fy", "fz") if f"{axis}_n" in log.columns and np.isfinite(log.force_n(axis)).any()]
     peaks_n = {
-        axis: float(np.nanmax(np.abs(_Means.of(log, replace(info, axis=axis)).around(times_s)), initial=0.0))
-        for axis in axes
+        axis: float(np.nanmax(np.abs(_means(log, replace(info, axis=axis))(times_s)), initial=0.0)) for axis in axes
     }
     largest = max(axes, key=peaks_n.__getitem__)
     if peaks_n[largest] <= CROSS_FORCE * max(peaks_n[info.axis], classes.bounds_n[0]):
@@ -356,35 +335,28 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Means:
-    """Means of the contact force over the label's window, at any time."""
+def _means(log: ForceLog, info: ForceInfo) -> Callable[[Samples], Samples]:
+    """Return the function of the contact force's means over the label's window, NaN where there are no samples."""
+    log = log.known(info.axis)
+    total = np.concatenate([[0.0], np.cumsum(contact_force(log, info))])
 
-    time_s: Array
-    total: Array
-    half_s: float
-
-    @classmethod
-    def of(cls, log: ForceLog, info: ForceInfo) -> "_Means":
-        log = log.known(info.axis)
-        return cls(log.time_s, np.concatenate([[0.0], np.cumsum(contact_force(log, info))]), info.average_s / 2)
-
-    def around(self, times_s: Array) -> Array:
-        """Return the means (time,), NaN where there are no samples."""
-        start, stop = (np.searchsorted(self.time_s, times_s + side * self.half_s) for side in (-1.0, 1.0))
+    def around(times_s: Samples) -> Samples:
+        start, stop = (np.searchsorted(log.time_s, times_s + side * info.average_s / 2) for side in (-1.0, 1.0))
         count = np.where(stop > start, stop - start, 1)
-        return np.where(stop > start, (self.total[stop] - self.total[start]) / count, np.nan)
+        return np.where(stop > start, (total[stop] - total[start]) / count, np.nan)
+
+    return around
 
 
-def _best_shift(means: _Means, times_s: Array, shown: Array) -> tuple[float, float]:
+def _best_shift(means: Callable[[Samples], Samples], times_s: Samples, shown: Samples) -> tuple[float, float]:
     """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
 
     Frames that a shift moves off the log are left out on both sides of the comparison.
     """
     shift_s, best = 0.0, 0.0
-    stated_n = means.around(times_s)
+    stated_n = means(times_s)
     for candidate_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S).tolist():
-        force_n = means.around(times_s + candidate_s)
+        force_n = means(times_s + candidate_s)
         kept = np.isfinite(force_n)
         if abs(candidate_s) < LEAST_SHIFT_S or kept.sum() < max(LEAST_SHARE * len(kept), LEAST_FRAMES):
             continue
@@ -394,7 +366,7 @@ def _best_shift(means: _Means, times_s: Array, shown: Array) -> tuple[float, flo
     return shift_s, best
 
 
-def _likelihood(force_n: Array, shown: Array) -> float:
+def _likelihood(force_n: Samples, shown: Samples) -> float:
     """Return the log likelihood of the frames' values, as a parabola of the force with Gaussian scatter of any size."""
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)

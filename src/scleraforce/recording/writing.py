@@ -6,7 +6,7 @@ import secrets
 import shutil
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
@@ -77,7 +77,7 @@ class RecordingWriter:
     def add(self, file: str, time_s: float, pixels: NDArray[np.uint16]) -> None:
         """Add a frame (row, column) that is later than the others."""
         _write(self.folder / "frames" / file, self._png.encode(pixels))
-        self._table.add({"file": file, "time_s": f"{time_s:.6f}"})
+        self._table.add(file, f"{time_s:.6f}")
 
     def close(self) -> None:
         """Close the table."""
@@ -92,7 +92,6 @@ class ForceWriter:
 
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
         self._fast, self._slow = folder / "forces.csv", folder / "robot_forces.csv"
-        self._columns = tuple(columns)
         self._table = _Table(self._slow, ("time_s", *columns))
         self._is_fast = False
         self._steps = self._short_steps = 0
@@ -100,8 +99,7 @@ class ForceWriter:
 
     def add(self, time_s: float, values: Sequence[float]) -> None:
         """Add a sample at a multiple of half of `FORCE_STEP_S` that is later than the others."""
-        named = {name: f"{value:.8g}" for name, value in zip(self._columns, values, strict=True)}
-        self._table.add({"time_s": f"{time_s:.3f}", **named})
+        self._table.add(f"{time_s:.3f}", *(f"{value:.8g}" for value in values))
         if self._last_s is not None:
             self._steps += 1
             self._short_steps += time_s - self._last_s < 1.0 / MIN_SAMPLE_RATE_HZ + FORCE_STEP_S / 2
@@ -125,25 +123,23 @@ class _Table:
 
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
-        self._longest = FIELD_BYTES * len(names)
+        self._longest, self._time = FIELD_BYTES * len(names), names.index("time_s")
         header = (",".join(names) + "\n").encode()
         _write_all(self._file, header)
         self._page_left = PAGE_BYTES - len(header)
 
-    def add(self, row: Mapping[str, str]) -> None:
+    def add(self, *cells: str) -> None:
         """Add a line; a line that would not leave room for another one in the page fills it."""
-        left = (self._page_left - len(_line(row))) % PAGE_BYTES
+        line = (",".join(cells) + "\n").encode()
+        left = (self._page_left - len(line)) % PAGE_BYTES
         if left < self._longest:
-            row, left = {**row, "time_s": row["time_s"] + "0" * left}, PAGE_BYTES
-        _write_all(self._file, _line(row))
+            filled = [cell + "0" * left if nth == self._time else cell for nth, cell in enumerate(cells)]
+            line, left = (",".join(filled) + "\n").encode(), PAGE_BYTES
+        _write_all(self._file, line)
         self._page_left = left
 
     def close(self) -> None:
         os.close(self._file)
-
-
-def _line(row: Mapping[str, str]) -> bytes:
-    return (",".join(row.values()) + "\n").encode()
 
 
 def _write(path: Path, data: bytes | memoryview) -> None:
@@ -194,18 +190,6 @@ def frame_files(names: Sequence[str]) -> list[str]:
     own = len(set(stems)) == len(stems) and all(PLAIN_NAME.fullmatch(stem) for stem in stems)
     digits = max(4, len(str(len(names))))
     return [f"{stem}.png" if own else f"{nth:0{digits}d}.png" for nth, stem in enumerate(stems, start=1)]
-
-
-def write_frames(
-    folder: Path, info: RecordingInfo, comment: str, frames: Iterable[tuple[str, float, NDArray[np.uint16]]]
-) -> None:
-    """Write recording.toml, frames/ and frames.csv; frames (file, time in s, counts) are in order of time."""
-    writer = RecordingWriter(folder, info, comment)
-    try:
-        for file, time_s, counts in frames:
-            writer.add(file, time_s, counts)
-    finally:
-        writer.close()
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
