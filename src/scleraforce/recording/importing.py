@@ -17,7 +17,7 @@ from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import read_log_text
 from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
 from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, check_overlap, on_one_clock, option_name
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, on_one_clock, option_name
 from scleraforce.recording.tables import ForceLog, numbers_of
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
@@ -218,7 +218,6 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
         times = replace(times, source=known["rate_hz"][1])
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
-    check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
     scan = gathered.scan
     faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]

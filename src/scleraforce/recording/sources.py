@@ -77,11 +77,7 @@ ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
 def _foreign_kind(name: str, head: bytes) -> str | None:
-    r"""Return the kind of a file that is not read, and a remedy; None if it is not known.
-
-    >>> _foreign_kind("scan.h5", b"\x89HDF\r\n\x1a\n")
-    'an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs); save the frames as .npy in Python (numpy.save), or as TIFF: ...'
-    """
+    """Return the kind of a file that is not read, and a remedy; None if it is not known."""
     ending = PurePath(name).suffix.lower()
     if ending in (".hdr", ".img") and ANALYZE_BYTES in (int.from_bytes(head[:4], order) for order in ("little", "big")):
         return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
@@ -167,21 +163,13 @@ def files_of(given: Sequence[Path]) -> list[Path]:
 
 
 def _headers_of(path: Path) -> list[Path]:
-    """Return the possible names of the header of a file of pixels.
-
-    >>> [path.name for path in _headers_of(Path("a.raw.gz")) + _headers_of(Path("b.img"))]
-    ['a.nhdr', 'b.hdr']
-    """
+    """Return the possible names of the header of a file of pixels."""
     base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
     return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts frame2 before frame10.
-
-    >>> sorted(map(Path, ["f10.png", "f9.png"]), key=_natural_order)[0].name
-    'f9.png'
-    """
+    """Return a key that sorts frame2 before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
@@ -196,7 +184,7 @@ def source_kind(path: Path) -> str:
             head = file.read(HEAD_BYTES)
     except OSError as fault:
         raise InputError(f"{path}: {fault.strerror}") from fault
-    kind = _by_content(head) or _by_name(path.name.lower(), head)
+    kind = _known_kind(path.name.lower(), head)
     if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
         return source_kind(path.with_suffix(".hdr"))
     # A log is text, which has no byte of 0.
@@ -231,29 +219,24 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
     return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
 
 
-def _by_content(head: bytes) -> str | None:
-    marks = {
-        "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
-        "dicom": head[128:132] == b"DICM",  # before TIFF: its preamble may be the head of one
-        "tiff": head.startswith(TIFF_MARKS),
-        "numpy": head.startswith(b"\x93NUMPY"),
-        "nrrd": head.startswith(b"NRRD"),
-        "bag": head.startswith((b"#ROSBAG", SQLITE, MCAP)),
-        "film": head.startswith(MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI "),
-        "nifti": head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2",
-        "metaimage": bool(re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
-    }
-    return next((kind for kind, found in marks.items() if found), None)
-
-
-def _by_name(name: str, head: bytes) -> str | None:
-    if name.endswith(".npz"):
-        return "numpy"
-    if name.endswith(".oct") and head.startswith(b"PK"):
-        return "thorlabs"
-    if name.endswith(NIFTI_NAMES) and head:
-        return "nifti"
-    return "log" if name.endswith(TEXT_NAMES) and head else None
+def _known_kind(name: str, head: bytes) -> str | None:
+    """Return the kind of a file that is read, by its content, else by its name; None for others."""
+    marks = (
+        ("picture", head.startswith((b"\x89PNG", b"\xff\xd8\xff"))),
+        ("dicom", head[128:132] == b"DICM"),  # before TIFF: its preamble may be the head of one
+        ("tiff", head.startswith(TIFF_MARKS)),
+        ("numpy", head.startswith(b"\x93NUMPY")),
+        ("nrrd", head.startswith(b"NRRD")),
+        ("bag", head.startswith((b"#ROSBAG", SQLITE, MCAP))),
+        ("film", head.startswith(MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")),
+        ("nifti", head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2"),
+        ("metaimage", re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
+        ("numpy", name.endswith(".npz")),
+        ("thorlabs", name.endswith(".oct") and head.startswith(b"PK")),
+        ("nifti", name.endswith(NIFTI_NAMES) and head),
+        ("log", name.endswith(TEXT_NAMES) and head),
+    )
+    return next((kind for kind, found in marks if found), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +285,7 @@ def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int]
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
-    """Return times and log on the log's clock, and the new zero of both on it.
+    """Return times and log on the log's clock, and the new zero of both on it; frames and forces must overlap.
 
     The log's clock is `offset_s` ahead of the frames'.
     """
@@ -315,17 +298,14 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
     moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
-    return Times(time_s - origin_s, times.source), moved, origin_s
-
-
-def check_overlap(times: Times, log: ForceLog | None) -> None:
-    """Check that frames and forces, on one clock, were taken at one time."""
-    if log is None or (times.time_s[-1] >= log.time_s[0] and times.time_s[0] <= log.time_s[-1]):
-        return
-    frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (times.time_s, log.time_s))
-    raise InputError(
-        f"the clocks do not overlap: frames at {frames}, forces at {forces}; --clock-offset-s brings both to one clock"
-    )
+    time_s = time_s - origin_s
+    if moved is not None and (time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]):
+        frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (time_s, moved.time_s))
+        raise InputError(
+            f"the clocks do not overlap: frames at {frames}, forces at {forces}; --clock-offset-s brings both to one "
+            "clock"
+        )
+    return Times(time_s, times.source), moved, origin_s
 
 
 def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:
