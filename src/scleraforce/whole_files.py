@@ -158,13 +158,22 @@ def folder_files(folder: Path) -> dict[str, bytes]:
 
 def write_whole_folder(files: Mapping[str, bytes], folder: Path) -> None:
     """Write a folder of files, by their places in it, whole or not at all."""
-    part = folder.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
-    try:
+    with folder_when_whole(folder) as part:
         for place, content in files.items():
             (part / place).parent.mkdir(parents=True, exist_ok=True)
             (part / place).write_bytes(content)
+
+
+@contextmanager
+def folder_when_whole(folder: Path) -> Iterator[Path]:
+    """Give the name of a new folder beside `folder`, which gets that name when it is finished, else is removed."""
+    part = folder.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
+    try:
+        yield part
         part.rename(folder)
     except OSError as fault:
+        if fault.filename is not None and not Path(fault.filename).is_relative_to(part):
+            raise
         raise InputError(f"{folder}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(part, ignore_errors=True)

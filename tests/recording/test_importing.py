@@ -11,11 +11,13 @@ from foreign_files import COLUMNS, FRAMES, ROWS
 from small_recordings import write_small_recording
 
 from scleraforce.errors import InputError, RecordingError
+from scleraforce.notebook.importing import import_recording
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.importing import answers_like, given_times
 from scleraforce.recording.scan import Scan
 from scleraforce.recording.tables import ForceLog
-from scleraforce.recording.writing import RecordingWriter, folder_when_whole, write_log, written
+from scleraforce.recording.writing import RecordingWriter, write_log, written
+from scleraforce.whole_files import folder_when_whole
 
 
 def test_scanner_needle_and_sensor_of_a_recording_answer_and_its_eye_does_not(tmp_path: Path) -> None:
@@ -131,5 +133,5 @@ def test_a_folder_that_is_there_stays(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     for name in ("out", "link"):
-        with pytest.raises(InputError, match=f"{name}: exists already"), folder_when_whole(tmp_path / name):
-            pass
+        with pytest.raises(InputError, match=f"{name}: exists already"):
+            import_recording("a.png", tmp_path / name)

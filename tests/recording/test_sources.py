@@ -135,7 +135,7 @@ def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> No
 
 
 def log_at(first_s: float) -> ForceLog:
-    return ForceLog(first_s + np.arange(10) / 200.0, np.zeros((10, 1)), ("fz_n",))
+    return ForceLog(first_s + np.arange(1000) / 200.0, np.zeros((1000, 1)), ("fz_n",))
 
 
 def test_a_stack_and_a_log_go_together_whatever_their_order(tmp_path: Path) -> None:
@@ -177,22 +177,17 @@ def test_sources_without_frames_or_with_two_logs_are_refused(tmp_path: Path) -> 
         gather([tmp_path / name for name in ("a.tif", "a.csv", "b.csv")], ImportOptions())
 
 
-def test_clocks_that_count_from_1970_begin_at_a_whole_second_before_both() -> None:
-    times = Times(1.7e9 + 3.5 + np.arange(COUNT), "tag")
-    moved, log, origin_s = on_one_clock(times, log_at(1.7e9 + 2.25), 0.0)
-    assert origin_s == 1.7e9 + 2
-    assert (moved.time_s[0], log.time_s[0]) == pytest.approx((1.5, 0.25), abs=1e-6)
-
-
-def test_an_offset_brings_the_frames_to_the_clock_of_the_log() -> None:
-    moved, log, origin_s = on_one_clock(Times(np.arange(COUNT) * 1.0, "film"), log_at(40.0), 40.5)
-    np.testing.assert_array_equal(moved.time_s, 40.5 + np.arange(COUNT))
-    assert (log.time_s[0], origin_s) == (40.0, 0.0)
-
-
-def test_frames_that_come_before_the_log_count_from_their_own_second() -> None:
-    moved, log, origin_s = on_one_clock(Times(np.array([1e9 + 0.5]), "tag"), log_at(1e9 + 7.0), 0.0)
-    assert (moved.time_s[0], log.time_s[0], origin_s) == (0.5, 7.0, 1e9)
+def test_frames_and_forces_count_from_a_whole_second_of_the_clock_of_the_log() -> None:
+    for first_s, log_s, offset_s, origin_s in [
+        (1.7e9 + 3.5, 1.7e9 + 2.25, 0.0, 1.7e9 + 2.0),  # a clock that counts from 1970
+        (1e9 + 0.5, 1e9 + 2.0, 0.0, 1e9),  # frames before the log
+        (0.0, 40.0, 40.5, 0.0),
+    ]:
+        times, log = Times(first_s + np.arange(COUNT), "tag"), log_at(log_s)
+        moved, moved_log, found_s = on_one_clock(times, log, offset_s)
+        assert found_s == origin_s
+        np.testing.assert_allclose(moved.time_s, times.time_s + offset_s - origin_s, atol=1e-6)
+        np.testing.assert_allclose(moved_log.time_s, log.time_s - origin_s, atol=1e-6)
 
 
 def test_times_that_do_not_rise_are_refused() -> None:

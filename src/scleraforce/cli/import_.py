@@ -162,12 +162,12 @@ def _lines(done: "Import") -> list[str]:
     return [*found, *(f"note: {note}" for note in done.gathered.notes)]
 
 
-def _asker(kinds: "Mapping[str, click.ParamType[Any]]") -> "Asker":
-    """Return the user at the terminal, or nobody; `kinds` are the types of the options by their names."""
-    from scleraforce.recording.importing import NOBODY, Asker
+def _asker(kinds: "Mapping[str, click.ParamType[Any]]") -> "Asker | None":
+    """Return the user at the terminal, or None; `kinds` are the types of the options by their names."""
+    from scleraforce.recording.importing import Asker
 
     if is_json() or not _can_ask():
-        return NOBODY
+        return None
 
     def ask(questions: "Mapping[str, Question]") -> dict[str, Any]:
         return {name: _answer(name, question, kinds[name]) for name, question in questions.items()}

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import fields
+from functools import partial
 from itertools import islice
 from math import degrees
 from os import PathLike
@@ -21,15 +22,16 @@ from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import importing
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
-from scleraforce.recording.importing import NOBODY, Asker, Import, answers_like
+from scleraforce.recording.importing import Asker, Import, answers_like
 from scleraforce.recording.labels import labels_n, unit_fault
 from scleraforce.recording.pixels import Greys, PixelScale, find_greys
 from scleraforce.recording.scan import Scan, UnansweredError
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
-from scleraforce.recording.writing import RecordingWriter, folder_when_whole, frame_files, write_log, written
+from scleraforce.recording.writing import RecordingWriter, frame_files, write_log, written
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
+from scleraforce.whole_files import folder_when_whole
 
 PREVIEW = "preview.png"
 LOOKED_AT = 5  # frames, from the first: of an eye that the needle does not dent yet, as a rule
@@ -133,7 +135,7 @@ def import_recording(
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
-        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"), NOBODY)
+        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"))
     except InputError as fault:
         raise InputError(_by_arguments(fault)) from fault
     return read_recording(out)
@@ -155,7 +157,7 @@ def write_imported(
     answers: ImportOptions,
     origins: Mapping[str, str],
     counting: Counting,
-    asker: Asker,
+    asker: Asker | None = None,
     model: Path = SHIPPED_READER,
 ) -> Import:
     """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
@@ -166,20 +168,21 @@ def write_imported(
         answers: the given options.
         origins: who gave each option.
         counting: how the work is counted.
-        asker: who is asked for what is open.
+        asker: who is asked for missing values; without one, they are an error.
         model: the folder or name of the one whose limits are noted.
 
     Raises:
         InputError: as of `import_recording`, with the names of options.
     """
+    if out.exists() or out.is_symlink():
+        raise InputError(f"{out}: exists already; remove it or choose another --out")
     with folder_when_whole(out) as part:
         gathered, answers = _gathered(sources, answers, counting, asker)
         scan = gathered.scan
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
         done = importing.complete(gathered, greys, answers, origins, asker)
-        given_um, by = answers.thickness_um, origins.get("thickness_um")
-        done = importing.with_thickness(done, given_um, by, asker, lambda oct_info: _wall_um(scan, greys, oct_info))
+        done = importing.with_thickness(done, answers, origins, asker, partial(_wall_um, scan, greys))
         done = done.with_notes(limit_notes(model, done.info))
         comment = f"imported by scleraforce {__version__}; import.json names the sources"
         with counting("frames", len(scan.names)) as advance, closing(RecordingWriter(part, done.info, comment)) as to:
@@ -201,7 +204,7 @@ def write_imported(
 
 
 def _gathered(
-    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker
+    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker | None
 ) -> tuple[Gathered, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
     last: tuple[ImportOptions, UnansweredError] | None = None
@@ -210,9 +213,11 @@ def _gathered(
             with counting("sources", len(files_of(sources))) as seen:
                 return gather(sources, answers, seen), answers
         except UnansweredError as open_point:
+            if asker is None:
+                raise
             last = answers, open_point
         except InputError as fault:
-            if last is None:
+            if last is None or asker is None:
                 raise
             asker.again(fault)
         answers = asker.settle(*last)

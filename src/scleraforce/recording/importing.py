@@ -89,31 +89,11 @@ QUESTIONS = {
 
 @dataclass(frozen=True)
 class Asker:
-    """The functions that ask: a user at a terminal, or nobody (`NOBODY`)."""
+    """The functions that ask a user at a terminal."""
 
     settle: Callable[[ImportOptions, UnansweredError], ImportOptions]  # adds the answer to a source's open question
     missing: Callable[[Mapping[str, Question]], dict[str, Any]]  # returns answers by their names in `QUESTIONS`
-    again: Callable[[InputError], None]  # reports a wrong answer, before the next round; raises it if nobody is there
-
-
-def _leave_open(_: ImportOptions, open_point: UnansweredError) -> ImportOptions:
-    raise open_point
-
-
-def _name_all(questions: Mapping[str, Question]) -> dict[str, Any]:
-    """Name the options of all questions at once; optional ones stay open."""
-    needed = [question for question in questions.values() if not question.optional]
-    if needed:
-        listed = "; ".join(f"{question.words} ({question.options})" for question in needed)
-        raise InputError(f"neither in the sources nor among the options: {listed}")
-    return {}
-
-
-def _raise(fault: InputError) -> None:
-    raise fault
-
-
-NOBODY = Asker(_leave_open, _name_all, _raise)
+    again: Callable[[InputError], None]  # reports a wrong answer, before the next round
 
 
 # The options that act on one kind of source.
@@ -149,7 +129,7 @@ Known = dict[str, tuple[Any, str]]  # values by the name of their option, each w
 
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker
+    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker | None
 ) -> Import:
     """Combine the options, the sources' own values and another recording's, and ask for the rest.
 
@@ -164,38 +144,49 @@ def complete(
         for name in needed
         if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
     }
-    _check_contradictions(gathered.scan, needed - set(known))
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
+    scan = gathered.scan
+    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and questions.keys() & names:
+            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
         questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+    if asker is None and questions:
+        listed = "; ".join(f"{question.words} ({question.options})" for question in questions.values())
+        raise InputError(f"neither in the sources nor among the options: {listed}")
     while True:
-        answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+        answered = {} if asker is None else {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
         try:
             return _completed(gathered, greys, answers, times, known | answered)
-        except InputError as fault:
-            if not questions:
+        except InputError as wrong:
+            if asker is None or not questions:
                 raise
-            asker.again(fault)
+            asker.again(wrong)
 
 
 def with_thickness(
-    done: Import, given_um: float | None, source: str | None, asker: Asker, measured: Callable[[OctInfo], float | None]
+    done: Import,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    asker: Asker | None,
+    measured: Callable[[OctInfo], float | None],
 ) -> Import:
     """Ask for the wall's thickness if it was not given; note the consequence if it stays open.
 
     `measured` returns the thickness that the frames show, um, at the recording's scale.
     """
-    name = "thickness_um"
-    if given_um is not None:
-        return replace(done, sources=done.sources | {name: source or ANSWER})
+    name, value = "thickness_um", answers.thickness_um
+    if value is not None:
+        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
     found: list[float | None] = []
 
     def offered() -> float | None:
         found.append(measured(done.info.oct))
         return found[-1]
 
-    value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
+    if asker is not None:
+        value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
     if value is None:
         note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
         return done.with_notes([note])
@@ -239,13 +230,6 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
         unused = [name for name in names if origins.get(name) == OPTION and not there[what]]
         if unused:
             raise InputError(f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out")
-
-
-def _check_contradictions(scan: Scan, missing: set[str]) -> None:
-    """Check that options settle each contradiction of the source."""
-    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
-        if fault and missing.intersection(names):
-            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
 
 
 def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:

@@ -2,18 +2,15 @@
 
 import os
 import re
-import secrets
-import shutil
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import InputError, RecordingError
+from scleraforce.errors import RecordingError
 from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
 from scleraforce.study.toml import format_record
@@ -159,23 +156,6 @@ def _write_all(file: int, data: bytes | memoryview) -> None:
 
 
 PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
-
-
-@contextmanager
-def folder_when_whole(out: Path) -> Iterator[Path]:
-    """Give the name of a new folder beside `out`, which becomes `out` when it is finished."""
-    if out.exists() or out.is_symlink():
-        raise InputError(f"{out}: exists already; remove it or choose another --out")
-    part = out.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
-    try:
-        yield part
-        part.rename(out)
-    except OSError as fault:
-        if fault.filename is not None and not Path(fault.filename).is_relative_to(part):
-            raise
-        raise InputError(f"{out}: {fault.strerror}") from fault
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
 
 
 def frame_files(names: Sequence[str]) -> list[str]:
