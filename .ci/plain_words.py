@@ -25,6 +25,7 @@ CLEAN = (
     *("src/scleraforce/errors.py", "src/scleraforce/plain_json.py", "src/scleraforce/plain_text.py"),
     *("src/scleraforce/processes.py", "src/scleraforce/units.py", "src/scleraforce/whole_files.py"),
     *("src/scleraforce/__init__.py", "src/scleraforce/cli", "src/scleraforce/notebook", "src/scleraforce/replay"),
+    *("src/scleraforce/service", "src/scleraforce/monitor", "src/scleraforce/openigtlink"),
     *("tests/notebook", "tests/replay"),
     *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library/store.py"),
     *("src/scleraforce/library/files.py", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),

@@ -101,7 +101,7 @@ def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(opinion: F
     companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
-    monitor_service._wait_for_opinion(companions, opinion.channel, notes.append)
+    monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.faults(1.0) == ("second opinion: no model",)  # a cause at the server's first tick
     assert notes == []
 
@@ -111,7 +111,7 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
 ) -> None:
     monkeypatch.setattr(monitor_service, "READY_S", 0.3)
     companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
-    monitor_service._wait_for_opinion(companions, opinion.channel, notes.append)
+    monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
     assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]
 

@@ -52,7 +52,7 @@ def test_the_watchdog_says_in_the_terminal_what_it_did() -> None:
         robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
         os.kill(running.process.pid, signal.SIGKILL)
         said = os.read(read, 1000).decode()
-    assert said == "watchdog: the monitor hung or died and was ended; clients told to withdraw: 1\n"
+    assert said == "watchdog: the monitor hung or died and was ended; clients ordered to withdraw: 1\n"
     os.close(read)
 
 

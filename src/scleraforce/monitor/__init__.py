@@ -1,4 +1,4 @@
-"""When to withdraw: the decision of the monitor, without clock, input or output (docs/monitor_decision.md)."""
+"""The monitor's decision to withdraw, without clock, input or output (docs/monitor_decision.md)."""
 
 from scleraforce.monitor.decision import Decision as Decision, decide as decide
 from scleraforce.monitor.limits import MonitorLimits as MonitorLimits

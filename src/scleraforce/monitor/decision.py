@@ -68,7 +68,7 @@ def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> t
             or _waiting(remembered, event, limits)
             or _meaning(state, remembered, event, limits)
         )
-    except Exception as error:  # any doubt ends in a withdrawal, also an object that is no event
+    except Exception as error:  # any doubt ends in a withdrawal, also an object that is not an event
         remembered = state
         finding = _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
     moved = _move(remembered, finding, limits)

@@ -9,8 +9,8 @@ from scleraforce.monitor.transitions import Cause
 class Verdict:
     """The answer of a model to a frame: what is decided, sent, logged and shown.
 
-    If the frame is not `usable`, `reason` says why and `predicted`, the class, does not count. `force_n` and its 90 %
-    `interval_n` are None with a classifier. Numbers may be NaN: the decision checks them.
+    If the frame is not `usable`, `reason` says why and `predicted`, the class, does not count. A classifier gives no
+    `force_n` and no 90 % `interval_n`. Numbers may be NaN: the decision checks them.
     """
 
     predicted: int

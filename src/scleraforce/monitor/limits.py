@@ -16,10 +16,10 @@ MAY_BE_ZERO = ("rate_deviations", "lag_drift")
 class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 
-    `size` and `scale_m` are the study's; None takes those of the last sound frame. `reads_force` is False with a
-    classifier, which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another
-    process gives second opinions: then nothing is OK before the first one, and an overdue one is a cause.
-    Losses are limited by the time for which the lost frames stand, so that the limits fit any frame rate.
+    `size` and `scale_m` are the study's; None takes the last sound frame's. `reads_force` is False with a classifier,
+    which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another process
+    gives second opinions: then nothing is OK before the first one, and an overdue one is a cause. Losses are limited by
+    the time that the lost frames represent, so that the limits fit any frame rate.
 
     Raises:
         InputError: a limit that lets everything pass, or nothing.

@@ -17,17 +17,13 @@ def risen_force(
 ) -> float | None:
     """Return the force after `ahead_s` at the least slope that the last frames allow; None if it does not rise.
 
-    The slope is the median of those between all pairs (Theil 1950, Sen 1968), so a single outlier does not turn it. Its
+    `history` has time (s) and force (N) of the last frames, oldest first; fewer than `frames` of them show no slope.
+
+    The slope is the median of all pairs' slopes (Theil 1950, Sen 1968), so a single outlier does not turn it. Its
     standard deviation is that of a straight-line fit, and `deviations` of them are subtracted. Ten residuals estimate
     the noise badly, now and then much too low by chance. So the noise is at least that of the second differences, which
     are free of a steady rise, over all frames kept. If the rise slows down, a line predicts too much; then the
     prediction of a parabola through the slopes of the two halves counts, if it is less.
-
-    Args:
-        history: (time, force) of the last frames, s and N, oldest first.
-        ahead_s: the robot's reaction time, s.
-        deviations: standard deviations of the slope that are subtracted from it.
-        frames: number of frames for the slope; with fewer the answer is None.
 
     >>> ramp = tuple((0.01 * i, 0.02 * 0.01 * i) for i in range(10))
     >>> round(risen_force(ramp, 0.1, 3.0, 10), 6)
@@ -58,7 +54,7 @@ def risen_force(
 def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float | None:
     """Return the force that a slowing rise reaches within `ahead_s`, at most its top; infinity if it keeps its slope.
 
-    None: it has passed its top. Times count from now, so those of the points are negative.
+    None: it has passed its top. Times count from now, so the points have negative ones.
     """
     half = len(points) // 2 + 1
     early, late = _slope(points[:half]), _slope(points[-half:])

@@ -77,7 +77,7 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
 def _losses(
     losses: tuple[tuple[float, float], ...], event: QueueLoss, window_s: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the losses within the window; those of the same twentieth of it are one, at the time of the last."""
+    """Return the losses within the window; all losses in one twentieth of it are one, at the time of the last."""
     recent = tuple(loss for loss in losses if event.at_s - loss[0] < window_s)
     part_s = window_s / LOSS_PARTS
     if recent and recent[-1][0] // part_s == event.at_s // part_s:

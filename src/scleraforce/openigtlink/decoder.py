@@ -1,10 +1,10 @@
 """Bytes in, events out: the receiving half of OpenIGTLink, with no socket in it.
 
-A message with a wrong checksum or content is an event, and the stream goes on, because the message's size is known.
+A message with a wrong checksum or content is an event, and the stream continues, because the message's size is known.
 After an invalid header or a body that is too large the stream cannot be followed: the last event is `Broken`, the state
 is ERROR, and further bytes are refused.
 
-A body is received in its final place: `space` lends the room for the next bytes, `received` says how many came.
+A body is received in its final place: `space` lends the buffer for the next bytes, `received` says how many came.
 """
 
 from dataclasses import dataclass, field
@@ -76,11 +76,9 @@ class DecoderState(Enum):
 
 
 class Decoder:
-    """An incremental decoder of one peer's bytes; it holds at most one message of at most `max_body_bytes`.
+    """An incremental decoder of one peer's bytes; it holds at most one message.
 
-    Attributes:
-        max_body_bytes: a header that states more breaks the stream; it may be changed at any time, for later headers.
-        state: the part of the stream that the next byte belongs to.
+    A header that states more than `max_body_bytes` breaks the stream; the limit may be changed for later headers.
 
     >>> from scleraforce.openigtlink.messages import Status, encode
     >>> decoder = Decoder()
@@ -103,24 +101,18 @@ class Decoder:
 
     @property
     def broken(self) -> bool:
-        """Whether the stream cannot be followed any more."""
+        """True if the stream cannot be followed any more."""
         return self.state is DecoderState.ERROR
 
     @property
     def between(self) -> bool:
-        """Whether no message is incomplete."""
+        """True if no message is incomplete."""
         return self.state is DecoderState.HEADER and not self._head
 
     def space(self) -> memoryview:
         """Lend the buffer for the next bytes, never empty; it is valid until the next call of another method.
 
-        Raises:
-            ProtocolError: the stream broke earlier.
-
-        >>> decoder = Decoder()
-        >>> decoder.space()[:3] = b"abc"  # or socket.recv_into(decoder.space())
-        >>> decoder.received(3)
-        ()
+        Like `received` and `feed`, it raises ProtocolError if the stream broke earlier.
         """
         self._refuse_if_broken()
         if self.state is DecoderState.BODY:
@@ -128,14 +120,7 @@ class Decoder:
         return self._scratch[: HEADERS_BYTES if self.state is DecoderState.HEADER else min(self._left, PASSED_BYTES)]
 
     def received(self, count: int) -> tuple[PeerEvent, ...]:
-        """Take the first `count` bytes of the buffer that `space` lent; return the events that are complete, in order.
-
-        `Broken` is the last event if it occurs.
-
-        Raises:
-            ProtocolError: the stream broke earlier.
-            ValueError: more bytes than were lent.
-        """
+        """Take the first `count` bytes of the lent buffer; return the events that are complete, in order."""
         room = self.space()
         if not 0 <= count <= len(room):
             raise ValueError(f"{count} bytes received: {len(room)} were lent")
@@ -145,13 +130,7 @@ class Decoder:
         return () if event is None else (event,)
 
     def feed(self, data: bytes | bytearray | memoryview) -> tuple[PeerEvent, ...]:
-        """Take the next bytes of the stream, in pieces of any size; return the events that are complete, in order.
-
-        `Broken` is the last event if it occurs.
-
-        Raises:
-            ProtocolError: the stream broke earlier.
-        """
+        """Take the next bytes of the stream, in pieces of any size; return the events that are complete, in order."""
         self._refuse_if_broken()
         return self._take(memoryview(data))
 

@@ -30,13 +30,10 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 class Image:
     """One image, or a part of one.
 
-    Attributes:
-        pixels: (slice, row, column) or, of several components, (slice, row, column, component); int8, uint8, int16 or
-            uint16 of this machine's byte order; read-only when it was received.
-        matrix: as sent: the steps to the next column, row and slice (mm), then the centre's position (mm).
-        size: columns, rows and slices of the whole image; None: `pixels` is all of it.
-        offset: column, row and slice of the whole image where `pixels` begins.
-        coordinates: 1: RAS, 2: LPS.
+    `pixels` are (slice, row, column) or (slice, row, column, component), int8, uint8, int16 or uint16 in this machine's
+    byte order, and read-only if received. `matrix` has the steps to the next column, row and slice, then the centre's
+    position, mm. `size` is columns, rows and slices of the whole image, None if `pixels` is all of it, and `offset` the
+    column, row and slice where `pixels` begins. `coordinates` is 1 for RAS, 2 for LPS.
     """
 
     pixels: NDArray[Any]
@@ -50,37 +47,27 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
     """Return the body of an image; raise ProtocolError if the message cannot state its pixels, shape or place."""
     pixels = image.pixels
     if pixels.ndim not in (3, 4) or pixels.dtype not in CODES or not pixels.size:
-        raise ProtocolError(
-            f"pixels {pixels.dtype} {pixels.shape}: must be 8 or 16 bit, (slice, row, column[, component])"
-        )
-    part = pixels.shape[2], pixels.shape[1], pixels.shape[0]
-    components = pixels.shape[3] if pixels.ndim == 4 else 1
-    size = image.size or part
+        kind = f"{pixels.dtype} {pixels.shape}"
+        raise ProtocolError(f"pixels {kind}: must be 8 or 16 bit, (slice, row, column[, component])")
+    part, components = pixels.shape[2::-1], pixels.shape[3] if pixels.ndim == 4 else 1
+    size, elements = image.size or part, len(image.matrix)
     _check_place(size, image.offset, part)
-    if max(size) > 0xFFFF or components > 0xFF or len(image.matrix) != 12:
-        raise ProtocolError(
-            f"image of {size}, {components} components, {len(image.matrix)} matrix elements: out of range"
-        )
-    order = 2 if little_endian else 1
-    code = CODES[pixels.dtype]
+    if max(size) > 0xFFFF or components > 0xFF or elements != 12:
+        raise ProtocolError(f"image of {size}, {components} components, {elements} matrix elements: out of range")
+    order, code = 2 if little_endian else 1, CODES[pixels.dtype]
     head = HEAD.pack(1, components, code, order, image.coordinates, *size, *image.matrix, *image.offset, *part)
     return head + np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder(ORDERS[order])).tobytes()
 
 
 def unpack_image(body: memoryview) -> Image:
-    """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body.
-
-    Raises:
-        ProtocolError: the body is cut short, of an unsupported type, or its sizes contradict each other.
-    """
+    """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body."""
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")
     version, components, code, order, coordinates, *rest = HEAD.unpack_from(body)
     size, matrix, offset, part = tuple(rest[:3]), tuple(rest[3:15]), tuple(rest[15:18]), tuple(rest[18:])
     if version not in (1, 2) or code not in SCALARS or order not in ORDERS or not components:
-        raise ProtocolError(
-            f"IMAGE: version {version}, scalar type {code}, byte order {order}, {components} components"
-        )
+        kind = f"scalar type {code}, byte order {order}, {components} components"
+        raise ProtocolError(f"IMAGE: version {version}, {kind}")
     if not all(map(math.isfinite, matrix)):
         raise ProtocolError("IMAGE: the matrix is not finite")
     _check_place(size, offset, part)
@@ -164,15 +151,9 @@ def encode(
     message_id: int = 0,
     metadata: Mapping[str, str] = NO_METADATA,
 ) -> bytes:
-    """Return a whole message as bytes.
+    """Return a whole message as bytes, with a header of the peer's version, 1 to 3.
 
-    Args:
-        message: its content.
-        device: the device's name, ASCII, at most 20 characters.
-        version: of the header, 1 to 3: the peer's.
-        time_s: seconds since 1970.
-        message_id: of versions 2 and 3 only.
-        metadata: of versions 2 and 3 only.
+    The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata.
 
     Raises:
         ProtocolError: something does not fit into the message.
@@ -208,7 +189,7 @@ def _pack(message: Message) -> tuple[str, bytes]:
 
 
 def query_of(name: str) -> Query | None:
-    """Return the query of a message of type GET_...; None if the type is no query.
+    """Return the query of a message of type GET_...; None for other types.
 
     >>> query_of("GET_TRANS")
     Query(type='TRANSFORM')

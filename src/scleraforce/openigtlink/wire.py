@@ -112,8 +112,6 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
         middle, end = place + key_bytes, place + key_bytes + value_bytes
         if end > len(texts):
             raise ProtocolError(f"metadata: an entry ends at byte {end} of {len(texts)}")
-        metadata[bytes(texts[place:middle]).decode("utf-8", "replace")] = bytes(texts[middle:end]).decode(
-            "utf-8", "replace"
-        )
-        place = end
+        key, value = (bytes(texts[at:to]).decode("utf-8", "replace") for at, to in ((place, middle), (middle, end)))
+        metadata[key], place = value, end
     return metadata

@@ -63,9 +63,9 @@ class FaultReport:
     """The consequence of a fault.
 
     `began_s` is when its first act was done (s, monotonic), or when the frame was due that did not come; `delay_s` runs
-    from then until the robot withdraws, and is None if it does not within `WITHIN_S`. `code`, `message` and `cause` are
-    the STATUS's; without a STATUS for 150 ms, or without a monitor, `code` is None and `message` says so. `expected`
-    is True if the cause is one of the fault's.
+    from then until the robot withdraws; None: it does not within `WITHIN_S`. `code`, `message` and `cause` are the
+    STATUS's; without a STATUS for 150 ms, or without a monitor, there is no `code` and `message` says so. `expected` is
+    True if the cause is one of the fault's.
     """
 
     name: str

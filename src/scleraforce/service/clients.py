@@ -250,7 +250,7 @@ class Clients:
         return ready
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
-        """Accept the clients that wait; return those that are still connected. `spared` keeps its place."""
+        """Accept the clients that wait; return the ones that are still connected. `spared` keeps its place."""
         came, freed = [], False
         for _ in range(ACCEPTED_PER_TURN):
             try:

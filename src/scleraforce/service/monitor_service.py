@@ -25,7 +25,7 @@ from scleraforce.reader import Reader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.channel import Channel, Child
+from scleraforce.service.channel import Child
 from scleraforce.service.clients import ServerSettings
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.decision_log import DecisionLog
@@ -40,7 +40,7 @@ from scleraforce.study import Study
 KEPT_S = 10.0  # of each withdrawal
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
 NOTED_S, LOOK_S = 3.0, 0.1
-OWN_FILES = 128  # beside those of clients: sockets to other processes, logs, and what the system's libraries open
+OWN_FILES = 128  # beside the clients' sockets: other processes' sockets, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
 MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 FORCE = ForceInfo("fz", 1, 0.2)  # of a robot; the needle moves, so labels average over a short time
@@ -50,7 +50,7 @@ WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dro
 
 @dataclass(frozen=True)
 class Address:
-    """Where to listen; port 0 takes a free one."""
+    """An address to listen on; port 0 takes a free one."""
 
     host: str
     port: int
@@ -58,11 +58,10 @@ class Address:
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """The settings of a monitor.
+    """The settings of a monitor; `limits` has the `size` and `scale_m` of the expected frames.
 
-    `limits` has the `size` and `scale_m` of the expected frames. Without a `console` address there is no console. The
-    log and the recordings of withdrawals are in `black_box`; `record` is the folder for a recording of the whole
-    session.
+    Without a `console` address there is no console. The log and the recordings of withdrawals are in `black_box`;
+    `record` is the folder for a recording of the whole session.
     """
 
     eye: str
@@ -96,21 +95,14 @@ def monitor_service(
     allow_files(ServerSettings.clients + OWN_FILES)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
-        pages = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))
+        pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
         live = LiveReader(reader, known, settings.refractive_index)
         ring = FrameRing.create(RING_FRAMES, rows, columns)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
-        record = settings.record and settings.record.absolute()
-        children = {
-            BLACK_BOX: _child(
-                "black_box",
-                BlackBoxSettings(
-                    folder=settings.black_box.absolute(), ring=ring.place, info=info, record=record, keep_s=KEPT_S
-                ),
-                ring,
-            )
-        }
+        folder, record = settings.black_box.absolute(), settings.record and settings.record.absolute()
+        kept = BlackBoxSettings(folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S)
+        children = {BLACK_BOX: _child("black_box", kept, ring)}
         if limits.expects_opinion:
             opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place)
             children[OPINION] = _child("second_opinion", opinion, ring)
@@ -125,8 +117,7 @@ def monitor_service(
         companions = Companions(children)
         stack.callback(companions.end)
         session = Session(live.read, limits)
-        if OPINION in children:
-            _wait_for_opinion(companions, children[OPINION].channel, note)
+        _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again
         guard = Guard()
@@ -149,15 +140,15 @@ def _listen_for_pages(address: Address) -> socket.socket:
     return listen(address.host, address.port, "web-")
 
 
-def _wait_for_opinion(companions: Companions, channel: Channel, note: Callable[[str], None]) -> None:
-    """Wait until the second opinion is ready, or has failed, which the server then answers with a withdrawal.
+def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> None:
+    """Wait until the second opinion, if there is one, is ready or has failed; then the server orders a withdrawal.
 
     A frame that it was asked about earlier would wait until its first reading is done.
     """
     begun_s = now_s = monotonic()
     is_noted = False
     while companions.starts(OPINION) and now_s - begun_s < READY_S:
-        select([channel], [], [], LOOK_S)
+        select([companions.channel(OPINION)], [], [], LOOK_S)
         now_s = monotonic()
         for _ in companions.hear(OPINION, now_s):
             pass  # it has been asked nothing
@@ -185,9 +176,8 @@ def session_scan(settings: MonitorSettings) -> OctInfo:
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
-    known = settings.known
+    known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
-    gauge = nearest_gauge(study.needle.outer_diameter_m)
     needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad)
     return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 

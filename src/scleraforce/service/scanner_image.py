@@ -1,11 +1,10 @@
 """From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and images sent in parts."""
 
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from math import hypot, prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Image
@@ -39,12 +38,6 @@ class FrameAssembler:
     The part of an image with its first pixel has to come first, the others in any order. So the end of an image whose
     beginning was lost is not taken for the beginning of the next. Start a new assembler after every lost message
     (`BadChecksum`, `Malformed`): then no frame mixes two images.
-
-    >>> parts = np.ones((1, 2, 4), dtype=np.int16), np.ones((1, 3, 4), dtype=np.int16)
-    >>> assembler = FrameAssembler()
-    >>> assembler.add(Image(parts[0], size=(4, 5, 1)))
-    >>> assembler.add(Image(parts[1], size=(4, 5, 1), offset=(0, 2, 0))).pixels.shape
-    (5, 4)
     """
 
     def __init__(self, max_frame_bytes: int = MAX_BODY_BYTES) -> None:
@@ -61,53 +54,41 @@ class FrameAssembler:
                 new frame begins with the image if it has the first pixel.
         """
         begun, self._begun = self._begun, None
-        frame, place = _frame(image), _Place.of(image)
-        if begun is None and place.whole:
+        frame, part = _frame(image), _Part.of(image)
+        if begun is None and part.whole:
             return frame
-        if begun is None:
-            return self._put(self._begin(place), frame, place)
-        reason = begun.refusal(place)
-        if reason is None:
-            return self._put(begun, frame, place)
-        if place.first and not place.whole:
-            self._put(self._begin(place), frame, place)
-        raise ProtocolError(f"IMAGE: the part {place} {reason}")
-
-    def _begin(self, place: "_Place") -> "_Begun":
-        if not place.first:
-            raise ProtocolError(f"IMAGE: the part {place} came before that with the first pixel")
-        stated = prod(place.size) * place.dtype.itemsize
-        if stated > self.max_frame_bytes:
-            raise ProtocolError(f"IMAGE: parts of an image of {stated} bytes: at most {self.max_frame_bytes}")
-        return _Begun(place)
-
-    def _put(self, begun: "_Begun", frame: ScannerFrame, place: "_Place") -> ScannerFrame | None:
-        begun.put(frame.pixels, place)
+        reason = begun.refusal(part) if begun else None
+        if begun is None or (reason and part.first and not part.whole):
+            begun = _Begun(part, self.max_frame_bytes)
+        if reason is None or begun.first is part:
+            begun.put(frame.pixels, part)
+            self._begun = begun if begun.left else None
+        if reason:
+            raise ProtocolError(f"IMAGE: the part {part} {reason}")
         if begun.left:
-            self._begun = begun
             return None
         begun.pixels.flags.writeable = False
         return replace(frame, pixels=begun.pixels)
 
 
 @dataclass(frozen=True)
-class _Place:
-    """The statement of a part on the whole (rows, columns), and its place there."""
+class _Part:
+    """A part's place in the whole image (rows, columns), and its statement of the whole, in which all parts agree."""
 
-    size: tuple[int, int]
-    dtype: np.dtype[Any]
-    matrix: tuple[float, ...]
-    coordinates: int
     rows: slice
     columns: slice
+    size: tuple[int, int]
+    dtype: np.dtype[Any]
+    stated: tuple[object, ...]
 
     @classmethod
-    def of(cls, image: Image) -> "_Place":
+    def of(cls, image: Image) -> "_Part":
         _, rows, columns = image.pixels.shape
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
         column, row, _ = image.offset
-        lies = slice(row, row + rows), slice(column, column + columns)
-        return cls((whole_rows, whole_columns), image.pixels.dtype, image.matrix, image.coordinates, *lies)
+        size, dtype = (whole_rows, whole_columns), image.pixels.dtype
+        stated = size, dtype, image.matrix, image.coordinates
+        return cls(slice(row, row + rows), slice(column, column + columns), size, dtype, stated)
 
     @property
     def first(self) -> bool:
@@ -117,40 +98,33 @@ class _Place:
     def whole(self) -> bool:
         return (self.rows.stop - self.rows.start, self.columns.stop - self.columns.start) == self.size
 
-    @property
-    def stated(self) -> tuple[object, ...]:
-        return self.size, self.dtype, self.matrix, self.coordinates
-
     def __str__(self) -> str:
         rows, columns = self.rows, self.columns
         return f"rows {rows.start} to {rows.stop}, columns {columns.start} to {columns.stop} of {self.size}"
 
 
-@dataclass(eq=False)
 class _Begun:
     """A frame of which parts have come; `left` pixels are missing."""
 
-    first: _Place
-    pixels: Pixels = field(init=False)
-    covered: NDArray[np.bool_] = field(init=False)
-    left: int = field(init=False)
+    def __init__(self, first: _Part, most_bytes: int) -> None:
+        stated = prod(first.size) * first.dtype.itemsize
+        if not first.first:
+            raise ProtocolError(f"IMAGE: the part {first} arrived without the one with the first pixel")
+        if stated > most_bytes:
+            raise ProtocolError(f"IMAGE: parts of an image of {stated} bytes: at most {most_bytes}")
+        self.first, self.left = first, prod(first.size)
+        self.pixels: Pixels = np.empty(first.size, dtype=COUNTS[first.dtype])
+        self._covered = np.zeros(first.size, dtype=np.bool_)
 
-    def __post_init__(self) -> None:
-        self.pixels = np.empty(self.first.size, dtype=COUNTS[self.first.dtype])
-        self.covered = np.zeros(self.first.size, dtype=np.bool_)
-        self.left = self.pixels.size
-
-    def refusal(self, place: _Place) -> str | None:
-        """Return why a part does not belong here; None if it does."""
-        if place.stated != self.first.stated:
+    def refusal(self, part: _Part) -> str | None:
+        """Return the reason if a part does not belong here."""
+        if part.stated != self.first.stated:
             return "states another size, type or matrix than those before it"
-        if self.covered[place.rows, place.columns].any():
-            return "overlaps those before it"
-        return None
+        return "overlaps those before it" if self._covered[part.rows, part.columns].any() else None
 
-    def put(self, pixels: Pixels, place: _Place) -> None:
-        self.pixels[place.rows, place.columns] = pixels
-        self.covered[place.rows, place.columns] = True
+    def put(self, pixels: Pixels, part: _Part) -> None:
+        self.pixels[part.rows, part.columns] = pixels
+        self._covered[part.rows, part.columns] = True
         self.left -= pixels.size
 
 

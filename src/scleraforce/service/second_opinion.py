@@ -2,7 +2,7 @@
 
 The monitor answers with the network, in a few milliseconds. Here the whole chain runs on the raw frame, including the
 fit to the response library, which takes several times as long. The process reads the newest frame, at most 50 a second,
-skips those that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
+skips frames that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
 20 ms, others would get nothing of that core. It is ready when it has read a frame of its own: a first reading takes
 0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue.
 """

@@ -38,7 +38,7 @@ OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
-NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth of what decisions take
+NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth of the decisions
 FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
 
 
@@ -109,7 +109,7 @@ class Server:
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
-        """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
+        """Read from clients with data: the scanner first, then, for a short while, the longest waiting."""
         ready = self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
         clients = [who for who in ready if isinstance(who, Connection)]
         clients.sort(key=lambda who: (who is not self._scanner, who.heard_s))

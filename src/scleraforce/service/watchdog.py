@@ -124,7 +124,7 @@ class Watchdog:
                 os.kill(self._pid, signal.SIGKILL)
         count = len(self._clients)
         self._send_emergency()
-        note = f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {count}\n"
+        note = f"watchdog: the monitor hung or died and was ended; clients ordered to withdraw: {count}\n"
         with suppress(OSError):  # standard error never blocks: see `start_companion`
             os.write(2, note.encode())
         due_s = started_s + REPEAT_S
