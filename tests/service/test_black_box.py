@@ -18,7 +18,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service.black_box import BlackBox
 from scleraforce.service.channel import Channel, Child, encode_message
-from scleraforce.service.decision_log import DecisionLog, Journal, read_log
+from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
     Alive,
@@ -44,19 +44,17 @@ INFO = RecordingInfo(
 )
 
 
-def line_of(folder, message):
-    """The line of a message in a log of its own."""
-    channel, theirs = Channel.pair()
-    journal = Journal(folder / type(message).__name__, channel)
-    line = journal.record(message)
-    journal.close()
-    channel.close()
-    theirs.close()
-    return line
-
-
 def frame(number):
     return np.random.default_rng(number).integers(0, 2**16, SHAPE).astype(np.uint16)
+
+
+def numbers_in(folder):
+    """The numbers of the frames in a recording, each of which has its own pixels."""
+    recording = read_recording(folder)
+    numbers = [int(entry.file[:7]) for entry in recording.frames]
+    for entry, number in zip(recording.frames, numbers, strict=True):
+        assert (recording.frame(entry) == frame(number)).all()
+    return numbers
 
 
 class Monitor:
@@ -72,21 +70,18 @@ class Monitor:
         self.at_s = 1000.0
         self.answers = []
 
-    def decide(self, state="WATCHING", with_frame=True, turns=3):
-        self.at_s += 0.01
-        self.decisions += 1
-        if with_frame:
-            self.frames += 1
-            self.ring.put(self.frames, frame(self.frames))
-        entry = decision(
-            state,
-            number=self.decisions,
-            time_s=1.8e9 + self.at_s,
-            at_s=self.at_s,
-            cause=CAUSES.get(state),
-            frame=self.frames if with_frame else None,
-        )
-        self.tell(Decided(entry=entry), turns)
+    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3):
+        for _ in range(times):
+            self.at_s += 0.01
+            self.decisions += 1
+            if with_frame:
+                self.frames += 1
+                self.ring.put(self.frames, frame(self.frames))
+            entry = decision(
+                state, number=self.decisions, time_s=1.8e9 + self.at_s, at_s=self.at_s, cause=CAUSES.get(state),
+                frame=self.frames if with_frame else None,
+            )  # fmt: skip
+            self.tell(Decided(entry=entry), turns)
 
     def tell(self, message, turns=1):
         assert self.channel.send(message)
@@ -121,6 +116,11 @@ class Monitor:
         self.box.run()
         self.close()
 
+    def keep_and_end(self):
+        self.box._withdrawals._writing.due_s = 0.0
+        self.wait_for(WithdrawalKept)
+        self.end()
+
     def close(self):
         self.channel.close()
         self.theirs.close()
@@ -133,6 +133,10 @@ class Monitor:
 
     def withdrawals(self):
         return sorted((self.folder / "box" / "withdrawals").iterdir())
+
+
+def full(*_):
+    raise OSError(28, "No space left on device")
 
 
 @pytest.fixture(autouse=True)
@@ -167,21 +171,16 @@ def test_decisions_that_never_came_are_said(tmp_path):
 @pytest.mark.slow
 def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
     monitor = Monitor(tmp_path)
-    for _ in range(1200):
-        monitor.decide(turns=1)
-    monitor.decide("WITHDRAW")
-    for _ in range(5):
-        monitor.decide("WITHDRAW")  # it latches: one withdrawal
+    monitor.decide(times=1200, turns=1)
+    monitor.decide("WITHDRAW", times=6)  # it latches: one withdrawal
     folder = monitor.wait_for(WithdrawalKept).folder
     monitor.end()
     assert [str(path) for path in monitor.withdrawals()] == [folder]
     assert folder.endswith("Z-force_bound")
     recording = read_recording(monitor.withdrawals()[0])
     assert recording.info == INFO
-    assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(201, 1202)]
+    assert numbers_in(folder) == list(range(201, 1202))
     assert [entry.time_s for entry in recording.frames] == pytest.approx(np.arange(200, 1201) * 0.01, abs=1e-6)
-    for entry in recording.frames:
-        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
     decisions = [part.record["entry"]["number"] for part in read_log(monitor.withdrawals()[0] / "decisions.jsonl")]
     assert decisions == list(range(201, 1202))
     assert recording.forces is None
@@ -190,8 +189,7 @@ def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
 
 def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(tmp_path):
     monitor = Monitor(tmp_path)
-    for _ in range(50):
-        monitor.decide()
+    monitor.decide(times=50)
     for state in ("WITHDRAW", "WATCHING", "WITHDRAW", "NOT_READY", "WITHDRAW"):
         monitor.decide(state, turns=1)
     monitor.wait_for(WithdrawalKept, 2)
@@ -203,39 +201,22 @@ def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(t
 
 def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
     monitor = Monitor(tmp_path, ring_frames=20)
-    for _ in range(60):
-        monitor.decide()
-    monitor.decide("WITHDRAW", turns=0)
-    for _ in range(5):
-        monitor.decide("WITHDRAW", turns=0)
+    monitor.decide(times=60)
+    monitor.decide("WITHDRAW", times=6, turns=0)
     monitor.wait_for(WithdrawalKept)
     monitor.end()
-    recording = read_recording(monitor.withdrawals()[0])
-    assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(47, 62)]
-    for entry in recording.frames:
-        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert numbers_in(monitor.withdrawals()[0]) == list(range(47, 62))
     assert any("15 frames" in note and "5 were lost" in note for note in monitor.notes())
 
 
 def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
     monitor = Monitor(tmp_path)
-    for _ in range(30):
-        monitor.decide(turns=0)
+    monitor.decide(times=30, turns=0)
     monitor.end(planned=False)
     assert monitor.notes()[0] == "the monitor ended without notice"
     (folder,) = monitor.withdrawals()
     assert folder.name.endswith("Z-monitor_died")
     assert len(read_recording(folder).frames) == 30
-
-
-def test_a_monitor_that_ends_as_planned_keeps_nothing_more_than_was_asked_for(tmp_path):
-    monitor = Monitor(tmp_path)
-    for _ in range(5):
-        monitor.decide()
-    monitor.decide("WITHDRAW", turns=0)
-    monitor.end()
-    assert len(monitor.withdrawals()) == 1
-    assert len(read_recording(monitor.withdrawals()[0]).frames) == 6
 
 
 @pytest.mark.slow
@@ -268,9 +249,7 @@ def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
-    monitor.box._withdrawals._writing.due_s = 0.0
-    monitor.wait_for(WithdrawalKept)
-    monitor.end()
+    monitor.keep_and_end()
     (folder,) = monitor.withdrawals()
     assert read_recording(folder).forces is None
     lines = (folder / "robot_forces.csv").read_text().splitlines()
@@ -287,9 +266,7 @@ def test_a_force_log_that_begins_late_labels_the_frames_that_it_covers(tmp_path)
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
-    monitor.box._withdrawals._writing.due_s = 0.0
-    monitor.wait_for(WithdrawalKept)
-    monitor.end()
+    monitor.keep_and_end()
     trials = label_frames(read_recording(monitor.withdrawals()[0]), ClassesStudy())
     labelled = [trial.measured_force_n is not None for trial in trials]
     assert 80 < sum(labelled) < 110
@@ -318,21 +295,16 @@ def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_pa
         monitor.force([0.0, 0.0, -0.01])
         monitor.decide("WITHDRAW" if 100 < number < 150 else "WATCHING", with_frame=number % 3)
         if number % 50 == 0:
-            recording = read_recording(tmp_path / "rec")
-            assert (recording.frame(recording.frames[-1]) == frame(len(recording.frames))).all()
+            assert numbers_in(tmp_path / "rec")
     monitor.end()
-    recording = read_recording(tmp_path / "rec")
-    assert [entry.file for entry in recording.frames] == [f"{n:07d}.png" for n in range(1, monitor.frames + 1)]
-    for entry in recording.frames:
-        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
-    assert recording.forces.wrench_sc.shape == (297, 3)
+    assert numbers_in(tmp_path / "rec") == list(range(1, monitor.frames + 1))
+    assert read_recording(tmp_path / "rec").forces.wrench_sc.shape == (297, 3)
     assert f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost" in monitor.notes()
 
 
 def test_of_a_session_and_a_withdrawal_the_older_frame_is_written_first(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
-    for _ in range(50):
-        monitor.decide(turns=0)
+    monitor.decide(times=50, turns=0)
     monitor.decide("WITHDRAW", turns=20)
     (partial,) = monitor.withdrawals()
     newest = [max(path.name for path in (folder / "frames").iterdir()) for folder in (tmp_path / "rec", partial)]
@@ -352,33 +324,26 @@ def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_a
     monitor.decide()
     monitor.end()
     recording = read_recording(tmp_path / "rec")
-    assert [entry.file for entry in recording.frames] == ["0000001.png", "0000002.png", "0000003.png"]
+    assert numbers_in(tmp_path / "rec") == [1, 2, 3]
     assert np.diff([entry.time_s for entry in recording.frames])[1] == pytest.approx(1e-6)
 
 
 def test_a_session_that_the_disk_cannot_follow_loses_frames_and_says_how_many(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec", ring_frames=10)
-    for _ in range(35):
-        monitor.decide(turns=0)
+    monitor.decide(times=35, turns=0)
     monitor.end()
-    assert [int(entry.file[:7]) for entry in read_recording(tmp_path / "rec").frames] == list(range(26, 36))
+    assert numbers_in(tmp_path / "rec") == list(range(26, 36))
     assert sum("the disk does not keep up" in note for note in monitor.notes()) == 1
     assert monitor.notes()[-1].endswith("; 25 were lost")
 
 
 def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
-    for _ in range(5):
-        monitor.decide()
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
+    monitor.decide(times=5)
     with monkeypatch.context() as disk:
         disk.setattr(RecordingWriter, "add", full)
         monitor.decide()
-    for _ in range(5):
-        monitor.decide()
+    monitor.decide(times=5)
     assert [fault.detail for fault in monitor.heard(SelfReport)] == ["session: [Errno 28] No space left on device"]
     monitor.end()
     assert len(read_recording(tmp_path / "rec").frames) == 5
@@ -397,12 +362,10 @@ def test_a_folder_that_exists_is_never_written_into(tmp_path):
 
 def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_on(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
-    for _ in range(10):
-        monitor.decide()
+    monitor.decide(times=10)
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=999_999_999))
-    for _ in range(10):
-        monitor.decide()
+    monitor.decide(times=10)
     monitor.decide("WITHDRAW")
     details = [fault.detail for fault in monitor.heard(SelfReport)]
     assert any(detail.startswith("session: ") and "1.00 GB free" in detail for detail in details)
@@ -416,39 +379,29 @@ def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_o
 
 def test_a_disk_that_fills_while_a_withdrawal_is_written_leaves_nothing_half_and_is_told(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path)
-    for _ in range(20):
-        monitor.decide()
+    monitor.decide(times=20)
     monitor.decide("WITHDRAW", turns=5)
     write = os.write
 
-    def full(file, data):
-        if os.readlink(f"/proc/self/fd/{file}").startswith(str(tmp_path / "box" / "withdrawals")):
-            raise OSError(28, "No space left on device")
-        return write(file, data)
+    def write_elsewhere(file, data):
+        within = os.readlink(f"/proc/self/fd/{file}").startswith(str(tmp_path / "box" / "withdrawals"))
+        return full() if within else write(file, data)
 
-    monkeypatch.setattr(os, "write", full)
+    monkeypatch.setattr(os, "write", write_elsewhere)
     assert "No space left" in monitor.wait_for(SelfReport).detail
     monitor.wait_for(WithdrawalKept)
     monkeypatch.undo()
     monitor.end()
-    recording = read_recording(monitor.withdrawals()[0])
-    assert 0 < len(recording.frames) < 21
-    for entry in recording.frames:
-        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert 0 < len(numbers_in(monitor.withdrawals()[0])) < 21
     assert [path for path in (tmp_path / "box" / "withdrawals").iterdir() if path.name.startswith(".")] == []
 
 
 def test_a_log_that_cannot_be_written_is_told_once_until_it_can(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
     for _ in range(2):
         with monkeypatch.context() as disk:
             disk.setattr(DecisionLog, "append", full)
-            for _ in range(5):
-                monitor.decide()
+            monitor.decide(times=5)
         monitor.decide()
     assert [fault.detail for fault in monitor.heard(SelfReport)] == ["log: [Errno 28] No space left on device"] * 2
     monitor.end()
@@ -472,7 +425,7 @@ def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
     monitor.end()
 
 
-def test_a_log_whose_folder_is_gone_is_told(tmp_path, monkeypatch):
+def test_a_log_whose_folder_is_gone_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(log_sync, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
     monitor.decide()
@@ -486,8 +439,7 @@ def test_what_is_no_message_or_not_for_it_is_told_for_good_and_the_log_goes_on(t
     monitor.decide()
     assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
     assert monitor.channel.send(OpinionAsked(number=1, order=1))
-    for _ in range(3):
-        monitor.decide()
+    monitor.decide(times=3)
     (told,) = monitor.heard(SelfReport)
     assert told.detail.startswith("message: not a message: ")
     assert monitor.heard(Alive)[-1].faults == (told.detail,)
@@ -574,11 +526,9 @@ def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(
         time.sleep(0.001)
     os.kill(process.child.process.pid, signal.SIGKILL)
     assert process.child.end(FUSE_S) == -signal.SIGKILL
-    recording = read_recording(tmp_path / "rec")
-    assert [int(entry.file[:7]) for entry in recording.frames] == list(range(1, len(recording.frames) + 1))
-    assert len(recording.frames) >= 19
-    for entry in recording.frames:
-        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    numbers = numbers_in(tmp_path / "rec")
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert len(numbers) >= 19
     assert all(part.record for part in read_log(tmp_path / "box" / "log"))
 
 
@@ -592,14 +542,16 @@ def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
 
 def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
     """The keys, their order and the values of the log are a contract (docs/black_box.md)."""
-    assert line_of(tmp_path, Decided(entry=READ_ENTRY)) == (
+    monitor = Monitor(tmp_path)
+    monitor.tell(Decided(entry=READ_ENTRY))
+    monitor.tell(Note(time_s=1.5, text="robot came"))
+    monitor.end()
+    assert (tmp_path / "box" / "log" / "decisions-000001.jsonl").read_bytes() == (
         b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": '
         b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
         b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
         b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
         b'"present_cause": null, "present": "", "class": 1}, "crc32": "6ef838f1"}\n'
-    )
-    assert line_of(tmp_path, Note(time_s=1.5, text="robot came")) == (
         b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
     )
 

@@ -55,20 +55,25 @@ ROWS, COLUMNS = 24, 32
 
 
 def write_small_recording(
-    folder: Path, frames: int = 40, rate_hz: float = 100.0, forces_mn=None, log: bool = True
-) -> Path:
+    folder: Path, frames: int = 40, rate_hz: float = 100.0, forces_mn=None, log: bool = True, pictures=None,
+    bits: int = 12, pixel_m: tuple[float, float] = (0.008 / COLUMNS, 0.003 / ROWS),
+) -> Path:  # fmt: skip
+    """Write frames of noise, numbered in their first pixel, or `pictures`; return the folder."""
+    rng = np.random.default_rng(0)
+    if pictures is None:
+        pictures = [rng.integers(0, 4096, (ROWS, COLUMNS), dtype=np.uint16) for _ in range(frames)]
+        for index, pixels in enumerate(pictures):
+            pixels[0, 0] = index
+    rows, columns = pictures[0].shape
     (folder / "frames").mkdir(parents=True)
     force = "[force]\naxis = 'fz'\ncontact_sign = -1\naverage_s = 0.1\n" if log else ""
     (folder / "recording.toml").write_text(
         "[eye]\nid = 'small'\n"
-        f"[oct]\ncolumns = {COLUMNS}\nrows = {ROWS}\nbits = 12\nwidth_m = 0.008\ndepth_m = 0.003\n"
-        f"[needle]\ngauge = 22\nslice_gap_m = 0.0005\n{force}"
+        f"[oct]\ncolumns = {columns}\nrows = {rows}\nbits = {bits}\nwidth_m = {columns * pixel_m[0]}\n"
+        f"depth_m = {rows * pixel_m[1]}\n[needle]\ngauge = 22\nslice_gap_m = 0.0005\n{force}"
     )
-    rng = np.random.default_rng(0)
     lines = ["file,time_s"]
-    for index in range(frames):
-        pixels = rng.integers(0, 4096, (ROWS, COLUMNS), dtype=np.uint16)
-        pixels[0, 0] = index
+    for index, pixels in enumerate(pictures):
         assert cv2.imwrite(str(folder / "frames" / f"{index:04d}.png"), pixels)
         lines.append(f"{index:04d}.png,{1.0 + index / rate_hz:.4f}")
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
