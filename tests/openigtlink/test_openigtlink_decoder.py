@@ -11,6 +11,7 @@ from effects import less_than
 from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings, strategies as st
 
+from bench_openigtlink import run
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import (
     BadChecksum,
@@ -32,7 +33,7 @@ from scleraforce.openigtlink import (
 )
 from scleraforce.openigtlink.decoder import PASSED_BYTES
 from scleraforce.openigtlink.messages import pack_image
-from scleraforce.openigtlink.wire import HEADER_BYTES, Header, pack_header, unpack_header
+from scleraforce.openigtlink.wire import HEADER_BYTES, Header, pack_header
 
 DRAW = np.random.default_rng(5)
 PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np.int8, np.uint8, np.int16, np.uint16)}
@@ -88,32 +89,6 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data() -> None:
                 if not isinstance(message, Query):
                     assert event.message_id == more.get("message_id", 0)
                     assert event.metadata == more.get("metadata", {})
-
-
-def test_both_byte_orders_give_the_same_pixels() -> None:
-    for pixels in PIXELS.values():
-        for little in (False, True):
-            (event,) = Decoder().feed(raw("IMAGE", pack_image(Image(pixels), little_endian=little)))
-            assert isinstance(event, Received)
-            assert same(event.message, Image(pixels))
-
-
-def bitwise_crc(data: bytes) -> int:
-    """ECMA-182, first bit first, from 0."""
-    crc = 0
-    for byte in data:
-        crc ^= byte << 56
-        for _ in range(8):
-            crc = ((crc << 1) & (2**64 - 1)) ^ (0x42F0E1EBA9EA3693 if crc >> 63 else 0)
-    return crc
-
-
-def test_the_checksum_is_ecma_182_of_the_body() -> None:
-    assert bitwise_crc(b"123456789") == 0x6C40DF5F0B497347
-    for size in (1, 7, 8, 63, 64, 1000):
-        pixels = np.random.default_rng(size).integers(0, 256, (1, 1, size)).astype(np.uint8)
-        data = encode(Image(pixels), "Scanner")
-        assert unpack_header(data[:HEADER_BYTES]).crc == bitwise_crc(data[HEADER_BYTES:])
 
 
 def test_an_image_of_known_bytes() -> None:
@@ -411,3 +386,23 @@ def test_what_a_header_cannot_carry_is_refused() -> None:
             encode(Text("force"), "peer", **options)  # type: ignore[arg-type]
         with pytest.raises(ProtocolError):
             encode(Text("force"), "a device's name that is too long")
+
+
+@pytest.mark.slow
+def test_mutated_messages_of_the_benchmark_give_events_and_no_exception() -> None:
+    outcome = run(20_000, seed=2)
+    kinds = {"Image", "Query", "Sensor", "Status", "Text", "Transform"}
+    others = {"Unknown", "BadChecksum", "Malformed", "Broken", "frame", "part kept", "image refused"}
+    assert outcome.unexpected == []
+    assert set(outcome.events) == {f"Received {kind}" for kind in kinds} | others
+    assert min(outcome.events.values()) >= 100
+
+
+def test_the_benchmark_repeats_its_messages_and_reports_an_exception(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(300, seed=4).events == run(300, seed=4).events != run(300, seed=5).events
+
+    def fails(self: Decoder) -> None:
+        raise IndexError(len(self._head))
+
+    monkeypatch.setattr(Decoder, "_end", fails)
+    assert "IndexError" in run(300, seed=4).unexpected[0]
