@@ -1,6 +1,5 @@
 """The start of a monitor: its checks, its recordings' statements on the eye, the operator's lines."""
 
-import re
 import resource
 import socket
 from collections.abc import Iterator
@@ -27,7 +26,6 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import ForceInfo
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions
-from scleraforce.service.decision_log import DecisionLog
 from scleraforce.service.messages import Alive, SelfReport
 from scleraforce.service.monitor_service import (
     WAITING_LINES,
@@ -92,7 +90,7 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
         assert companions.starts(OPINION)
         opinion.says(Alive(faults=()))
 
-    monitor_service._wait_for_opinion(companions, opinion.channel, note)
+    monitor_service._wait_for_opinion(companions, note)
     assert not companions.starts(OPINION)
     assert notes == ["the second opinion gets ready: some seconds, once after an installation half a minute or more"]
 
@@ -124,14 +122,6 @@ def test_a_host_that_is_no_address_of_this_machine_is_refused_in_one_line() -> N
         assert "\n" not in str(refused.value)
 
 
-def test_a_port_that_is_taken_is_named_with_its_option() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        words = f"127.0.0.1:{port}: Address already in use; give another --web-port, or end what listens there"
-        with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
-            listen("127.0.0.1", port, "web-")
-
-
 @pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
 def test_an_address_of_ipv6_is_listened_on() -> None:
     with listen("::1", 0) as listener, socket.create_connection(listener.getsockname()[:2]):
@@ -157,12 +147,6 @@ def test_a_black_box_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     assert "File name too long" in refusal(tmp_path / ("x" * 300))
     assert "/proc/box" in refusal(Path("/proc/box"))
     assert (tmp_path / "file").read_text() == "mine"
-
-
-def test_a_black_box_of_another_monitor_is_refused(tmp_path: Path) -> None:
-    other = DecisionLog(tmp_path / "log")
-    assert "in use by another monitor" in refusal(tmp_path)
-    other.close()
 
 
 def test_a_recording_that_could_not_be_made_is_refused_before_anything_is(tmp_path: Path) -> None:

@@ -1,15 +1,21 @@
 """The watchdog: its messages, its looks, the time in a header, its priority."""
 
 import os
+import pty
 import select
+import signal
 import socket
 import subprocess
 import sys
+import termios
+from contextlib import suppress
 
 import pytest
+from small_monitor import Peer, small_monitor
 
 import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
+from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.openigtlink.wire import VERSIONS
 from scleraforce.service.watchdog import (
@@ -124,3 +130,47 @@ def test_with_the_right_it_is_in_real_time_and_its_children_are_not(monkeypatch:
     assert run_in_real_time(OPINION_PRIORITY) is True
     assert asked == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, OPINION_PRIORITY)]
     assert OPINION_PRIORITY < MONITOR_PRIORITY < WATCHDOG_PRIORITY
+
+
+def spoil(how: str, ours: int, theirs: int) -> None:
+    match how:
+        case "stopped":
+            termios.tcflow(theirs, termios.TCOOFF)  # as Ctrl-S
+        case "full":
+            os.set_blocking(theirs, False)
+            with suppress(BlockingIOError):
+                while os.write(theirs, b"x" * 4096):  # nobody reads
+                    pass
+            os.set_blocking(theirs, True)
+        case "closed":
+            os.close(ours)
+
+
+@pytest.mark.parametrize("how", ["closed", *(pytest.param(how, marks=pytest.mark.slow) for how in ("stopped", "full"))])
+def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> None:
+    ours, theirs = pty.openpty()
+    with small_monitor(errors=theirs) as running, Peer(running.port) as robot:
+        robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
+        spoil(how, ours, theirs)
+        os.kill(running.process.pid, signal.SIGKILL)
+        robot.hear(lambda peer: emergencies(peer) >= 10)
+        assert emergencies(robot) >= 10
+    os.close(theirs)
+    if how != "closed":
+        os.close(ours)
+
+
+def emergencies(peer: Peer) -> int:
+    """How many the watchdog sent."""
+    return sum(status.subcode == Cause.WATCHDOG.value for status in peer.statuses())
+
+
+def test_the_watchdog_says_in_the_terminal_what_it_did() -> None:
+    read, write = os.pipe()
+    with small_monitor(errors=write) as running, Peer(running.port) as robot:
+        os.close(write)
+        robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
+        os.kill(running.process.pid, signal.SIGKILL)
+        said = os.read(read, 1000).decode()
+    assert said == "watchdog: the monitor hung or died and was ended; clients ordered to withdraw: 1\n"
+    os.close(read)
