@@ -9,8 +9,9 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
@@ -22,8 +23,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
 
-from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked
+from scleraforce.service.console.hub import MOST_PAGES
+from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
 
+MOST = 128  # connections that are kept
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
 
 
@@ -50,33 +53,29 @@ def page(monitor: ConsoleMonitor, origin: str | None = "") -> Iterator[ClientCon
         yield link
 
 
-def told(link: ClientConnection, state: str | None = None, **awaited: Any) -> dict[str, Any]:
-    """The next message, or the next in which everything awaited holds; each is acknowledged."""
-    if state is not None:
-        awaited["state"] = state
+def received(link: ClientConnection) -> Iterator[dict[str, Any] | bytes]:
+    """Yield what comes: states and pictures, each acknowledged."""
     end_s = monotonic() + FUSE_S
     while monotonic() < end_s:
         data = link.recv(timeout=FUSE_S)
         if isinstance(data, bytes):
             link.send(json.dumps({"drawn": header(data)["frame"]}))
-            continue
-        message = json.loads(data)
-        if message["kind"] == "state":
+            yield data
+        elif (message := json.loads(data))["kind"] == "state":
             link.send(json.dumps({"seen": message["number"]}))
-            if all(message[name] == value for name, value in awaited.items()):
-                return dict(message)
-    raise AssertionError(f"{awaited} was never told")
+            yield message
+
+
+def state_of(link: ClientConnection, state: str | None = None, **awaited: Any) -> dict[str, Any]:
+    """Return the next message, or the next in which everything awaited holds."""
+    awaited |= {} if state is None else {"state": state}
+    messages = (found for found in received(link) if isinstance(found, dict))
+    return next(found for found in messages if all(found[name] == value for name, value in awaited.items()))
 
 
 def shown_picture(link: ClientConnection) -> bytes:
-    """The next picture; what comes before it is acknowledged."""
-    while True:
-        data = link.recv(timeout=FUSE_S)
-        if isinstance(data, bytes):
-            link.send(json.dumps({"drawn": header(data)["frame"]}))
-            return data
-        if (message := json.loads(data))["kind"] == "state":
-            link.send(json.dumps({"seen": message["number"]}))
+    """Return the next picture."""
+    return next(found for found in received(link) if isinstance(found, bytes))
 
 
 def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
@@ -160,27 +159,24 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         assert (hello["model"], hello["eye"], hello["bound_mn"]) == ("reader", "eye-a", 30.0)
         assert hello["class_bounds_mn"] == [5.0, 30.0]
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
-        outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
-        for _ in range(
-            100
-        ):  # a picture that is sent before its outline is there goes without one; so does a late reading
+        for _ in range(100):  # a picture that is sent before its outline goes without one; so does a late reading
             frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
-            step, outer, inner = outline["step"], tuple(outline["outer"]), tuple(outline["inner"])
-            monitor.tell(Outline(frame=frame, step=step, outer=outer, inner=inner))
+            monitor.tell(Outline(frame=frame, step=4, outer=(None, 3.5), inner=(7.0, 8.0)))
             monitor.rates(frames_per_second=99.0, lost=frame)
             picture = shown_picture(link)
-            message = told(link, "WATCHING", lost=frame)
+            message = state_of(link, "WATCHING", lost=frame)
             if header(picture)["outline"] is not None and message["reading"] is not None:
                 break
         assert message["reading"]["force_mn"] == 12.0
         assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
         assert message["latency_ms"] == [1.1, 1.1]
         assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
+        outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
         assert header(picture) == {"frame": frame, "rows": 64, "columns": 96, "outline": outline}
         shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
         np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)
         monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 29.0 mN", "BOUND")
-        message = told(link, "WITHDRAW")
+        message = state_of(link, "WITHDRAW")
         assert message["sentence"] == "The force may have reached the bound."
         assert message["detail"] == "up to 31.0 mN, the bound is 30.0 mN"
 
@@ -192,7 +188,7 @@ def test_a_page_is_told_less_while_answers_are_slow_and_a_withdrawal_at_once_all
         for _ in range(3):
             slow = {**reading(12.0), "latency_ms": 50.0}
             frame = monitor.frame(np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow)
-        while told(link)["thrift"] == 0:
+        while state_of(link)["thrift"] == 0:
             pass
         monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
         picture = shown_picture(link)
@@ -202,18 +198,27 @@ def test_a_page_is_told_less_while_answers_are_slow_and_a_withdrawal_at_once_all
             picture = shown_picture(link)
         assert (header(picture)["rows"], header(picture)["columns"]) == (320, 320)
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
-        assert told(link, "WITHDRAW")["thrift"] > 0
+        assert state_of(link, "WITHDRAW")["thrift"] > 0
 
 
-def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answer(monitor: ConsoleMonitor) -> None:
+def post(monitor: ConsoleMonitor, token: str) -> http.client.HTTPConnection:
+    link = http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=FUSE_S)
     own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
-    with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=FUSE_S)) as link:
-        for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
-            link.request("POST", "/reset", json.dumps({"token": TOKEN}), own)
+    link.request("POST", "/reset", json.dumps({"token": token}), own)
+    return link
+
+
+def operator_resets(monitor: ConsoleMonitor) -> None:
+    for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
+        with closing(post(monitor, TOKEN)) as operator:
             asked = monitor.hear(ResetAsked)
             assert asked.token == TOKEN
             monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=said))
-            assert json.loads(link.getresponse().read()) == {"granted": granted, "message": said}
+            assert json.loads(operator.getresponse().read()) == {"granted": granted, "message": said}
+
+
+def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answer(monitor: ConsoleMonitor) -> None:
+    operator_resets(monitor)
 
 
 def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: ConsoleMonitor) -> None:
@@ -224,15 +229,15 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: Console
             monitor.frame(FRAME, "WATCHING", **reading(12.0))
             monitor.tell(Outline(frame=monitor.frames, step=4, outer=(), inner=()))
             monitor.rates(lost=lost)
-            told(lively, lost=lost)  # as one that is told more often than the stalled one
+            state_of(lively, lost=lost)  # as one that is told more often than the stalled one
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
-        told(lively, "WITHDRAW")
+        state_of(lively, "WITHDRAW")
         waiting = list(what_waits(stalled))
         states = [json.loads(data) for data in waiting if isinstance(data, str)]
         assert [message["kind"] for message in states] == ["hello", *["state"] * 4]
         assert sum(isinstance(data, bytes) for data in waiting) <= 1
         stalled.send(json.dumps({"seen": states[-1]["number"]}))
-        assert told(stalled)["state"] == "WITHDRAW"
+        assert state_of(stalled)["state"] == "WITHDRAW"
 
 
 @pytest.mark.parametrize("said", ["no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000])
@@ -255,7 +260,7 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monito
                 sleep(0.001)
     monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
     with page(monitor) as link:
-        told(link, "WITHDRAW")
+        state_of(link, "WITHDRAW")
 
 
 @pytest.mark.slow
@@ -275,10 +280,10 @@ def test_when_the_monitor_dies_pages_are_told_and_the_console_ends() -> None:
     assert killed.stdout is not None
     port, pid = (int(word) for word in killed.stdout.readline().split())
     with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:  # type: ignore[arg-type]
-        assert told(link)["state"] == "WATCHING"
+        assert state_of(link)["state"] == "WATCHING"
         killed.send_signal(signal.SIGKILL)
         killed.wait()
-        assert told(link, monitor="ended")
+        assert state_of(link, monitor="ended")
         close_of(link)
     killed.stdout.close()
     end_s = monotonic() + FUSE_S
@@ -293,3 +298,66 @@ def test_a_console_ends_with_code_0_when_its_monitor_closes_the_channel() -> Non
     with page(started) as stalled:  # which reads nothing, and does not say goodbye
         assert started.child.end(FUSE_S) == 0
         assert stalled
+
+
+@pytest.mark.slow
+def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> None:
+    with ConsoleMonitor() as monitor, ExitStack() as stack:
+        guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
+        said = [json.loads(guesser.getresponse().read()) for guesser in guessers]
+        assert {(answer["granted"], answer["message"].split(";")[0]) for answer in said} == {
+            (False, "the token is wrong")
+        }
+        counted = 0
+        while counted < 60:
+            counted += monitor.hear(WrongTokens).count
+        assert counted == 60
+        more = [stack.enter_context(closing(post(monitor, "wrong"))) for _ in range(20)]
+        operator_resets(monitor)  # while those wait for their answers: nothing of them came before
+        assert more
+
+
+@pytest.mark.slow
+def test_sockets_that_say_nothing_give_way_to_a_page() -> None:
+    with ConsoleMonitor() as monitor, ExitStack() as stack:
+        silent = [stack.enter_context(page(monitor)) for _ in range(MOST_PAGES)]
+        late = stack.enter_context(page(monitor))
+        assert json.loads(late.recv(timeout=FUSE_S))["kind"] == "hello"
+        assert close_of(silent[0]).code == 1013
+        assert json.loads(silent[1].recv(timeout=FUSE_S))["kind"] == "hello"
+
+
+@pytest.mark.slow
+def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
+    with ConsoleMonitor() as monitor, ExitStack() as stack:
+        lively = stack.enter_context(page(monitor))
+        lost: list[ConnectionClosed] = []
+
+        def answers() -> None:
+            try:
+                while True:
+                    message = json.loads(lively.recv())
+                    if message["kind"] == "state":
+                        lively.send(json.dumps({"seen": message["number"]}))
+            except ConnectionClosed as closed:
+                lost.append(closed)
+
+        thread = Thread(target=answers)
+        thread.start()
+        for number in range(2 * MOST_PAGES):
+            silent = stack.enter_context(page(monitor))
+            assert json.loads(silent.recv(timeout=FUSE_S))["kind"] == "hello", number
+        assert not lost
+        lively.close()
+        thread.join()
+
+
+@pytest.mark.slow
+def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
+    with ConsoleMonitor() as monitor, ExitStack() as stack:
+        idle = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S))
+            for _ in range(MOST + 10)
+        ]
+        operator_resets(monitor)
+        assert idle[0].recv(1) == b""  # the oldest one was cut off
