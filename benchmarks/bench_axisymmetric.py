@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from reference_walls import cut_section, polar_path, shift_in_plane
+from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.continuation import pressurise, trace
@@ -72,7 +72,9 @@ def print_r2(rows: int | None) -> None:
     print("R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure")
     for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(R2_TIPS_MM.items(), rows):
         mesh = meridian_mesh(RADIUS_M, 1e-3 * thickness_mm, NEEDLE_RADIUS_M, 0.5 * np.pi, MeridianSize())
-        wall = AxisymmetricWall(mesh, NU, follower=False, spread=lambda d: np.exp(-0.5 * (d / 0.35e-3) ** 2))
+        loaded = AxisymmetricWall(mesh, NU)
+        spread_needle(loaded, lambda d: np.exp(-0.5 * (d / 0.35e-3) ** 2))
+        wall = DeadPressureWall(loaded)
         pressure = 266e-6 / modulus_mpa
         end_m = 1e-3 * expected_mm[-1] + 0.3e-3
         path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.linspace(0.1e-3, end_m, 60))

@@ -19,7 +19,7 @@ from reference_r2 import FORCES_MN, IOP_PA, NEEDLE_RADIUS_M, NU, RADIUS_M, TIPS_
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
-from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.supports import study_springs
@@ -112,7 +112,7 @@ def sealed_globes(sizes: Sizes) -> None:
     print("\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
     for thickness_m, modulus_pa in WALLS[: sizes.rows]:
         half = graded_mesh(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings)
-        globe = graded_globe(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings)
+        globe = graded_mesh(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings, whole=True)
         for name, wall in (
             ("half, clamped", FiniteWall(half, NU)),
             ("globe, bed", FiniteWall(globe, NU, springs=study_springs(supports, globe))),

@@ -1,5 +1,6 @@
 """Walls, supports and readings that no command needs: references for the mechanics, of benchmarks and tests."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -8,9 +9,16 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from scleraforce.library.base import DIRECTIONS, SHARE, base_angle
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import (
+    AxisymmetricPath,
+    AxisymmetricWall,
+    axisymmetric_path,
+    boundary_shapes,
+    inward,
+)
 from scleraforce.mechanics.contact import ScanPlane, Section
 from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.loads import Needle
 from scleraforce.mechanics.meridian import MeridianSize
@@ -121,3 +129,38 @@ def shift_in_plane(
     away, depth = np.sum(field_mbnc[..., 0] * cosine, axis=0), np.sum(field_mbnc[..., 2] * cosine, axis=0)
     around = np.sum(field_mbnc[..., 1] * sine, axis=0)
     return np.stack([away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1)
+
+
+SPREAD_POINTS = 6
+
+
+def spread_needle(wall: AxisymmetricWall, spread: Callable[[Floats], Floats]) -> None:
+    """Spread the needle's force over the outer surface: by area, times a function of the distance from the contact."""
+    mesh = wall.mesh
+    nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(mesh.outer_n, SPREAD_POINTS)
+    points_enc = mesh.points_nc[nodes_en]
+    positions_epc = np.einsum("pn,enc->epc", values_pn, points_enc)
+    length_ep = np.linalg.norm(np.einsum("pn,enc->epc", slopes_pn, points_enc), axis=-1)
+    weight_ep = positions_epc[..., 0] * length_ep * weights_p
+    weight_ep *= spread(np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1))
+    wall.needle = inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)[wall.free]
+
+
+class DeadPressureWall:
+    """A wall of revolution whose pressure stays normal to the undeformed wall."""
+
+    def __init__(self, wall: AxisymmetricWall) -> None:
+        self._wall, self.needle, self.tip = wall, wall.needle, wall.tip
+        self._pressed = wall.volume(np.zeros_like(wall.needle))[1]
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        """Return internal forces minus those of the pressure, (unknown,)."""
+        return self._wall.residual(u, 0.0) - pressure * self._pressed
+
+    def factor(self, u: Floats, pressure: float) -> Solve:  # noqa: ARG002 (its part of the tangent is 0)
+        """Factor the tangent."""
+        return self._wall.factor(u, 0.0)
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        """Return the volume inside in m^3 and the forces of 1 Pa, (unknown,)."""
+        return self._wall.volume(u)[0], self._pressed

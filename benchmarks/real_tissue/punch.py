@@ -166,7 +166,7 @@ class _Punch:
         return np.asarray(np.bincount(self._numbers_en.ravel(), amount_en.ravel(), minlength=len(u)))
 
     def _tangent(self, u: Floats, pressure: float, height_m: float) -> Floats:
-        tangent = self._wall.tangent(u, pressure)
+        tangent = np.asarray(np.linalg.inv(self._wall.factor(u, pressure)(np.eye(len(u)))), dtype=np.float64)
         touching_ep = BED * self.areas_ep * (self.above(u, height_m) > 0.0)
         blocks = np.einsum("ep,pa,pb->eab", touching_ep, self._values_pn, self._values_pn)
         np.add.at(tangent, (self._numbers_en[:, :, None], self._numbers_en[:, None, :]), blocks)

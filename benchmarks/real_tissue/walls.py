@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_walls import spread_needle
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.meridian import MeridianMesh
@@ -59,9 +60,9 @@ def fine_meridian(
 def disc_wall(mesh: MeridianMesh, disc_m: float, poisson_ratio: float, *, symmetric: bool) -> AxisymmetricWall:
     """Return the wall whose needle presses uniformly over a disc, whose rim is an edge of elements."""
     rim_m = _distance_m(mesh, disc_m) * (1.0 + 1e-9)
-    return AxisymmetricWall(
-        mesh, poisson_ratio, symmetric=symmetric, spread=lambda distance: np.where(distance < rim_m, 1.0, 0.0)
-    )
+    wall = AxisymmetricWall(mesh, poisson_ratio, symmetric=symmetric)
+    spread_needle(wall, lambda distance: np.where(distance < rim_m, 1.0, 0.0))
+    return wall
 
 
 def pressed_wall(wall: AxisymmetricWall, pressure: float) -> PressedWall:

@@ -7,7 +7,7 @@ from reference_walls import cut_section
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.form import form_mesh
-from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import cut_sections
@@ -251,14 +251,14 @@ def own_frame(mesh, axes):
     return lambda points: np.c_[points, np.ones(len(points))] @ matrix
 
 
-@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+@pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
-def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(make, plane):
+def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(whole, plane):
     axes = np.array([1.06, 0.95, 1.03])
     contact = Contact(polar_rad=min(plane.contact.polar_rad, 0.9), azimuth_rad=plane.contact.azimuth_rad)
     plane = ScanPlane(contact, gap_m=plane.gap_m, direction_rad=plane.direction_rad, tilt_rad=plane.tilt_rad)
-    sphere = make(RADIUS, THICKNESS, contact, core=8, rings=24)
-    mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact).mesh
+    sphere = graded_mesh(RADIUS, THICKNESS, contact, core=8, rings=24, whole=whole)
+    mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact)
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
     near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]  # what a B-scan sees
     to_own = own_frame(mesh, axes)

@@ -13,7 +13,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.mechanics.graded import graded_globe
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import gravity_load, needle_at, needle_loads, pressure_load
 from scleraforce.mechanics.material import lame_constants
@@ -277,7 +277,7 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
     held[:, :2] = False
     with pytest.raises(SolverError, match="rigid body"):
         FiniteWall(coarse_mesh(), NU, held)
-    globe = graded_globe(R, T, CONTACT, core=2, rings=4)
+    globe = graded_mesh(R, T, CONTACT, core=2, rings=4, whole=True)
     for springs in (None, rectus_straps(globe, 20.0)):
         with pytest.raises(SolverError, match="rigid body"):
             FiniteWall(globe, NU, springs=springs)

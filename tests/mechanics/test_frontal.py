@@ -8,7 +8,7 @@ from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import element_stiffness, volume_points
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
-from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.supports import clamped_base
@@ -20,7 +20,7 @@ MESHES = {
     "8 nodes, two layers": build_mesh(R, T, divisions=6, level=0, layers=2, order=1),
     "27 nodes": build_mesh(R, T, divisions=4, level=0),
     "graded": graded_mesh(R, T, CONTACT, core=2, rings=5),
-    "globe": graded_globe(R, T, CONTACT, core=2, rings=4),
+    "globe": graded_mesh(R, T, CONTACT, core=2, rings=4, whole=True),
 }
 
 

@@ -6,7 +6,7 @@ import pytest
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.graded import graded_globe, graded_mesh, study_mesh, supported_mesh
+from scleraforce.mechanics.graded import graded_mesh, study_mesh, supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
 from scleraforce.study import MeshStudy, Study, SupportsStudy
@@ -40,7 +40,7 @@ def test_elements_are_positive_and_fill_the_shell(kind: str, contact: Contact) -
     tolerance = {"8 nodes": 8e-2, "27 nodes": 5e-4}[kind]  # far elements are large
     half = 2.0 / 3.0 * pi * (R**3 - (R - T) ** 3)
     for mesh, volume in ((graded_mesh(R, T, contact, **KINDS[kind]), half),
-                         (graded_globe(R, T, contact, **KINDS[kind]), 2.0 * half)):  # fmt: skip
+                         (graded_mesh(R, T, contact, **KINDS[kind], whole=True), 2.0 * half)):  # fmt: skip
         volumes = volume_points(mesh).volumes_ep  # raises where a Jacobian is not positive
         assert volumes.sum() == pytest.approx(volume, rel=tolerance)
         assert len(np.unique(mesh.cells_en)) == len(mesh.points_nc)
@@ -74,11 +74,11 @@ def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
 
 
 @pytest.mark.parametrize("contact", CONTACTS, ids=str)
-@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+@pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("grid", [{"core": 4, "rings": 8}, {}, {"core": 8, "rings": 30}], ids=str)
-def test_directions_are_found_inside_their_quads(make, contact: Contact, grid: dict) -> None:
-    mesh = make(R, T, contact, **grid)
-    rays = directions(5_000, whole=make is graded_globe)
+def test_directions_are_found_inside_their_quads(whole: bool, contact: Contact, grid: dict) -> None:
+    mesh = graded_mesh(R, T, contact, **grid, whole=whole)
+    rays = directions(5_000, whole)
     rays = np.concatenate([rays, mesh.points_nc[np.unique(mesh.outer_qn)]])  # nodes: where quads meet
     quads, local = locate(mesh, rays)
     assert np.abs(local).max() <= 1.0
@@ -90,7 +90,7 @@ def test_directions_are_found_inside_their_quads(make, contact: Contact, grid: d
 
 
 def test_a_globe_has_no_base_and_is_closed() -> None:
-    mesh = graded_globe(R, T, CONTACTS[1])
+    mesh = graded_mesh(R, T, CONTACTS[1], whole=True)
     assert len(mesh.base_nodes) == 0
     sides = np.sort(np.stack([mesh.outer_qn[:, :4], np.roll(mesh.outer_qn[:, :4], -1, axis=1)], axis=-1), axis=-1)
     _, count = np.unique(sides.reshape(-1, 2), axis=0, return_counts=True)

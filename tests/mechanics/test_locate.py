@@ -100,12 +100,3 @@ def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: py
     (quads, local), (quads_compiled, local_compiled) = found
     np.testing.assert_array_equal(quads_compiled, quads)
     np.testing.assert_array_equal(local_compiled, local)
-
-
-def test_compiled_loops_take_over_where_directions_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh, taken = build_mesh(R, T, divisions=4, level=1), []
-    compiled = mesh.locator._locate_compiled
-    monkeypatch.setattr(mesh.locator, "_locate_compiled", lambda *both: taken.append(len(both[0])) or compiled(*both))
-    for _ in range(3):
-        locate(mesh, directions(locate_module.MANY // 2))
-    assert taken == [locate_module.MANY // 2] * 2

@@ -5,7 +5,7 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.graded import graded_globe
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at, needle_loads, tip_at
 from scleraforce.mechanics.mesh import build_mesh
 
@@ -66,5 +66,5 @@ def test_an_axis_that_does_not_point_into_the_eye_is_an_input_error(axis: np.nda
 def test_a_needle_over_the_base_is_an_input_error_and_fine_on_a_whole_globe() -> None:
     with pytest.raises(InputError, match="over the base"):
         needle_at(build_mesh(R, 1e-3, divisions=4), Contact(polar_rad=1.56), RADIUS)
-    globe = graded_globe(R, 1e-3, Contact(polar_rad=1.0), rings=4)
+    globe = graded_mesh(R, 1e-3, Contact(polar_rad=1.0), rings=4, whole=True)
     assert needle_at(globe, Contact(polar_rad=1.56), RADIUS).load_nc.sum() != 0.0

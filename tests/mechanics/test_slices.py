@@ -1,4 +1,3 @@
-import math
 
 import cv2
 import numpy as np
@@ -37,29 +36,11 @@ def naive_slice(section, window):
     return image
 
 
-@pytest.mark.parametrize("corner", [(10.0, 5.0), (10.25, 5.75), (10.49, 5.49), (10.51, 5.51)])
-def test_a_rectangle_fills_the_pixels_whose_centres_it_holds(corner):
-    left, top = corner
-    image = fill_section(from_pixels([(left, top), (left + 30, top), (left + 30, top + 8), (left, top + 8)]), WINDOW)
-    expected = np.zeros_like(image)
-    row, column = math.ceil(top - 0.5), math.ceil(left - 0.5)
-    expected[row : row + 8, column : column + 30] = WALL
-    np.testing.assert_array_equal(image, expected)
-
-
 def test_a_rectangle_through_pixel_centres_holds_its_left_and_top_edge_only():
     image = fill_section(from_pixels([(10.5, 5.5), (20.5, 5.5), (20.5, 9.5), (10.5, 9.5)]), WINDOW)
     rows, columns = np.nonzero(image)
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (10, 19, 5, 8)
     assert np.count_nonzero(image) == 10 * 4
-
-
-@pytest.mark.parametrize(("x", "y", "radius"), [(70.0, 20.0, 15.2), (70.5, 20.5, 12.3), (69.7, 19.1, 18.6)])
-def test_a_disc_fills_the_pixels_whose_centres_it_holds(x, y, radius):
-    angle = np.linspace(0.0, 2 * np.pi, 20001)[:-1]
-    image = fill_section(from_pixels(np.c_[x + radius * np.cos(angle), y + radius * np.sin(angle)]), WINDOW)
-    column, row = np.meshgrid(np.arange(140) + 0.5, np.arange(40) + 0.5)
-    np.testing.assert_array_equal(image > 0, np.hypot(column - x, row - y) < radius)
 
 
 def test_walls_that_touch_neither_overlap_nor_leave_a_seam():
@@ -130,19 +111,6 @@ def test_the_window_puts_the_unloaded_top_below_the_margin_and_framing_moves_the
         fill_section(flat, slice_window(study, 0.0, framing_lateral_m=4e-4, framing_depth_m=2e-4))
     )
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (64, 83, 5, 9)
-
-
-def test_many_sections_are_drawn_as_each_alone():
-    x = np.linspace(-10, 150, 161)
-    sections = [
-        wall(np.c_[x, depth + 20 * np.exp(-(((x - 70) / 20) ** 2))], thickness)
-        for depth, thickness in ((-8, 6.0), (-2, 3.0), (4, 8.0), (30, 5.0), (60, 5.0), (-80, 5.0))
-    ]
-    windows = [slice_window(SliceStudy(), -3e-4, lateral_m) for lateral_m in (0.0, 1e-3, -1e-3, 3e-5, 0.0, 0.0)]
-    images = fill_sections(sections, windows)
-    assert images.dtype == np.uint8
-    np.testing.assert_array_equal(images, [fill_section(*both) for both in zip(sections, windows, strict=True)])
-    assert images.any(axis=(1, 2)).tolist() == [True, True, True, True, False, False]
 
 
 @settings(max_examples=100)

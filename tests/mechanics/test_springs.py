@@ -10,7 +10,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.mechanics.graded import graded_globe
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_at, needle_loads
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
@@ -24,7 +24,7 @@ NORMAL, SHEAR = 1.4e6, 0.04e6
 
 @cache
 def globe(core: int = 4, rings: int = 6) -> HexMesh:
-    return graded_globe(R, T, CONTACT, core=core, rings=rings)
+    return graded_mesh(R, T, CONTACT, core=core, rings=rings, whole=True)
 
 
 def moved(mesh: HexMesh, motion) -> np.ndarray:

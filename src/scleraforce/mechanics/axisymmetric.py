@@ -6,7 +6,6 @@ pressure is p/E. Gravity is neglected. Nodal forces are for the full circle; unk
 (from the axis, along it).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 from scleraforce.mechanics.elements import gauss_points
+from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, line_shapes, meridian_mesh
 
@@ -23,33 +23,20 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
-SPREAD_POINTS = 6
 
 
 def needle_load(mesh: MeridianMesh) -> Floats:
     """Return inward nodal forces of 1 N, uniform over the first element's disc seen along the axis, (all unknowns,)."""
-    nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n)
-    nodes_en = nodes_en[:1]
+    nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(mesh.outer_n[:3])
     distance_en = mesh.points_nc[nodes_en, 0]
     rim_m = distance_en[-1, -1]
     weight_ep = 2.0 * (distance_en @ values_pn.T) * (distance_en @ slopes_pn.T) * weights_p / rim_m**2
-    return _inward(mesh, nodes_en, weight_ep @ values_pn)
+    return inward(mesh, nodes_en, weight_ep @ values_pn)
 
 
-def spread_load(mesh: MeridianMesh, spread: Callable[[Floats], Floats]) -> Floats:
-    """Return nodal forces of 1 N, spread over the outer surface by the distance from the contact: (all unknowns,)."""
-    nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n, SPREAD_POINTS)
-    points_enc = mesh.points_nc[nodes_en]
-    positions_epc = np.einsum("pn,enc->epc", values_pn, points_enc)
-    length_ep = np.linalg.norm(np.einsum("pn,enc->epc", slopes_pn, points_enc), axis=-1)
-    weight_ep = positions_epc[..., 0] * length_ep * weights_p
-    weight_ep *= spread(np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1))
-    return _inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)
-
-
-def _inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
-    flat = 2 * nodes_en + 1
-    along = np.bincount(flat.ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
+def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
+    """Return nodal forces along the axis, (all unknowns,), that sum up inward amounts at nodes, (element, node)."""
+    along = np.bincount((2 * nodes_en + 1).ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
     return np.asarray(-along, dtype=np.float64)
 
 
@@ -63,7 +50,7 @@ class Interior:
     def __init__(self, mesh: MeridianMesh) -> None:
         """Prepare everything that does not depend on the displacement."""
         self._points_nc = mesh.points_nc
-        self._nodes_en, self._values_pn, slopes_pn, self._weights_p = _boundary(mesh.inner_n)
+        self._nodes_en, self._values_pn, slopes_pn, self._weights_p = boundary_shapes(mesh.inner_n)
         self._slopes_pn = -slopes_pn  # from the support to the axis
         self._unknowns = np.concatenate([2 * self._nodes_en.ravel(), 2 * self._nodes_en.ravel() + 1])
         # The inner nodes of an element of the innermost layer are its last three.
@@ -99,15 +86,11 @@ class Interior:
         return points_enc[..., 0] @ self._values_pn.T, points_enc[..., 1] @ self._slopes_pn.T
 
 
-def _boundary(nodes_n: Integers, points: int = BOUNDARY_POINTS) -> tuple[Integers, Floats, Floats, Floats]:
-    """Nodes (element, 3) of a boundary's elements; shape functions, slopes (point, 3) and weights (point,) on each."""
+def boundary_shapes(nodes_n: Integers, points: int = BOUNDARY_POINTS) -> tuple[Integers, Floats, Floats, Floats]:
+    """Return the nodes of a boundary's elements (element, 3), shapes and slopes (point, 3), and weights (point,)."""
     places_pk, weights_p = gauss_points(1, points)
     nodes_en = np.stack([nodes_n[:-2:2], nodes_n[1::2], nodes_n[2::2]], axis=1)
     return nodes_en, *line_shapes(places_pk[:, 0]), weights_p
-
-
-LARGEST_STEP_M = 5e-4
-FIRST_STEP_M = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +158,6 @@ def axisymmetric_path(
         tips_m=tips_m,
         max_tip_m=max_tip_m,
         max_force=max_force_ratio_m2,
-        first_step_m=FIRST_STEP_M,
-        largest_step_m=LARGEST_STEP_M,
         globe=globe,
     )
     return wall.boundaries(path)
@@ -191,30 +172,19 @@ class AxisymmetricWall:
         poisson_ratio: float,
         *,
         symmetric: bool = False,
-        follower: bool = True,
-        spread: Callable[[Floats], Floats] | None = None,
         stiffening: float = 0.0,
     ) -> None:
         """Prepare the wall.
 
-        Args:
-            mesh: of the meridian.
-            poisson_ratio: nu.
-            symmetric: the support is a plane of symmetry (at a right angle to the axis) instead of a clamp.
-            follower: pressure stays normal to the deformed wall; otherwise to the undeformed one (a dead load).
-            spread: load per undeformed area at a distance (...) in m from the contact, of any scale, in place of the
-                needle's disc.
-            stiffening: b of `mechanics.material`.
+        `symmetric`: the support is a plane of symmetry (at a right angle to the axis) instead of a clamp; `stiffening`:
+        b of `mechanics.material`.
         """
         self.mesh = mesh
         self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
         self._solid = SolidOfRevolution(mesh, poisson_ratio, stiffening)
         self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
         self._inside = Interior(mesh)
-        self._follower = follower
-        self._dead_pressure = self._inside.volume(np.zeros(mesh.points_nc.size))[1]
-        load = needle_load(mesh) if spread is None else spread_load(mesh, spread)
-        self.needle = load[self.free]
+        self.needle = needle_load(mesh)[self.free]
         tip = np.zeros(mesh.points_nc.size)
         tip[2 * mesh.outer_n[0] + 1] = -1.0
         self.tip = tip[self.free]
@@ -222,22 +192,20 @@ class AxisymmetricWall:
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Return internal forces minus those of the pressure, (unknown,)."""
         everywhere = self._all(u)
-        gradient = self._inside.volume(everywhere)[1] if self._follower else self._dead_pressure
-        balance: Floats = self._solid.forces(everywhere) - pressure * gradient
+        balance: Floats = self._solid.forces(everywhere) - pressure * self._inside.volume(everywhere)[1]
         return balance[self.free]
 
-    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:
-        """Factor the tangent; see `continuation.Equilibrium`."""
-        return self._band.factor(self._tangents(self._all(u), pressure))
-
-    def tangent(self, u: Floats, pressure: float) -> Floats:
-        """Return the derivative of the residual as a full matrix, (unknown, unknown)."""
-        return self._band.dense(self._tangents(self._all(u), pressure))
+    def factor(self, u: Floats, pressure: float) -> Solve:
+        """Factor the tangent; see `equilibrium.Equilibrium`."""
+        everywhere = self._all(u)
+        tangents = self._solid.tangents(everywhere)
+        self._inside.subtract_curvature(tangents, everywhere, pressure)
+        return self._band.factor(tangents)
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
         volume_m3, gradient = self._inside.volume(self._all(u))
-        return volume_m3, (gradient if self._follower else self._dead_pressure)[self.free]
+        return volume_m3, gradient[self.free]
 
     def boundary_displacement(self, u: Floats) -> Floats:
         """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
@@ -260,12 +228,6 @@ class AxisymmetricWall:
         everywhere[self.free] = u
         return everywhere
 
-    def _tangents(self, everywhere: Floats, pressure: float) -> Floats:
-        tangents = self._solid.tangents(everywhere)
-        if self._follower:
-            self._inside.subtract_curvature(tangents, everywhere, pressure)
-        return tangents
-
 
 def _held(mesh: MeridianMesh, symmetric: bool) -> NDArray[np.bool_]:
     """Return which of all unknowns are held: radial motion on the axis, and the support."""
@@ -287,15 +249,14 @@ class _Band:
         rows, columns = np.broadcast_arrays(local[:, :, None], local[:, None, :])
         kept = (rows >= 0) & (columns >= 0)
         self._entries = np.flatnonzero(kept)
-        self._rows, self._columns = rows[kept], columns[kept]
-        self._offsets = self._rows - self._columns
+        self._columns, self._offsets = columns[kept], rows[kept] - columns[kept]
         self._below = self._offsets >= 0
         self._entries_below = self._entries[self._below]
         self.width = int(np.abs(self._offsets).max())
         self._half = self._columns[self._below] * (self.width + 1) + self._offsets[self._below]
         self._unknowns = len(free)
 
-    def factor(self, tangents: Floats) -> Callable[[Floats], Floats]:
+    def factor(self, tangents: Floats) -> Solve:
         """Factor without row exchanges, or with them past a limit of the force, where the tangent is not definite."""
         below = tangents.ravel()[self._entries_below]
         band = np.bincount(self._half, below, minlength=self._unknowns * (self.width + 1))
@@ -311,7 +272,7 @@ class _Band:
 
         return solve
 
-    def _exchanged(self, tangents: Floats) -> Callable[[Floats], Floats]:
+    def _exchanged(self, tangents: Floats) -> Solve:
         shape = (self._unknowns, 3 * self.width + 1)
         flat = self._columns * shape[1] + 2 * self.width + self._offsets
         entries = np.bincount(flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1])
@@ -324,9 +285,3 @@ class _Band:
             return answer.reshape(rhs.shape)
 
         return solve
-
-    def dense(self, tangents: Floats) -> Floats:
-        """Return the matrix in full storage."""
-        matrix: Floats = np.zeros((self._unknowns, self._unknowns))
-        np.add.at(matrix, (self._rows, self._columns), tangents.ravel()[self._entries])
-        return matrix

@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
 EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail
+FIRST_STEP_M = 1e-4  # of the tip
 STATES = 8  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
 
 
@@ -78,7 +79,6 @@ def trace(
     tips_m: Floats | None = None,
     max_tip_m: float | None = None,
     max_force: float = np.inf,
-    first_step_m: float = 1e-4,
     largest_step_m: float = 5e-4,
     globe: Globe = OPEN_GLOBE,
     as_far_as_found: bool = False,
@@ -94,21 +94,19 @@ def trace(
             needed. By default every step of the path is kept.
         max_tip_m: end of the path, by default the last of `tips_m`.
         max_force: F/E in m^2; the path ends at the first kept state that carries it.
-        first_step_m: of the tip.
         largest_step_m: of the tip.
-        globe: how the pressure follows the volume, over E; a sealed one needs a `SealedEquilibrium`.
+        globe: how the pressure follows the volume, over E.
         as_far_as_found: let the path end where no equilibrium is found beyond some state, without an error; the end is
             then known to 1/32 of the largest step.
         progress: called after each step with the largest F/E so far.
 
     Raises:
-        InputError: no end of the path is given, or a sealed path of a wall that does not know its volume.
+        InputError: no end of the path is given.
         SolverError: no equilibrium was found; the message says what dent and force were reached.
     """
     end_m = _end(tips_m, max_tip_m, max_force)
-    sealed = globe.is_sealed
-    control = SealedDent(problem, start, pressure, globe) if sealed else Dent(problem, start, pressure)
-    walk = _Walk(control, first_step_m, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
+    control = SealedDent(problem, start, pressure, globe) if globe.is_sealed else Dent(problem, start, pressure)
+    walk = _Walk(control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
     kept = [walk.history[0]]
     for goal_m in [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]:
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
@@ -147,11 +145,9 @@ def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Den
 class _Walk:
     """Steps along the path; each starts from a polynomial through the last states (tip in m, force, unknowns)."""
 
-    def __init__(
-        self, control: Dent | SealedDent, step_m: float, largest_m: float, end_m: float, smallest: float
-    ) -> None:
+    def __init__(self, control: Dent | SealedDent, largest_m: float, end_m: float, smallest: float) -> None:
         """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
-        self.control, self.step_m, self.largest_m = control, step_m, largest_m
+        self.control, self.step_m, self.largest_m = control, min(FIRST_STEP_M, largest_m), largest_m
         self.shortest_m = smallest * min(end_m, largest_m)
         self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, control.unloaded)]
 

@@ -50,13 +50,13 @@ def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
     return places, products.ravel()
 
 
-def volume_points(mesh: HexMesh, count: int | None = None) -> VolumePoints:
-    """Return the Gauss points of the elements, `count` along each direction (by default order + 1: full integration).
+def volume_points(mesh: HexMesh) -> VolumePoints:
+    """Return the Gauss points of the elements, order + 1 along each direction: full integration.
 
     Raises:
         SolverError: an element is turned inside out.
     """
-    places, weights = gauss_points(3, count or mesh.order + 1)
+    places, weights = gauss_points(3, mesh.order + 1)
     nodes = mesh.cells_en.shape[1]
     slopes_pnk = shape_gradients(places, nodes)
     corners_enc = mesh.points_nc[mesh.cells_en]

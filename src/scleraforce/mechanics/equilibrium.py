@@ -10,12 +10,12 @@ Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import InputError, SolverError
+from scleraforce.errors import SolverError
 from scleraforce.mechanics.globe import Globe
 
 Floats = NDArray[np.float64]
@@ -49,11 +49,6 @@ class Equilibrium(Protocol):
             SolverError, ArithmeticError: there is no factor; a shorter step is then tried.
         """
 
-
-@runtime_checkable
-class SealedEquilibrium(Equilibrium, Protocol):
-    """An equilibrium that also gives the volume inside."""
-
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume in m^3 and its derivative by u, (unknown,).
 
@@ -61,29 +56,14 @@ class SealedEquilibrium(Equilibrium, Protocol):
         """
 
 
-class Control(Protocol):
-    """A problem for Newton's method: unknowns x, the displacements first, and a defect that is to vanish."""
-
-    @property
-    def count(self) -> int:
-        """Number of displacements among the unknowns."""
-
-    @property
-    def unloaded(self) -> Floats:
-        """The unknowns without the load that the control adds."""
-
-    def defect(self, x: Floats) -> Floats:
-        """Return the defect, (unknown,)."""
-
-    def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is negligible."""
-
-    def factor(self, x: Floats) -> Solve:
-        """Factor the derivative of the defect."""
-
-
 class Balance:
-    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u."""
+    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
+
+    Attributes:
+        count: number of displacements among the unknowns, of which they are the first.
+        unloaded: the unknowns without the load that a control adds.
+        applied: size of the forces applied.
+    """
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
         self.problem, self.pressure = problem, pressure
@@ -140,6 +120,87 @@ class Dent:
         """Factor the derivative of the defect."""
         tangent = self.problem.factor(x[: self.count], self.pressure)
         return bordered(tangent, self.problem.needle[:, None], self.problem.tip[None], np.zeros((1, 1)))
+
+
+class SealedDent:
+    """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force and the pressure.
+
+    The law (`mechanics.globe`) compares the dented wall with the undented one *at the same pressure P*: it is measured
+    on whole eyes and includes the give of their shell. So the undented wall is part of the unknowns, and the dent
+    counts from it, which is what one picture shows. With u the dented wall, w the undented one, f the needle's force
+    and s the functional of the tip,
+
+        R(u, P) = f n     R(w, P) = 0     s (u - w) = tip     P = law(P0, V(w) - V(u))
+
+    Both tangents are factored; force and pressure are borders (`bordered`).
+
+    Such a path has an end. A pressure that rises makes the dent wider, which displaces more volume: in a wall that is
+    soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
+    73 mN).
+
+    The attributes are those of `Dent`.
+    """
+
+    remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
+
+    def __init__(self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe) -> None:
+        self.problem, self.globe, self.resting = problem, globe, pressure
+        self.tip_m = 0.0
+        self.largest_force = 0.0
+        self.count = 2 * len(start)
+        self.applied = Balance(problem, pressure).applied
+        self.unloaded = np.concatenate([start, start, [0.0, pressure]])
+        self._needle_norm = float(np.linalg.norm(problem.needle))
+
+    def defect(self, x: Floats) -> Floats:
+        """Return the forces out of balance on both walls, and the errors of the tip and the pressure."""
+        dented, undented, force, pressure = self._parts(x)
+        balance = self.problem.residual(dented, pressure) - force * self.problem.needle
+        undented_balance = self.problem.residual(undented, pressure)
+        tip = self.problem.tip @ (dented - undented) - self.tip_m
+        displaced_m3 = self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
+        error = pressure - self.globe.pressure(self.resting, displaced_m3)
+        return np.concatenate([balance, undented_balance, [tip, error]])
+
+    def met(self, defect: Floats, x: Floats) -> bool:
+        """Return whether a defect is negligible."""
+        _, _, force, pressure = self._parts(x)
+        applied = self.applied * max(1.0, pressure / self.resting if self.resting > 0.0 else 1.0)
+        applied += max(abs(force), self.largest_force) * self._needle_norm
+        balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
+        return bool(
+            balanced
+            and abs(defect[-2]) <= BALANCE_TOLERANCE * self.tip_m
+            and abs(defect[-1]) <= BALANCE_TOLERANCE * pressure
+        )
+
+    def factor(self, x: Floats) -> Solve:
+        """Factor the derivative of the defect."""
+        dented, undented, _, pressure = self._parts(x)
+        problem, half = self.problem, self.count // 2
+        solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
+        (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
+        stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, undented_inside - inside)))
+        nothing = np.zeros(half)
+        columns = np.stack(
+            [np.append(problem.needle, nothing), np.append(gradient, undented_gradient)],
+            axis=1,
+        )
+        rows = np.stack(
+            [np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)],
+        )
+
+        def solve(both: Floats) -> Floats:
+            return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])
+
+        return bordered(solve, columns, rows, np.diag([0.0, 1.0]))
+
+    def _parts(self, x: Floats) -> tuple[Floats, Floats, float, float]:
+        half = self.count // 2
+        return x[:half], x[half : self.count], float(x[-2]), float(x[-1])
+
+
+Control = Balance | Dent | SealedDent
 
 
 def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats) -> Solve:
@@ -225,88 +286,3 @@ def _damped(control: Control, solve: Solve, x: Floats, step: Floats) -> tuple[Fl
 def _size(control: Control, step: Floats) -> float:
     """Return the size of a step by its displacements alone; the borders have other units."""
     return float(np.linalg.norm(step[: control.count]))
-
-
-class SealedDent:
-    """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force and the pressure.
-
-    The law (`mechanics.globe`) compares the dented wall with the undented one *at the same pressure P*: it is measured
-    on whole eyes and includes the give of their shell. So the undented wall is part of the unknowns, and the dent
-    counts from it, which is what one picture shows. With u the dented wall, w the undented one, f the needle's force
-    and s the functional of the tip,
-
-        R(u, P) = f n     R(w, P) = 0     s (u - w) = tip     P = law(P0, V(w) - V(u))
-
-    Both tangents are factored; force and pressure are borders (`bordered`).
-
-    Such a path has an end. A pressure that rises makes the dent wider, which displaces more volume: in a wall that is
-    soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
-    73 mN).
-
-    The attributes are those of `Dent`.
-    """
-
-    remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
-
-    def __init__(self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe) -> None:
-        """Prepare the control.
-
-        Raises:
-            InputError: the wall does not know its volume; it is not a `SealedEquilibrium`.
-        """
-        if not isinstance(problem, SealedEquilibrium):
-            raise InputError("sealed globe: this wall does not know its volume; use an open globe")
-        self.problem, self.globe, self.resting = problem, globe, pressure
-        self.tip_m = 0.0
-        self.largest_force = 0.0
-        self.count = 2 * len(start)
-        self.applied = Balance(problem, pressure).applied
-        self.unloaded = np.concatenate([start, start, [0.0, pressure]])
-        self._needle_norm = float(np.linalg.norm(problem.needle))
-
-    def defect(self, x: Floats) -> Floats:
-        """Return the forces out of balance on both walls, and the errors of the tip and the pressure."""
-        dented, undented, force, pressure = self._parts(x)
-        balance = self.problem.residual(dented, pressure) - force * self.problem.needle
-        undented_balance = self.problem.residual(undented, pressure)
-        tip = self.problem.tip @ (dented - undented) - self.tip_m
-        displaced_m3 = self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
-        error = pressure - self.globe.pressure(self.resting, displaced_m3)
-        return np.concatenate([balance, undented_balance, [tip, error]])
-
-    def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is negligible."""
-        _, _, force, pressure = self._parts(x)
-        applied = self.applied * max(1.0, pressure / self.resting if self.resting > 0.0 else 1.0)
-        applied += max(abs(force), self.largest_force) * self._needle_norm
-        balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
-        return bool(
-            balanced
-            and abs(defect[-2]) <= BALANCE_TOLERANCE * self.tip_m
-            and abs(defect[-1]) <= BALANCE_TOLERANCE * pressure
-        )
-
-    def factor(self, x: Floats) -> Solve:
-        """Factor the derivative of the defect."""
-        dented, undented, _, pressure = self._parts(x)
-        problem, half = self.problem, self.count // 2
-        solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
-        (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
-        stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, undented_inside - inside)))
-        nothing = np.zeros(half)
-        columns = np.stack(
-            [np.append(problem.needle, nothing), np.append(gradient, undented_gradient)],
-            axis=1,
-        )
-        rows = np.stack(
-            [np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)],
-        )
-
-        def solve(both: Floats) -> Floats:
-            return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])
-
-        return bordered(solve, columns, rows, np.diag([0.0, 1.0]))
-
-    def _parts(self, x: Floats) -> tuple[Floats, Floats, float, float]:
-        half = self.count // 2
-        return x[:half], x[half : self.count], float(x[-2]), float(x[-1])

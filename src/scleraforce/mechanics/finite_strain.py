@@ -18,13 +18,13 @@ from scipy.interpolate import CubicSpline
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.continuation import PathStates, pressurise, trace
-from scleraforce.mechanics.elements import FacePlaces, gauss_points
+from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.elements import FacePlaces
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.form import form_mesh
+from scleraforce.mechanics.form import element_modulus, form_mesh
 from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
-from scleraforce.mechanics.graded import graded_globe, graded_mesh
+from scleraforce.mechanics.graded import graded_eye
 from scleraforce.mechanics.loads import InnerSurface, Needle, gravity_load, needle_at, pressure_load
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.mechanics.mesh import HexMesh
@@ -37,7 +37,6 @@ Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a force
 RIGID = 1e-9  # least over most resisted rigid motion: 0 to rounding where one is free
-FIRST_STEP_M = 1e-4
 LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 %; longer steps save no time
 
 
@@ -187,17 +186,9 @@ class FiniteWall:
     ) -> LoadPath:
         """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved by `max_tip_m`.
 
-        Args:
-            needle: where and along which axis it pushes.
-            youngs_modulus_pa: E.
-            iop_pa: eye pressure without the needle.
-            density_kg_m3: of the wall; 0 leaves its weight out.
-            max_force_n: where the path may end; its last state carries at least that force.
-            max_tip_m: the deepest dent.
-            globe: how the pressure follows the displaced volume.
-            largest_step_m: of the tip between two states.
-            as_far_as_found: let the path end where no equilibrium is found beyond some state, without an error.
-            progress: called after each step with the largest force so far in N.
+        `iop_pa` is the pressure without the needle; a density of 0 leaves the weight out. The last state carries at
+        least `max_force_n`, unless the path ends at `max_tip_m`, or, with `as_far_as_found`, where no equilibrium is
+        found any more. `progress` is called after each step with the largest force so far in N.
 
         Raises:
             InputError: a sealed globe with a dead pressure.
@@ -214,18 +205,14 @@ class FiniteWall:
                 pressure,
                 max_tip_m=max_tip_m,
                 max_force=max_force_n / youngs_modulus_pa,
-                first_step_m=min(FIRST_STEP_M, largest_step_m),
                 largest_step_m=largest_step_m,
                 globe=globe.over(youngs_modulus_pa),
                 as_far_as_found=as_far_as_found,
                 progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
             )
-        return self._path(states, problem.tip, youngs_modulus_pa)
-
-    def _path(self, states: PathStates, tip: Floats, youngs_modulus_pa: float) -> LoadPath:
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
-        rises_m = (states.displacement_su[0] - states.undented_su) @ tip
+        rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
         return LoadPath(states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc)
 
     def full_nc(self, free: Floats) -> Floats:
@@ -331,31 +318,20 @@ def bend_eye(
 ) -> BentEye:
     """Bend an eye at finite strain, up to a force, with a graded mesh and all of the study's sections on the eye.
 
-    Args:
-        study: radius, material, form, supports, globe and needle.
-        contact: where the needle pushes.
-        thickness_m: nominal thickness of the wall.
-        youngs_modulus_pa: E outside all regions.
-        iop_pa: eye pressure without the needle.
-        max_force_n: where the path may end.
-        max_tip_m: the deepest dent; the path may then end below the force.
-        as_far_as_found: the path may also end where no equilibrium is found any more.
-        progress: called after every state with the share of the force that is reached.
+    The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
+    the path see `FiniteWall.load_path`; `progress` is called after every state with the share of the force.
 
     Raises:
         InputError: the contact is too close to the base.
         SolverError: no equilibrium was found; the message says what was reached.
     """
-    eye, cells = study.eye, study.mesh
-    graded = graded_globe if study.supports.has_bed else graded_mesh
-    sphere = graded(eye.radius_m, thickness_m, contact, cells.core, cells.rings, cells.layers, cells.order)
-    formed = form_mesh(sphere, study.form, contact)
+    mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     wall = FiniteWall(
-        formed.mesh,
-        eye.poisson_ratio,
-        modulus_factor_ep=formed.modulus_factor(gauss_points(3, formed.mesh.order + 1)[0]),
-        dead_pressure_nc=None if study.mechanics.follower else pressure_load(formed.mesh),
-        springs=study_springs(study.supports, formed.mesh),
+        mesh,
+        study.eye.poisson_ratio,
+        modulus_factor_ep=element_modulus(mesh, study.form),
+        dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
+        springs=study_springs(study.supports, mesh),
         stiffening=study.tissue.stiffening,
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
@@ -363,10 +339,10 @@ def bend_eye(
     linear_tip_m = _linear_tip_m(study, goal_n, youngs_modulus_pa, thickness_m)
     walk = partial(
         wall.load_path,
-        needle_at(formed.mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
+        needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
         youngs_modulus_pa=youngs_modulus_pa,
         iop_pa=iop_pa,
-        density_kg_m3=eye.density_kg_m3,
+        density_kg_m3=study.eye.density_kg_m3,
         max_force_n=goal_n,
         max_tip_m=max_tip_m,
         globe=study_globe(study.globe),
@@ -380,7 +356,7 @@ def bend_eye(
         raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
-    return BentEye(formed.mesh, path)
+    return BentEye(mesh, path)
 
 
 def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:

@@ -17,7 +17,7 @@ the axis. They meet at an angle; a cubic in a that has the value and slope of bo
 the limbus, in real eyes a shallow furrow 1.5 to 2 mm wide (Hogan, Alvarado, Weddell, Histology of the Human Eye, 1971).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import asin, pi, sqrt
 
 import numpy as np
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study.eye import CorneaStudy, FormStudy, RegionStudy
@@ -95,32 +96,18 @@ def _furrow(
     return rho_n, slope_n / (rho_n * np.sin(angle_n))
 
 
-@dataclass(frozen=True, eq=False)
-class FormedEye:
-    """A wall shaped by a form: `mesh`, in place under the needle, and the modulus of its points."""
+def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
+    """Return a spherical wall about the origin, shaped by a form and put under the needle.
 
-    mesh: HexMesh
-    form: FormStudy
-
-    def modulus_factor(self, local_pk: Floats) -> Floats:
-        """Return the modulus over the eye's at local points (point, 3) of all elements, (element, point)."""
-        sphere_enc = self.mesh.sphere_nc[self.mesh.cells_en]
-        positions_epc = shape_values(local_pk, sphere_enc.shape[1]) @ sphere_enc
-        return modulus_factor(self.form, _unit(positions_epc))
-
-
-def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
-    """Shape a spherical wall about the origin and put it under the needle.
-
-    The material in the contact's direction on the sphere is what the needle touches. The eye's `mesh` locates
-    directions as the sphere does, and keeps the nominal radius and thickness.
+    The needle touches the material that is in the contact's direction on the sphere. The mesh locates directions as the
+    sphere does, and keeps the nominal radius and thickness.
 
     Raises:
         InputError: a cornea that does not fit this globe.
 
     >>> from scleraforce.mechanics.mesh import build_mesh
     >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
-    >>> heights_m = eye.mesh.points_nc[:, 2]
+    >>> heights_m = eye.points_nc[:, 2]
     >>> print(f"{heights_m.min():.4f} {heights_m.max():.4f}")  # the pole stays, the base is 0.9 R below it
     0.0012 0.0120
     """
@@ -133,7 +120,7 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
     touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
     turn_cc = _rotation(normal_1c[0], contact.normal)
     placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
-    return FormedEye(replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc), form)
+    return replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc)
 
 
 def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
@@ -143,6 +130,13 @@ def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
         cosine = directions_nc @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
         factor += wave.amplitude_fraction * legval(cosine, np.eye(wave.degree + 1)[-1])
     return factor
+
+
+def element_modulus(mesh: HexMesh, form: FormStudy) -> Floats:
+    """Return the modulus over the eye's at the Gauss points of `volume_points`, (element, point)."""
+    sphere_enc = mesh.sphere_nc[mesh.cells_en]
+    places_pk = gauss_points(3, mesh.order + 1)[0]
+    return modulus_factor(form, _unit(shape_values(places_pk, sphere_enc.shape[1]) @ sphere_enc))
 
 
 def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:

@@ -34,8 +34,13 @@ def graded_mesh(
     rings: int = 14,
     layers: int = 1,
     order: int = 2,
+    *,
+    whole: bool = False,
 ) -> HexMesh:
-    """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact.
+    """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact, or a whole sphere.
+
+    A whole sphere has fewer rings below z = 0, where it is the mirror image of a half-sphere, and no base to clamp;
+    other supports must hold it.
 
     Args:
         radius_m: outer radius R.
@@ -45,30 +50,15 @@ def graded_mesh(
         rings: of quads, from the square to the base.
         layers: hexahedra through the wall.
         order: 1 (8 nodes) or 2 (curved, 27 nodes).
+        whole: make a whole sphere.
 
     Raises:
         InputError: a wall thicker than half the radius, a mesh that does not exist, or a contact close to the base.
     """
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)
-    return extrude_surface(surface, radius_m, thickness_m, layers, order)
-
-
-def graded_globe(
-    radius_m: float,
-    thickness_m: float,
-    contact: Contact,
-    core: int = 6,
-    rings: int = 14,
-    layers: int = 1,
-    order: int = 2,
-) -> HexMesh:
-    """Return a whole sphere of a wall: above z = 0 that of `graded_mesh`, below its mirror image with fewer rings.
-
-    It has no base to clamp; other supports must hold it. Arguments and errors are those of `graded_mesh`.
-    """
-    upper = graded_surface(contact, core, rings, CORE_M / radius_m)
-    below = graded_surface(contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m)
-    surface = _joined(upper, _mirrored(below))
+    if whole:
+        below = graded_surface(contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m)
+        surface = _joined(surface, _mirrored(below))
     return extrude_surface(surface, radius_m, thickness_m, layers, order)
 
 
@@ -174,15 +164,23 @@ def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None)
     return graded_mesh(radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
 
 
+def graded_eye(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
+    """Return a graded mesh of a study's size: a whole globe for a bed, else a half-sphere."""
+    size = study.mesh
+    return graded_mesh(
+        study.eye.radius_m, thickness_m, contact, size.core, size.rings, size.layers, size.order,
+        whole=study.supports.has_bed,
+    )  # fmt: skip
+
+
 def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
     """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
 
     Raises:
         InputError: a bed for a mesh that is not graded: no other mesh is a whole globe.
     """
-    mesh = study.mesh
     if not study.supports.has_bed:
         return study_mesh(study, thickness_m, contact)
-    if mesh.kind != "graded":
+    if study.mesh.kind != "graded":
         raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; use mesh kind "graded"')
-    return graded_globe(study.eye.radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
+    return graded_eye(study, thickness_m, contact)

@@ -49,8 +49,13 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
         InputError: a disc reaches over the base plane.
     """
     places_pk, weights_p = disc_rule()
-    directions = _disc_directions(contacts, needle_radius_m / mesh.radius_m * places_pk)
-    _check_disc(contacts, directions)
+    sideways_pk = needle_radius_m / mesh.radius_m * places_pk
+    height = np.sqrt(1.0 - np.sum(sideways_pk**2, axis=1))
+    axes = np.array([[contact.meridian, contact.parallel, contact.normal] for contact in contacts])
+    directions = np.concatenate([sideways_pk, height[:, None]], axis=1) @ axes  # (contact, point, 3)
+    below = np.flatnonzero(np.any(directions[..., 2] < 0.0, axis=1))
+    if len(below):
+        raise _over_base(contacts[below[0]])
     quads, local = locate(mesh, directions.reshape(-1, 3))
     weights = surface_weights(mesh, local) * np.tile(weights_p, len(contacts))[:, None]
     load_of = np.repeat(np.arange(len(contacts)), len(weights_p))
@@ -71,20 +76,9 @@ def disc_rule() -> tuple[Floats, Floats]:
     return points.reshape(-1, 2), np.repeat(0.5 * weights / DISC_ANGLES, DISC_ANGLES)
 
 
-def _disc_directions(contacts: Sequence[Contact], sideways_pk: Floats) -> Floats:
-    """Project points of a disc (in outer radii) along each needle axis on the unit sphere: (contact, point, 3)."""
-    height = np.sqrt(1.0 - np.sum(sideways_pk**2, axis=1))
-    local = np.concatenate([sideways_pk, height[:, None]], axis=1)
-    axes = np.array([[contact.meridian, contact.parallel, contact.normal] for contact in contacts])
-    directions: Floats = local @ axes
-    return directions
-
-
-def _check_disc(contacts: Sequence[Contact], directions_cpk: Floats) -> None:
-    below = np.flatnonzero(np.any(directions_cpk[..., 2] < 0.0, axis=1))
-    if len(below):
-        polar = np.degrees(contacts[below[0]].polar_rad)
-        raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
+def _over_base(contact: Contact) -> InputError:
+    polar = np.degrees(contact.polar_rad)
+    return InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
 
 
 PROJECTIONS = 30
@@ -148,8 +142,7 @@ def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Fl
     directions = mesh.radius_m * contact.normal + sideways_pc
     for _ in range(PROJECTIONS):
         if len(mesh.base_nodes) and np.any(directions[:, 2] < 0.0):
-            polar = np.degrees(contact.polar_rad)
-            raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
+            raise _over_base(contact)
         off = _surface_points(mesh, directions) - goals_pc
         off -= (off @ axis_c)[:, None] * axis_c
         directions = directions - off

@@ -1,4 +1,4 @@
-"""Where a direction from the centre pierces the curved quads of a spherical surface."""
+"""The places at which directions from the centre pierce the curved quads of a spherical surface."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,13 @@ class SurfaceLocator:
         quads = self._seeds[self._cell(directions_dc)]
         self._located += len(quads)
         if self._located >= MANY:
-            return self._locate_compiled(quads, directions_dc)
+            # Imported here: Numba takes longer than a few directions do.
+            from scleraforce.mechanics.locate_loops import cross_quads
+
+            local, found = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, quads, directions_dc)
+            if not found:
+                raise SolverError(LOST)
+            return quads, np.clip(local, -1.0, 1.0)
         local = self._newton(quads, directions_dc)
         for _ in range(CROSSINGS):
             beyond = _beyond(local)
@@ -75,24 +81,6 @@ class SurfaceLocator:
             quads[outside] = self._neighbours_qe[quads[outside], side[outside]]
             local[outside] = self._newton(quads[outside], directions_dc[outside])
         raise SolverError(LOST)
-
-    def _locate_compiled(self, quads: Integers, directions_dc: Floats) -> tuple[Integers, Floats]:
-        from scleraforce.mechanics.locate_loops import cross_quads
-
-        local, found = cross_quads(
-            self._polynomials,
-            self._frames_qkc,
-            self._neighbours_qe,
-            quads,
-            directions_dc,
-            CROSSINGS,
-            NEWTON_STEPS,
-            CONVERGED,
-            OUTSIDE,
-        )
-        if not found:
-            raise SolverError(LOST)
-        return quads, np.clip(local, -1.0, 1.0)
 
     def _newton(self, quads: Integers, directions_dc: Floats) -> Floats:
         """Return local coordinates in the (unbounded) plane of each given quad, shape (direction, 2)."""

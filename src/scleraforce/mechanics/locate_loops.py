@@ -4,20 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
+from scleraforce.mechanics.locate import CONVERGED, CROSSINGS, NEWTON_STEPS, OUTSIDE
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
 @compiled
-def _local_coordinates(
-    polynomials: Floats,
-    frames_qkc: Floats,
-    quads: Integers,
-    directions_dc: Floats,
-    steps: int,
-    tolerance: float,
-) -> Floats:
+def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers, directions_dc: Floats) -> Floats:
     """Return local coordinates (direction, 2) in given quads, by Newton's method until the last one has converged."""
     count = len(quads)
     local = np.zeros((count, 2))
@@ -35,7 +29,7 @@ def _local_coordinates(
                 third = polynomials[i, j, 2, quad]
                 u[n, i, j] = polynomials[i, j, 0, quad] - a * third
                 v[n, i, j] = polynomials[i, j, 1, quad] - b * third
-    for _ in range(steps):
+    for _ in range(NEWTON_STEPS):
         largest = 0.0
         for n in range(count):
             x, y = local[n, 0], local[n, 1]
@@ -55,34 +49,24 @@ def _local_coordinates(
             dx, dy = (f_y * g - g_y * f) / determinant, (g_x * f - f_x * g) / determinant
             local[n, 0], local[n, 1] = min(max(x + dx, -2.0), 2.0), min(max(y + dy, -2.0), 2.0)
             largest = max(largest, abs(dx), abs(dy))
-        if largest < tolerance:
+        if largest < CONVERGED:
             break
     return local
 
 
 @compiled
 def cross_quads(
-    polynomials: Floats,
-    frames_qkc: Floats,
-    neighbours_qe: Integers,
-    quads: Integers,
-    directions_dc: Floats,
-    crossings: int,
-    steps: int,
-    tolerance: float,
-    outside: float,
+    polynomials: Floats, frames_qkc: Floats, neighbours_qe: Integers, quads: Integers, directions_dc: Floats
 ) -> tuple[Floats, bool]:
     """Go from each direction's quad in `quads`, which is changed, to the one that it pierces.
 
-    `polynomials`, `frames_qkc` and `neighbours_qe` are those of `SurfaceLocator`. At most `crossings` neighbours are
-    visited, each with at most `steps` steps of Newton's method, whose last one is below `tolerance`. A local coordinate
-    may exceed 1 by `outside`. Return local coordinates (direction, 2), not clipped to the quad, and whether all were
-    found.
+    The first three arguments are from `SurfaceLocator`. Return local coordinates (direction, 2), not clipped to the
+    quad, and whether all were found.
     """
-    local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc, steps, tolerance)
+    local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc)
     beyond = np.empty(4)
     leaving = np.empty(len(quads), dtype=np.int64)
-    for _ in range(crossings):
+    for _ in range(CROSSINGS):
         count = 0
         for n in range(len(quads)):
             x, y = local[n, 0], local[n, 1]
@@ -91,14 +75,14 @@ def cross_quads(
             for edge in range(4):
                 if neighbours_qe[quads[n], edge] >= 0 and beyond[edge] > farthest:
                     side, farthest = edge, beyond[edge]
-            if farthest > outside:
+            if farthest > OUTSIDE:
                 quads[n] = neighbours_qe[quads[n], side]
                 leaving[count] = n
                 count += 1
         if count == 0:
             return local, True
         crossed = leaving[:count]
-        found = _local_coordinates(polynomials, frames_qkc, quads[crossed], directions_dc[crossed], steps, tolerance)
+        found = _local_coordinates(polynomials, frames_qkc, quads[crossed], directions_dc[crossed])
         for k in range(count):
             local[crossed[k]] = found[k]
     return local, False

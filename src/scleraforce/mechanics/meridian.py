@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.errors import InputError
 from scleraforce.mechanics.elements import gauss_points
-from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants
 from scleraforce.units import from_si
 
 Floats = NDArray[np.float64]
@@ -117,6 +117,14 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
     return values, np.stack([s - 0.5, -2.0 * s, s + 0.5], axis=-1)
 
 
+def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
+    """Return the shape functions of a 9-node quad (point, 9) and their slopes (point, 9, [along, across])."""
+    (along, along_slope), (across, across_slope) = line_shapes(places_pk[:, 0]), line_shapes(places_pk[:, 1])
+    parts = (across, along), (across, along_slope), (across_slope, along)
+    values, *slopes = (np.einsum("pj,pi->pji", *both).reshape(-1, 9) for both in parts)
+    return values, np.stack(slopes, axis=-1)
+
+
 class SolidOfRevolution:
     """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
 
@@ -125,7 +133,6 @@ class SolidOfRevolution:
         lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
         shapes_epgn, volumes_ep = _shapes(mesh)
         self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
-        self._size = mesh.points_nc.size
         lambda_ep, mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
         material = lambda_ep, mu_ep, float(stiffening), float(lambda_ep[0, 0] / mu_ep[0, 0])
         self.tables = ElementTables(shapes_epgn, self.unknowns_eN, *material)
@@ -135,9 +142,7 @@ class SolidOfRevolution:
 
         They are not finite where J <= 0, or where the tissue is stretched too far.
         """
-        forces = np.empty(self._size)
-        nodal_forces(self.tables, u, forces)
-        return forces
+        return nodal_forces(self.tables, u)
 
     def tangents(self, u: Floats) -> Floats:
         """Return the derivative of the forces of every element, (element, 18, 18).
@@ -145,9 +150,7 @@ class SolidOfRevolution:
         mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
         """
-        tangents = np.empty((*self.unknowns_eN.shape, self.unknowns_eN.shape[1]))
-        element_tangents(self.tables, u, tangents)
-        return tangents
+        return element_tangents(self.tables, u)
 
 
 def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
@@ -156,11 +159,7 @@ def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
     The volumes have the shape (element, point).
     """
     places_pk, weights_p = gauss_points(2, POINTS)
-    (along, along_slope), (across, across_slope) = line_shapes(places_pk[:, 0]), line_shapes(places_pk[:, 1])
-    values_pn = np.einsum("pj,pi->pji", across, along).reshape(len(weights_p), 9)
-    slopes_pnk = np.stack(
-        [np.einsum("pj,pi->pji", across, along_slope), np.einsum("pj,pi->pji", across_slope, along)], axis=-1
-    ).reshape(len(weights_p), 9, 2)
+    values_pn, slopes_pnk = quad_shapes(places_pk)
     corners_enc = mesh.points_nc[mesh.cells_en]
     jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk)
     gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
@@ -169,9 +168,6 @@ def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
     shapes_epgn = np.concatenate([gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2)
     areas_ep = np.abs(np.linalg.det(jacobian_epck)) * weights_p
     return np.ascontiguousarray(shapes_epgn), 2.0 * np.pi * distance_ep * areas_ep
-
-
-MOST_EXPONENT = 300.0  # of b Q, as of `stiffening.growth`
 
 
 class ElementTables(NamedTuple):
@@ -191,10 +187,9 @@ class ElementTables(NamedTuple):
 
 
 @compiled
-def nodal_forces(tables: ElementTables, u: Floats, found: Floats) -> None:
-    """Write the nodal forces that hold a displacement u, both (all unknowns,)."""
-    found[:] = 0.0
-    F, H, P = np.empty(5), np.empty(5), np.empty(5)
+def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
+    """Return the nodal forces that hold a displacement u, both (all unknowns,)."""
+    found, F, H, P = np.zeros(len(u)), np.empty(5), np.empty(5), np.empty(5)
     away, along = np.empty(9), np.empty(9)
     elements, points = tables.mu_ep.shape
     for element in range(elements):
@@ -213,14 +208,16 @@ def nodal_forces(tables: ElementTables, u: Floats, found: Floats) -> None:
         for node in range(9):
             found[unknowns[2 * node]] += away[node]
             found[unknowns[2 * node + 1]] += along[node]
+    return found
 
 
 @compiled
-def element_tangents(tables: ElementTables, u: Floats, found: Floats) -> None:
-    """Write the derivative of the forces of every element, (element, 18, 18)."""
+def element_tangents(tables: ElementTables, u: Floats) -> Floats:
+    """Return the derivative of the forces of every element, (element, 18, 18)."""
     F, H, P = np.empty(5), np.empty(5), np.empty(5)
     A, by_motion, triangle = np.empty((5, 5)), np.empty((5, 18)), np.empty((18, 18))
     elements, points = tables.mu_ep.shape
+    found = np.empty((elements, 18, 18))
     for element in range(elements):
         unknowns = tables.unknowns_en[element]
         triangle[:] = 0.0
@@ -248,6 +245,7 @@ def element_tangents(tables: ElementTables, u: Floats, found: Floats) -> None:
         for row in range(18):
             for column in range(row + 1):
                 found[element, row, column] = found[element, column, row] = triangle[row, column]
+    return found
 
 
 @compiled
@@ -273,13 +271,13 @@ def _deformation(shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Fl
 
 @compiled
 def _growth(tables: ElementTables, F: Floats, log_ratio: float) -> float:
-    """Return the factor of the stiffening on the stress (`stiffening.growth`)."""
+    """Return the factor of the stiffening on the stress (`material.growth`)."""
     if tables.stiffening == 0.0:
         return 1.0
     squares = F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4]
     strain = squares - 3.0 - 2.0 * log_ratio + tables.lame_ratio * log_ratio * log_ratio
     exponent = tables.stiffening * strain
-    return float(np.exp(exponent)) if exponent <= MOST_EXPONENT else np.nan
+    return float(np.exp(exponent)) if exponent <= LARGEST_EXPONENT else np.nan
 
 
 @compiled

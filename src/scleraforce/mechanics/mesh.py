@@ -26,44 +26,20 @@ class QuadSurface:
     quads_qv: Integers
 
     @cached_property
-    def _edges(self) -> tuple[Integers, Integers]:
+    def edges(self) -> tuple[Integers, Integers, NDArray[np.bool_]]:
+        """Vertices of every edge, (edge, 2), edges of every quad's sides, (quad, 4), and which are the boundary's."""
         pairs = np.stack([self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1).reshape(-1, 2)
         edges_ev, edge_of_side = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        return edges_ev, edge_of_side.reshape(-1, 4)
-
-    @property
-    def edges_ev(self) -> Integers:
-        """Vertices of every edge, each edge once, shape (edge, 2)."""
-        return self._edges[0]
-
-    @property
-    def quad_edges_qe(self) -> Integers:
-        """Edge numbers of every quad's four sides, shape (quad, 4)."""
-        return self._edges[1]
-
-    @property
-    def edge_quads_count(self) -> Integers:
-        """Number of quads that meet at every edge (1 on the boundary), shape (edge,)."""
-        return np.bincount(self.quad_edges_qe.ravel(), minlength=len(self.edges_ev))
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the surface has a boundary."""
-        return bool(np.any(self.edge_quads_count == 1))
+        return edges_ev, edge_of_side.reshape(-1, 4), np.bincount(edge_of_side.ravel(), minlength=len(edges_ev)) == 1
 
 
 def half_cube(divisions: int) -> QuadSurface:
     """Return the upper half (z >= 0) of the cube [-1, 1]^3, open at the base.
 
     `divisions` quads along an edge of the top, half as many down the sides. The grid lines are equiangular (tangents of
-    equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make those at a
-    corner five times smaller than those in the middle of a face.
-
-    Raises:
-        ValueError: `divisions` is odd or below 2.
+    equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make quads at a
+    corner five times smaller than in the middle of a face.
     """
-    if divisions < 2 or divisions % 2:
-        raise ValueError(f"divisions: {divisions} is not an even number of at least 2")
     half = divisions // 2
     corners_qkc = np.concatenate([_top_quads(half), *(_side_quads(half, turns) for turns in range(4))])
     grid_vc, quads = np.unique(corners_qkc.reshape(-1, 3), axis=0, return_inverse=True)
@@ -98,16 +74,15 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     boundary vertices (DeRose, Kass and Truong, SIGGRAPH 1998), so a plane boundary stays in its plane. Vertices of the
     old surface keep their numbers; edge points follow, then face points.
     """
-    points, quads, edges = surface.points_vc, surface.quads_qv, surface.edges_ev
+    points, quads, (edges, quad_edges_qe, boundary) = surface.points_vc, surface.quads_qv, surface.edges
     vertices = len(points)
-    boundary = surface.edge_quads_count == 1
     face_points = points[quads].mean(axis=1)
     middles = points[edges].mean(axis=1)
     edge_points = np.where(boundary[:, None], middles, _edge_points(surface, middles, face_points))
     moved = _vertex_points(surface, middles, face_points)
     _move_boundary(moved, surface, edges[boundary])
 
-    edge_of = vertices + surface.quad_edges_qe
+    edge_of = vertices + quad_edges_qe
     middle_of = vertices + len(edges) + np.arange(len(quads))
     children = [np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1) for k in range(4)]
     return QuadSurface(np.concatenate([moved, edge_points, face_points]), np.stack(children, axis=1).reshape(-1, 4))
@@ -115,7 +90,7 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
 
 def _edge_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
     """Mean of an edge's ends and its two face points."""
-    beside = sum_at(surface.quad_edges_qe, np.repeat(face_points, 4, axis=0), len(middles))
+    beside = sum_at(surface.edges[1], np.repeat(face_points, 4, axis=0), len(middles))
     return 0.5 * middles + 0.25 * beside
 
 
@@ -123,9 +98,9 @@ def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -
     """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles around a vertex of valence n."""
     points, count = surface.points_vc, len(surface.points_vc)
     faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
-    valence = np.bincount(surface.edges_ev.ravel(), minlength=count)[:, None]
+    valence = np.bincount(surface.edges[0].ravel(), minlength=count)[:, None]
     face_mean = sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
-    edge_mean = sum_at(surface.edges_ev, np.repeat(middles, 2, axis=0), count) / valence
+    edge_mean = sum_at(surface.edges[0], np.repeat(middles, 2, axis=0), count) / valence
     return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
 
 
@@ -231,7 +206,7 @@ def build_mesh(
 def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int) -> HexMesh:
     """Return the wall whose outer surface is a surface of the unit sphere, scaled: a half-sphere or all of it.
 
-    An open surface has its edge on z = 0 exactly. Further arguments and errors are those of `build_mesh`.
+    An open surface has its edge on z = 0 exactly. See `build_mesh` for arguments and errors.
     """
     if not 0.0 < thickness_m < 0.5 * radius_m:
         raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
@@ -243,7 +218,7 @@ def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, l
     points = (radii[:, None, None] * directions).reshape(-1, 3)
     cells = _extrude(quads, len(directions), layers, order)
     inner = quads + (sheets - 1) * len(directions)
-    base = np.flatnonzero(points[:, 2] == 0.0) if surface.is_open else np.empty(0, dtype=np.int64)
+    base = np.flatnonzero(points[:, 2] == 0.0) if surface.edges[2].any() else np.empty(0, dtype=np.int64)
     return HexMesh(
         points_nc=points,
         cells_en=cells,
@@ -260,9 +235,10 @@ def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
     """Directions of the surface nodes and the nodes of every quad (quad, 4 or 9)."""
     points, quads = surface.points_vc, surface.quads_qv
     if order == 2:
-        edge_middles = points[surface.edges_ev].mean(axis=1)
+        edges_ev, quad_edges_qe, _ = surface.edges
+        edge_middles = points[edges_ev].mean(axis=1)
         face_middles = points[quads].mean(axis=1)
-        edge_nodes = len(points) + surface.quad_edges_qe
+        edge_nodes = len(points) + quad_edges_qe
         face_nodes = len(points) + len(edge_middles) + np.arange(len(quads))
         points = np.concatenate([points, edge_middles, face_middles])
         quads = np.concatenate([quads, edge_nodes, face_nodes[:, None]], axis=1)

@@ -138,30 +138,17 @@ def cut_sections(
     circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])
     stations_ps = place_stations(frames, circles_xp, mesh.radius_m)
     fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
-    surfaces = [_Surface(fields, mesh.outer_qn), _Surface(fields, mesh.inner_qn)]
+    surfaces = mesh.outer_qn, mesh.inner_qn
     bracket_m = BRACKET_M
     while bracket_m <= WIDEST_BRACKET_M:
         grid = _Grid.around(mesh, frames, stations_ps, circles_xp, bracket_m)
-        outer, inner = (_follow(mesh, surface, frames, grid, weights_pfk) for surface in surfaces)
+        outer, inner = (_follow(mesh, fields, surface_qn, frames, grid, weights_pfk) for surface_qn in surfaces)
         if outer is not None and inner is not None:
             return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
         bracket_m *= 2.0
     raise SolverError(
         f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the B-scan plane"
     )
-
-
-@dataclass(frozen=True)
-class _Surface:
-    """Position and displacement modes of the nodes (node, 1 + mode, 3), and the quads of one surface."""
-
-    fields: Floats
-    quads_qn: Integers
-
-    def at(self, quads: Integers, weights_dn: Floats) -> Floats:
-        """Interpolate the fields at located directions, shape (direction, 1 + mode, 3)."""
-        nodal = self.fields.reshape(len(self.fields), -1)[self.quads_qn[quads]]
-        return (weights_dn[:, None] @ nodal).reshape(-1, *self.fields.shape[1:])
 
 
 @dataclass(frozen=True)
@@ -187,14 +174,22 @@ class _Grid:
         return cls(latitudes_pt, stations_ps, quads, surface_weights(mesh, local))
 
 
-def _follow(mesh: HexMesh, surface: _Surface, frames: PlaneFrames, grid: _Grid, weights_pfk: Floats) -> Floats | None:
+def _follow(
+    mesh: HexMesh, fields: Floats, surface_qn: Integers, frames: PlaneFrames, grid: _Grid, weights_pfk: Floats
+) -> Floats | None:
     """Return the curve where a surface meets the planes (plane, deformation, station, 2); None if it leaves the grid.
 
-    Between two parallels the crossing is found by linear interpolation, the elements are evaluated there, and the
-    micrometres that are missing are taken along the meridian's chord.
+    `fields` are position and displacement modes of the nodes (node, 1 + mode, 3), `surface_qn` nodes of quads. Between
+    two parallels the crossing is found by linear interpolation, the elements are evaluated there, and the micrometres
+    that are missing are taken along the meridian's chord.
     """
+
+    def fields_at(quads: Integers, weights_dn: Floats, shape: tuple[int, ...]) -> Floats:
+        nodal = fields.reshape(len(fields), -1)[surface_qn[quads]]
+        return frames.project((weights_dn[:, None] @ nodal).reshape(*shape, -1, 3))
+
     (planes, parallels), stations = grid.latitudes_pt.shape, grid.stations_ps.shape[1]
-    lines = frames.project(surface.at(grid.quads, grid.weights_dn).reshape(planes, parallels, stations, -1, 3))
+    lines = fields_at(grid.quads, grid.weights_dn, (planes, parallels, stations))
     below = _parallel_below(lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m))
     if below is None:
         return None
@@ -205,8 +200,8 @@ def _follow(mesh: HexMesh, surface: _Surface, frames: PlaneFrames, grid: _Grid, 
     latitude = grid.latitudes_pt[:, :1, None] + (below - start[..., 2] / chord[..., 2]) * step
     directions = frames.directions(np.broadcast_to(grid.stations_ps[:, None], latitude.shape), latitude)
     quads, local = locate(mesh, directions.reshape(-1, 3))
-    found = surface.at(quads, surface_weights(mesh, local)).reshape(*latitude.shape, -1, 3)
-    points = _deform(frames.project(found), weights_pfk[:, :, None])
+    found = fields_at(quads, surface_weights(mesh, local), latitude.shape)
+    points = _deform(found, weights_pfk[:, :, None])
     curve: Floats = points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
     return curve
 

@@ -4,18 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
+from scleraforce.mechanics.slices import SNAP, WALL
 
 
 @compiled
-def draw_contours(
-    contours: NDArray[np.float64], margin: float, wall: int, images: NDArray[np.uint8], winding: NDArray[np.int64]
-) -> None:
-    """Draw closed contours (slice, 2, point), in pixels, into `images` of zeros (slice, row, column).
+def draw_contours(contours: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.uint8]:
+    """Return pictures (slice, row, column) of closed contours (slice, 2, point) in pixels.
 
-    The centre of column c, row r is at (c, r). A pixel is `wall` where its contour winds around its centre; `margin` is
-    how far above a centre an edge may lie by rounding and still count as above it. `winding` (row, column) is scratch.
+    The centre of column c, row r is at (c, r). A pixel is wall where its contour winds around its centre.
     """
-    rows, columns = winding.shape
+    images, winding = np.zeros((len(contours), rows, columns), np.uint8), np.empty((rows, columns), np.int64)
     for n in range(len(images)):
         winding[:] = 0
         x, y = contours[n, 0], contours[n, 1]
@@ -28,7 +26,7 @@ def draw_contours(
             slope = (y[edge + 1] - y[edge]) / (x[edge + 1] - x[edge])
             for column in range(min(start, end), max(start, end)):
                 row = y[edge] + (column - x[edge]) * slope
-                below = int(min(max(np.ceil(row - margin), 0.0), rows))
+                below = int(min(max(np.ceil(row - 0.5 / SNAP), 0.0), rows))
                 if below < rows:
                     winding[below, column] += step
         for column in range(columns):
@@ -36,4 +34,5 @@ def draw_contours(
             for row in range(rows):
                 count += winding[row, column]
                 if count != 0:
-                    images[n, row, column] = wall
+                    images[n, row, column] = WALL
+    return images

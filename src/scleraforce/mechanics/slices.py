@@ -63,10 +63,7 @@ def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -
     from scleraforce.mechanics.slice_loops import draw_contours
 
     contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])
-    size = windows[0].rows, windows[0].columns
-    images = np.zeros((len(sections), *size), dtype=np.uint8)
-    draw_contours(contours, 0.5 / SNAP, WALL, images, np.empty(size, dtype=np.int64))
-    return images
+    return draw_contours(contours, windows[0].rows, windows[0].columns)
 
 
 def _pixel_contour(section: Section, window: SliceWindow) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, line_shapes, meridian_mesh
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, meridian_mesh, quad_shapes
 from scleraforce.study import Study
 
 Floats = NDArray[np.float64]
@@ -31,8 +31,7 @@ MODULUS_PA = (0.12e6, 0.8e6)
 IOP_RATIO = (8e-5, 6e-3)
 SIZE = MeridianSize(elements=64, layers=4)
 ALONG_POINTS = 2  # of an element of 9 nodes, where derivatives are most exact
-DEEPEST_M = 10e-3
-FIRST_STEP_M, LARGEST_STEP_M = 1e-4, 2.5e-4
+DEEPEST_M, LARGEST_STEP_M = 10e-3, 2.5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,6 @@ def inner_path(
         iop_ratio,
         max_tip_m=DEEPEST_M,
         max_force=max_force_ratio_m2,
-        first_step_m=FIRST_STEP_M,
         largest_step_m=LARGEST_STEP_M,
     )
     displacement_snc = np.zeros((len(path.tip_m), mesh.points_nc.size))
@@ -129,14 +127,8 @@ def inner_surface(mesh: MeridianMesh, displacement_nc: Floats, poisson_ratio: fl
     """
     layers = len(mesh.cells_en) // ((len(mesh.inner_n) - 1) // 2)
     cells_en = mesh.cells_en[layers - 1 :: layers]
-    (along, along_slope), (across, across_slope) = (
-        line_shapes(gauss_points(1, ALONG_POINTS)[0][:, 0]),
-        line_shapes(np.array([1.0])),
-    )
-    values_pn = np.einsum("j,pi->pji", across[0], along).reshape(-1, 9)
-    slopes_pnk = np.stack(
-        [np.einsum("j,pi->pji", across[0], along_slope), np.einsum("j,pi->pji", across_slope[0], along)], axis=-1
-    ).reshape(-1, 9, 2)
+    along_p = gauss_points(1, ALONG_POINTS)[0][:, 0]
+    values_pn, slopes_pnk = quad_shapes(np.stack([along_p, np.ones_like(along_p)], axis=1))
     before_enc = mesh.points_nc[cells_en]
     after_enc = before_enc + displacement_nc[cells_en]
     tangent_before, tangent_after = (np.einsum("enc,pnk->epck", x, slopes_pnk) for x in (before_enc, after_enc))
