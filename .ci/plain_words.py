@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 # Folders and files without hits; extend this list, and drop it when every package is in it.
 CLEAN = (
-    *("benchmarks", "examples", "tests/benchmarks", "tests/support", "tests/conftest.py"),
+    *("benchmarks", "examples", "tests/benchmarks", "tests/support", "tests/conftest.py", "tests/reproduction"),
     "src/scleraforce/installation.py",
     *("src/scleraforce/report", "src/scleraforce/reproduction"),
     *("docs", "src/scleraforce/recording", "src/scleraforce/study"),

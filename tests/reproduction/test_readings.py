@@ -76,10 +76,3 @@ def test_results_survive_their_file(tmp_path: Path) -> None:
     results = (LeftOut("eye-1", 0.25e6, Proportion(23, 25)), LeftOut("eye-2", 0.26e6, Proportion(0, 0)))
     write_left_out(results, tmp_path / "left_out.json")
     assert read_left_out_file(tmp_path / "left_out.json") == results
-
-
-@pytest.mark.parametrize("ratio", [0.5, 0.95, 1.0, 1.3])
-def test_labels_never_fall_where_the_wall_is_stiffer(ratio: float) -> None:
-    force_n = np.linspace(0.0, 0.06, 500)
-    here, there = (classes_at_modulus(force_n, r, ClassesStudy()) for r in (ratio, ratio * 1.1))
-    assert np.all(there >= here)

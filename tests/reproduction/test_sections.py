@@ -1,34 +1,14 @@
-"""Sections of the page: moduli, and forces on walls of finite strain against the log and against the truth."""
+"""Sections of the page: forces on walls of finite strain against the log and against the truth."""
 
 import re
 from dataclasses import replace
 from pathlib import Path
 
-from small_recordings import calibration_of_a_sealed_eye, frame_answer
+from small_recordings import frame_answer
 
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
-from scleraforce.report.html import NOTHING
 from scleraforce.reproduction.bent_page import _comparison, _coverage_words, _held
-from scleraforce.reproduction.page import modulus_table
-from scleraforce.study import Study
-
-
-def rows_of(html: str) -> dict[str, list[str]]:
-    rows = [re.findall(r"<t[hd][^>]*>([^<]*)", row) for row in re.findall(r"<tr>.*?</tr>", html)]
-    return {row[0]: row[1:] for row in rows}
-
-
-def test_the_rigidity_of_a_sealed_eye_has_a_row_and_an_eye_of_which_e_alone_was_found_has_nothing_there() -> None:
-    calibration = calibration_of_a_sealed_eye()
-    sealed = calibration.eyes["mine"]
-    alone = {"names": sealed.names[:1], "means": sealed.means[:1], "sds": sealed.sds[:1], "discrepancy": None}
-    plain = replace(sealed, id="plain", **alone)
-    both = rows_of(modulus_table(replace(calibration, eyes={"mine": sealed, "plain": plain}), Study()))
-    found, nothing = both["found with it"]
-    assert found.startswith("thickness 651 ± 12 µm; k 0.031 ± 0.001 mmHg^(1/3)/µl; forces 13 ± 3 % above")
-    assert nothing == NOTHING
-    assert "found with it" not in rows_of(modulus_table(replace(calibration, eyes={"plain": plain}), Study()))
 
 
 def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
@@ -62,7 +42,7 @@ def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> 
     assert cells["true forces within their 90 % interval"][1].startswith("1.00")
 
 
-def test_a_low_coverage_is_explained_by_the_error_of_the_log_where_it_stands(tmp_path: Path) -> None:
+def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> None:
     (words,) = _coverage_words(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
     assert "off from the true force by 2.00 mN in the mean and by 2.00 mN at most" in words
     assert "reach 1.00 mN to either side in the median" in words
@@ -72,20 +52,16 @@ def test_a_low_coverage_is_explained_by_the_error_of_the_log_where_it_stands(tmp
     assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()
 
 
-def test_the_eye_that_is_held_least_is_named_with_what_its_frames_share(tmp_path: Path) -> None:
+def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(tmp_path: Path) -> None:
     read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
     calibrated = frame_answer(eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3)
     (words,) = _coverage_words(replace(read, frames=(*read.frames, calibrated)))
     assert "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration." in words
 
 
-def test_the_share_that_is_held_is_bounded_by_that_of_the_eyes() -> None:
+def test_the_band_of_a_coverage_is_over_eyes() -> None:
     """One eye holds and one does not, with two trials each: other two such eyes may hold none, half or all."""
     held = ForceTrial(eye="eye-1", measured_n=1.0, read_n=1.0, interval_n=(0.9, 1.1))
     missed = ForceTrial(eye="eye-2", measured_n=2.0, read_n=1.0, interval_n=(0.9, 1.1))
     assert _held([held, held, missed, missed]) == "0.50 (0.00 to 1.00)"
     assert _held([]) == "\N{EN DASH}"
-
-
-def test_logged_forces_are_those_of_their_eyes(tmp_path: Path) -> None:
-    assert [trial.eye for trial in evaluation(tmp_path, "reader", (10e-3, 20e-3)).forces] == ["eye-1", "eye-1"]

@@ -6,10 +6,10 @@ from datetime import datetime
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.result import Calibration, EyeCalibration, found_words, parse_calibration
+from scleraforce.calibration.result import Calibration, EyeCalibration, parse_calibration
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
@@ -89,15 +89,10 @@ Drawn = Callable[[Html], Html]  # called with each figure
 def write_reproduction_html(
     run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float], made_at: datetime, progress: Progress
 ) -> None:
-    """Write the page of a run, over an existing one.
+    """Write the page of a run whose other stages are done, over an existing page.
 
-    Args:
-        run: the run, all stages but this one done.
-        evaluations: the answers to the virtual eyes of linear mechanics, to the same eyes under forces up to the
-            bounds of the classes, and of the paper's method and of the force reader to the eyes of finite strain.
-        seconds: duration of each stage.
-        made_at: the date on the page.
-        progress: called with 1 after each figure.
+    `evaluations`: the answers to the eyes of linear mechanics, to the same eyes under forces up to the bounds of the
+    classes, and of the paper's method and the force reader to the eyes at finite strain. `progress` counts figures.
     """
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
     reader = load_classifier(run.model)
@@ -147,16 +142,12 @@ def _overview(run: Run, evaluation: Evaluation) -> Html:
 def _design(run: Run, evaluation: Evaluation) -> Html:
     """Return Table 1: wall thickness and trials of each class, here and in the paper."""
     design, names = paper_eyes(run.study), class_names(run.study.classes.bounds_n)
-    eyes = [eye for eye, _ in design]
-    here, paper = np.zeros((2, len(names) + 1, len(eyes) + 1), dtype=int)  # the last row and column are totals
-    for frame in evaluation.scored:
-        if frame.target is not None:
-            here[frame.target, [eye.id for eye in eyes].index(frame.eye)] += 1
-    for column, (_, forces_n) in enumerate(design):
-        paper[:-1, column] = np.bincount(np.digitize(forces_n, run.study.classes.bounds_n), minlength=len(names))
-    for counts in (here, paper):
-        counts[-1] = counts.sum(axis=0)
-        counts[:, -1] = counts.sum(axis=1)
+    eyes, bounds_n = [eye for eye, _ in design], run.study.classes.bounds_n
+    targets = {
+        eye.id: [f.target for f in evaluation.scored if f.eye == eye.id and f.target is not None] for eye in eyes
+    }
+    here = _counts(list(targets.values()), len(names))
+    paper = _counts([np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names))
     rows: list[list[object]] = [
         ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), NOTHING],
         [
@@ -173,6 +164,13 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
         "are spread evenly over each class, and none lies within 2 mN of a bound of its class."
     )
     return section("Design", table(["", *(eye.id for eye in eyes), "total"], rows, caption))
+
+
+def _counts(classes: Sequence[ArrayLike], names: int) -> NDArray[np.intp]:
+    """Count the trials of each class (row) and eye (column), with totals last."""
+    counts = np.stack([np.bincount(np.asarray(of_eye, np.intp), minlength=names) for of_eye in classes], axis=1)
+    counts = np.vstack([counts, counts.sum(axis=0)])
+    return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
 
 
 def _model_figure(study: Study) -> Html:
@@ -252,24 +250,20 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> Html:
 
 
 def modulus_table(calibration: Calibration, study: Study) -> Html:
-    """Return Table 2, with a row for what was found beside the modulus, such as k of a sealed eye."""
+    """Return Table 2."""
     eyes: list[EyeCalibration] = list(calibration.eyes.values())
     truths_pa = [eye.youngs_modulus_pa for (eye, _), _ in zip(paper_eyes(study), eyes, strict=False)]
-    found = ["; ".join(found_words(eye)) or NOTHING for eye in eyes]
     rows: list[list[object]] = [
         ["mean in MPa", *(_mpa(eye.mean_pa) for eye in eyes)],
         ["standard deviation in kPa", *(f"{from_si(eye.sd_pa, 'kpa'):.1f}" for eye in eyes)],
-        ["found with it", *found],
         ["frames used", *(len(eye.used) for eye in eyes)],
         ["true modulus = the paper's mean, in MPa", *(f"{from_si(truth_pa, 'mpa'):.2f}" for truth_pa in truths_pa)],
         ["the paper's standard deviation in kPa",
          *(f"{from_si(sd_pa, 'kpa'):.1f}" for sd_pa, _ in zip(PAPER_SD_PA, eyes, strict=False))],
     ]  # fmt: skip
-    if set(found) == {NOTHING}:
-        del rows[2]
     caption = (
         "Posterior of Young's modulus (the paper's Table 2). The virtual eyes were made with the paper's means, so the "
-        "last rows are both the paper's figures and the truth to be found."
+        "last rows are both the paper's figures and the truth."
     )
     return table(["", *calibration.eyes], rows, caption)
 

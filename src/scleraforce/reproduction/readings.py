@@ -1,22 +1,20 @@
-"""Readings of a reproduction beside the paper's own: walls that bend, and each eye left out of the mean modulus.
+"""Two readings beside the paper's own: walls at finite strain, and each eye left out of the mean modulus.
 
-The paper's 45 trials on walls that bend as real ones do: the eyes of the paper's design are computed in three
-dimensions at finite strain, under the same forces. Each is pushed three times before its trials, to find its modulus
-on; these frames do not count. The paper's method gets all that the paper gave it: a linear calibration on every frame
-of four eyes, and a network for their mean.
+Finite strain: the eyes of the paper's design are computed in three dimensions under the same 45 forces. Three pushes
+before the trials find each eye's modulus and do not count. The paper's method gets its own inputs: a linear calibration
+on every frame of four eyes, and a network for their mean.
 
-Each eye left out: the paper reads its eyes with the mean modulus of the very eyes that it tests. Linear mechanics
-allows a fair figure for little: the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under
-pressure and weight that scale alike, which bend the wall far less than the needle). So the slices that are there are
-labelled anew for E', and a network is trained on them.
+Left out: the paper reads its eyes with a mean modulus that includes them. In linear mechanics the slice of a force F on
+a wall of modulus E equals the slice of F E'/E on a wall of E' (if pressure and weight scale alike; they bend the wall
+far less than the needle does). So the slices of the data set are labelled again for E', and a network is trained.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from scleraforce.calibration.calibrate import calibrate_recordings
@@ -43,11 +41,11 @@ from scleraforce.whole_files import KINDS, read_text, write_whole
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
 INTERVAL_EYES = 60  # at most: 20 of each kind of globe
-CALIBRATION_FORCES_N = (10e-3, 20e-3, 30e-3)  # of the pushes before the trials: none above the bound of danger
+CALIBRATION_FORCES_N = (10e-3, 20e-3, 30e-3)  # of the pushes before the trials, up to the bound of danger
 
 
 def bent_trials(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
-    """Return the eyes of the paper's design with the forces of their calibration and, after those, of their trials."""
+    """Return the eyes of the paper's design with the forces of their calibration, then of their trials."""
     return tuple((eye, (*CALIBRATION_FORCES_N, *forces_n)) for eye, forces_n in paper_eyes(study))
 
 
@@ -75,10 +73,7 @@ def _bend_eye(study: Study, folder: Path, number: int) -> None:
 
 
 def run_library(run: Run, progress: Progress | None = None) -> Library:
-    """Return the bundled reader's library, or that of a run that trains.
-
-    The latter comes from the user's cache, or is made and stored there: `progress` counts paths.
-    """
+    """Return the bundled reader's library; if the run trains, the user's cached one (`progress` counts paths)."""
     if not run.train:
         return load_force_reader(run.reader).library
     return cached_library(run.study, workers=run.workers, progress=progress)
@@ -110,12 +105,12 @@ def train_force_reader(run: Run, progress: Progress) -> None:
 
 
 def interval_eyes(study: Study) -> int:
-    """Return on how many eyes the intervals of the run's reader are measured: fewer than of one to work with."""
+    """Return the number of eyes for the intervals of the run's reader, fewer than for general use."""
     return min(INTERVAL_EYES, study.reader.interval_eyes)
 
 
 def train_bent_model(run: Run, progress: Progress) -> None:
-    """Train the paper's network for the linear modulus of these eyes, on the slices that are there (see `samples`)."""
+    """Train the paper's network for the linear modulus of these eyes, on the slices of the data set."""
     modulus_pa = read_population_modulus(run.bent_linear).youngs_modulus_pa
     train_classifier(open_dataset(run.dataset), run.bent_model, progress=progress, youngs_modulus_pa=modulus_pa)
 
@@ -134,7 +129,7 @@ EPOCHS = 4  # at most: these networks answer a few frames each
 
 @dataclass(frozen=True)
 class LeftOut:
-    """An eye, the mean modulus of the others, and how many of its trials were read right with it."""
+    """An eye, the mean modulus of the others, and the share of its trials read right with it."""
 
     eye: str
     youngs_modulus_pa: float
@@ -161,22 +156,12 @@ def read_left_out(
 
 def write_left_out(results: Sequence[LeftOut], path: Path) -> None:
     """Write the results as JSON."""
-    rows = [
-        {
-            "eye": one.eye,
-            "youngs_modulus_pa": one.youngs_modulus_pa,
-            "right": one.accuracy.hits,
-            "of": one.accuracy.total,
-        }
-        for one in results
-    ]
-    write_whole(json.dumps(rows, indent=2) + "\n", path)
+    write_whole(msgspec.json.encode(results), path)
 
 
 def read_left_out_file(path: Path) -> tuple[LeftOut, ...]:
     """Read what `write_left_out` wrote."""
-    rows = json.loads(read_text(path, KINDS["result"]))
-    return tuple(LeftOut(row["eye"], row["youngs_modulus_pa"], Proportion(row["right"], row["of"])) for row in rows)
+    return msgspec.json.decode(read_text(path, KINDS["result"]), type=tuple[LeftOut, ...])
 
 
 def _score(network: TrainedNetwork, evaluation: Evaluation, eye: str, dataset: Dataset) -> Proportion:

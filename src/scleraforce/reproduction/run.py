@@ -42,9 +42,9 @@ TRAINED_FOR = {
 
 
 class Run:
-    """One reproduction: its folder, its study, the processes it may use, and the place of each result.
+    """One reproduction: its folder, study and processes, and the place of each result.
 
-    `train`: train the force reader in this run, in place of reading with the bundled one.
+    `train`: train the force reader in this run instead of using the bundled one.
     """
 
     def __init__(self, folder: Path, study: Study, workers: int, train: bool = False) -> None:
@@ -69,10 +69,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Stage:
-    """A step of the pipeline: its name, what it works through, and the function that does it.
+    """A step of the pipeline: its name, the length of its progress bar, and its function.
 
-    `leaves` is what it writes and a later run reuses; None: it is always done again. A stage that `resumes`
-    continues its own unfinished result. The result of one `by_reader` depends on the force reader or its library.
+    `leaves` is the result that a later run reuses; None: it is always done again. A stage that `resumes` continues its
+    own unfinished result. The result of one `by_reader` depends on the force reader or its library.
     """
 
     name: str
@@ -96,7 +96,8 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
-            _check_state(run, _read_state(folder))
+            if _read_state(folder)["made_from"].get("study") != study_hash(study):
+                raise InputError(f"{folder}: made from another study; remove it or give a new folder")
         else:
             (folder / "study.toml").write_text(format_study(study), encoding="utf-8")
             _write_state(run, {})
@@ -173,27 +174,14 @@ def _read_state(folder: Path) -> dict[str, dict[str, Any]]:
         raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
 
 
-def _check_state(run: Run, state: Mapping[str, Mapping[str, object]]) -> None:
-    if state["made_from"].get("study") != study_hash(run.study):
-        raise InputError(f"{run.folder}: made from another study; remove it or give a new folder")
-
-
 def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
-    content = json.dumps({"made_from": _made_from(run), "seconds": seconds}, indent=2) + "\n"
-    write_whole(content, run.folder / STATE_FILE)
-
-
-def _made_from(run: Run) -> dict[str, str]:
-    return {
-        "study": study_hash(run.study),
-        "sources": _sources(),
-        "reader": _reader_of(run),
-        "version of scleraforce": __version__,
-    }
+    made_from = {"study": study_hash(run.study), "sources": _sources(), "reader": _reader_of(run)}
+    content = {"made_from": made_from | {"version of scleraforce": __version__}, "seconds": seconds}
+    write_whole(json.dumps(content, indent=2) + "\n", run.folder / STATE_FILE)
 
 
 def _reader_of(run: Run) -> str:
-    """Return what tells readers apart: "trained", or the hash of the bundled one's record."""
+    """Return "trained", or the hash of the bundled reader's record."""
     return "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
 
 
