@@ -13,7 +13,7 @@ project_copyright = author
 
 extensions = [
     *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),
-    *("commands", "mathml", "references", "state_table"),  # of the folder `extensions`
+    *("commands", "excerpts", "mathml", "references", "state_table"),  # of the folder `extensions`
 ]
 exclude_patterns = ["extensions"]
 default_role = "code"  # `name` in a docstring
@@ -37,7 +37,6 @@ autodoc_preserve_defaults = True
 html_theme = "furo"
 html_title = "scleraforce"
 html_math_renderer = "mathml"  # drawn by the browser: MathJax would be fetched
-html_show_search_summary = False  # summaries are fetched, which browsers refuse to pages opened as files
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]

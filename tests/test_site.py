@@ -70,7 +70,9 @@ def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(sit
 
 @pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
 @pytest.mark.parametrize(("query", "page"), [("Friedenwald rigidity", "physics.html"), ("open_library", "functions")])
-def test_a_query_finds_its_page_without_a_network(site: Path, offline: BrowserContext, query: str, page: str) -> None:
+def test_a_query_finds_its_page_with_an_excerpt_without_a_network(
+    site: Path, offline: BrowserContext, query: str, page: str
+) -> None:
     opened = offline.new_page()
     opened.goto(f"{(site / 'index.html').as_uri()}")
     opened.get_by_placeholder("Search").fill(query)
@@ -78,4 +80,22 @@ def test_a_query_finds_its_page_without_a_network(site: Path, offline: BrowserCo
     opened.wait_for_selector("ul.search li a")
     links = opened.locator("ul.search li a").evaluate_all("links => links.map((link) => link.getAttribute('href'))")
     assert any(page in link for link in links), links
+    if page.endswith(".html"):
+        opened.wait_for_selector("ul.search li p.context")
+        assert query.split()[0] in "".join(opened.locator("ul.search li p.context").all_inner_texts())
+    opened.close()
+
+
+@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+@pytest.mark.parametrize("width", [1280, 400])
+def test_no_page_is_wider_than_the_screen_and_the_banner_is_whole(
+    site: Path, offline: BrowserContext, width: int
+) -> None:
+    opened = offline.new_page()
+    opened.set_viewport_size({"width": width, "height": 900})
+    for page in PAGES:
+        opened.goto((site / page).as_uri())
+        wide = "document.documentElement.scrollWidth > window.innerWidth"
+        cut = "(e => e.scrollWidth > e.clientWidth)(document.querySelector('.announcement-content'))"
+        assert opened.evaluate(f"[{wide}, {cut}]") == [False, False], page
     opened.close()
