@@ -257,6 +257,8 @@ def test_it_is_short_and_needs_the_standard_library_only() -> None:
 
 
 def test_the_page_names_every_sub_code_and_no_other() -> None:
-    page = (SCRIPT.parents[1] / "docs" / "robots.md").read_text(encoding="utf-8")
-    rows = {int(code): name for code, name in re.findall(r"^\| (\d+) \| `(\w+)` \| .+ \|$", page, flags=re.MULTILINE)}
-    assert rows == {cause.value: cause.name for cause in Cause}
+    page = (SCRIPT.parents[1] / "docs" / "monitor_decision.md").read_text(encoding="utf-8").split("## Causes")[1]
+    rows = re.findall(r"^\| (`[A-Z_`, ]+`) \| (\d+(?:, \d+)*) \|", page, flags=re.MULTILINE)
+    pairs = [zip(codes.split(", "), names.split(", "), strict=True) for names, codes in rows]
+    listed = {int(code): name.strip("`") for pair in pairs for code, name in pair}
+    assert listed == {cause.value: cause.name for cause in Cause}
