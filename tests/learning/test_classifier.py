@@ -350,7 +350,7 @@ def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store:
     assert reader.provenance["youngs_modulus_mpa"] == "0.31"
     assert reader.provenance["class_bounds_mn"] == "5, 30"
     assert reader.provenance["torch"] == torch.__version__
-    assert "0.31 MPa" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
+    assert "`youngs_modulus_mpa` | 0.31 |" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -15,12 +15,12 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.learning.reader import (
     ReaderNetwork,
-    answer,
+    answers,
     circle_depth,
+    compared,
     fit_reader,
     histogram,
     log_density,
-    measure,
     measure_reader,
     reader_bytes,
     reader_loss,
@@ -29,6 +29,7 @@ from scleraforce.learning.samples import Source
 from scleraforce.learning.train import train_reader
 from scleraforce.library.build import build_library
 from scleraforce.reader import load_model
+from scleraforce.reader.networks import force_distribution, ratio_edges
 from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, SliceStudy, Study, format_study
 
 TINY = Study(
@@ -116,24 +117,28 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
 
 @pytest.mark.slow
 def test_training_learns_and_is_the_same_with_any_number_of_processes(source) -> None:
-    first, second = (fit_reader(TINY, source, workers) for workers in (1, 2))
+    first, second = (fit_reader(TINY, source.chunk, workers) for workers in (1, 2))
     assert first.training_loss == second.training_loss
     for one, two in zip(first.network.parameters(), second.network.parameters(), strict=True):
         assert torch.equal(one, two)
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
-    untrained = measure(network(), source.chunk(9, 500), TINY)
+    samples = source.chunk(9, 500)
+    untrained = compared(answers(network(), samples), samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
     assert measure_reader(first.network, source, TINY)["mae_mn"] < 0.6 * untrained["mae_mn"]
 
 
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
-    net = network()
-    metrics, answers = measure(net, samples, TINY), answer(net, samples, TINY.reader)
-    low, high = answers.forces.interval_n.T
+    outputs = answers(network(), samples)
+    metrics = compared(outputs, samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
+    mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
+    edges = ratio_edges(TINY.reader.bins, TINY.reader.max_force_ratio)
+    forces = force_distribution(histogram(mixtures, 16).double().numpy(), edges, samples.modulus_pa)
+    low, high = forces.interval_n.T
     inside = sum(a <= f <= b for a, f, b in zip(low, samples.force_n, high, strict=True))
     assert metrics["coverage"] == inside / 100
-    assert metrics["mae_mn"] == pytest.approx(1e3 * np.mean(np.abs(answers.forces.median_n - samples.force_n)))
-    assert metrics["lateral_mae_mm"] == pytest.approx(1e3 * np.mean(np.abs(answers.lateral_m - samples.lateral_m)))
+    assert metrics["mae_mn"] == pytest.approx(1e3 * np.mean(np.abs(forces.median_n - samples.force_n)))
+    assert metrics["lateral_mae_mm"] == pytest.approx(np.mean(np.abs(places_mm.numpy() - 1e3 * samples.lateral_m)))
     assert sum(map(sum, metrics["validation_confusion"])) == 100
 
 
@@ -147,7 +152,7 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(library, t
     assert model.record["samples"] == {"training": 2000, "validation": 500}
     assert {"training slices", "training loss"} <= set(model.record["fingerprint"])
     card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
-    assert "0.15 to 0.65 MPa" in card
+    assert "| `youngs_modulus_mpa` | 0.15 to 0.65 |" in card
     assert f"{record['metrics']['mae_mn']:.2f} mN" in card
     with np.load(tmp_path / "model/library.npz") as stored:
         curves_m, stiffness = float(stored["curves_error_m"]), float(stored["stiffness_error"])

@@ -1,17 +1,16 @@
 """Model cards: what a network was made from, what it reaches, and what it must not be used for (Markdown)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
-from scleraforce.known import UNKNOWN
 from scleraforce.reader.metrics import Proportion
-from scleraforce.study import Choice, Sampled, Study
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.study import Choice, Range, Study
+from scleraforce.study.fields import field_key, field_unit, map_numbers
+from scleraforce.units import from_si
 
 INTENDED = "Research on force reading from OCT. Not a medical device; not for use on patients."
-PRINTED: dict[HumanUnit | None, str] = {
-    "mm": " mm", "um": " µm", "deg": "°", "mpa": " MPa", "percent": " %", "mmhg": " mmHg", None: "",
-}  # fmt: skip
+RANGES = "Keys of `study.toml` and their values; of several, or between two, one is drawn for each sample."
 
 
 def classifier_card(
@@ -19,27 +18,16 @@ def classifier_card(
 ) -> str:
     """Return the card of a classifier."""
     metrics, low, high = record["metrics"], *_bounds_mn(study)
-    network, dataset, eye = study.network, study.dataset, study.eye
+    network = study.network
     mirrored = ";\nhalf of the slices shown with left and right exchanged" if network.mirror else ""
     sizes = (study.slice.rows * study.slice.columns, *network.hidden, len(study.classes.bounds_n) + 1)
     walls = {
         f"wall of {from_si(group.thickness_m, 'um'):g} µm": f"{group.images} images, "
         f"0 to {from_si(group.max_force_n, 'mn'):g} mN"
-        for group in dataset.group
+        for group in study.dataset.group
     }
-    ranges = {
-        "Young's modulus": f"{from_si(eye.youngs_modulus_pa, 'mpa'):.4g} MPa",
-        "Poisson's ratio": f"{eye.poisson_ratio:g}",
-        "intraocular pressure": f"{eye.iop_pa:.0f} Pa",
-        "outer radius": f"{from_si(eye.radius_m, 'mm'):g} mm",
-        **walls,
-        "polar angle of the contact": _spread(study.needle.polar_angle_rad, "deg"),
-        "gap between B-scan and needle axis": _spread(dataset.gap_m or Choice((study.needle.gap_m,)), "mm"),
-        "shift of the window, lateral": _spread(dataset.framing_lateral_m, "mm"),
-        "shift of the window, in depth": _spread(dataset.framing_depth_m, "mm"),
-        "tilt of the B-scan": _spread(dataset.tilt_rad, "deg"),
-        "direction of the B-scan": _spread(dataset.direction_rad, "deg"),
-    }
+    ranges = {**_ranges(study.eye), **_ranges(study.needle), **_ranges(study.dataset)}
+    ranges.pop("`thickness_um`")  # of the groups' walls
     least, most = metrics["validation_interval"]
     return _card(
         "Force class of a needle on the sclera, from one OCT slice",
@@ -50,8 +38,9 @@ classes:
             "What it learned from": f"""{samples[0]} simulated slices; {samples[1]} more, of contacts that it never \
 saw, to validate. All are computed: a linear
 elastic half-sphere, no real eye. Data set SHA-256 `{record["provenance"]["dataset_sha256"]}`.
+{RANGES}
 
-{_table(ranges)}""",
+{_table({**walls, **ranges})}""",
             "Network": f"""{"-".join(map(str, sizes))}, ReLU, dropout {network.dropout:g} (fraction dropped), softmax; \
 {network.epochs} epochs of
 gradient descent on the cross-entropy, seed {network.seed}{mirrored}.""",
@@ -74,36 +63,6 @@ def reader_card(study: Study, record: Mapping[str, Any]) -> str:
     reader, metrics, samples, errors = study.reader, record["metrics"], record["samples"], record["library"]
     low, high = _bounds_mn(study)
     least, most = metrics["validation_interval"]
-    ranges = {
-        "Young's modulus": f"{_spread(reader.youngs_modulus_pa, 'mpa')}; stated with a standard deviation "
-        f"of {_spread(reader.modulus_sd_fraction, 'percent')}",
-        "Poisson's ratio": f"{study.eye.poisson_ratio:g}",
-        "intraocular pressure": _spread(reader.iop_pa, "mmhg"),
-        "wall thickness": _spread(reader.thickness_m, "um"),
-        "outer radius": _spread(reader.size, "mm", study.eye.radius_m),
-        "globe": f"stated as open {reader.globe_open_fraction:.0%}, not stated {reader.globe_missing_fraction:.0%}, "
-        f"the rest sealed; a rigidity of up to {from_si(UNKNOWN.highest, 'mmhg13_per_ul'):g} mmHg^(1/3)/µl, of "
-        f"{reader.rigidity_missing_fraction:.0%} of the sealed ones not stated",
-        "gap between B-scan and needle axis": _spread(reader.gap_m, "mm"),
-        "force": f"0 to {from_si(reader.max_force_n, 'mn'):g} mN, even; {reader.small_force_share:.0%} within 0 to "
-        f"{from_si(reader.small_force_n, 'mn'):g} mN",
-        "contact, from the slice's middle": _spread(reader.lateral_m, "mm"),
-        "contact, below the upper edge": _spread(reader.surface_depth_m, "mm"),
-        "tilt of the B-scan": _spread(reader.tilt_rad, "deg"),
-        "rotation in the B-scan": _spread(reader.rotation_rad, "deg"),
-        "contact, from the eye's pole": f"{_spread(reader.polar_angle_rad, 'deg')}, the B-scan in any direction",
-        "no even spheres at rest (ellipsoids, a cornea in view, walls that grow thicker)": f"{reader.uneven_share:.0%} "
-        "of the samples",
-        "size 1, no tilt, no rotation": f"{reader.plain_share:.0%} of the samples",
-        "errors of the boundaries": f"{reader.boundary_errors:g} times the segmentation's on rendered frames",
-        "stated values are missing": f"modulus {reader.modulus_missing_fraction:.0%}, "
-        f"IOP {reader.iop_missing_fraction:.0%}, thickness {reader.thickness_missing_fraction:.0%}, "
-        f"gap {reader.gap_missing_fraction:.0%}, polar angle {reader.polar_missing_fraction:.0%}, "
-        f"direction of the B-scan {reader.direction_missing_fraction:.0%}",
-        "stated values are off by (sd)": f"IOP {reader.iop_noise_fraction:.0%}, "
-        f"thickness {reader.thickness_noise_fraction:.0%}, gap {reader.gap_noise_fraction:.0%}, "
-        f"polar angle and direction {from_si(reader.pole_noise_rad, 'deg'):g}°",
-    }
     intervals = record.get("intervals")
     measured = (
         "Its intervals are as its methods say: they were not measured on whole eyes."
@@ -125,8 +84,9 @@ reduced basis: their points are off by at most {from_si(errors["curves_m"], "um"
 finite strain (compressible neo-Hookean sphere, axisymmetric about the needle, moved with the base beside it): \
 no real eye. Library SHA-256
 `{record["provenance"]["library_sha256"]}`.
+{RANGES}
 
-{_table(ranges)}""",
+{_table(_ranges(reader))}""",
             "What it reaches": f"""On validation samples with all of the above, missing values included: mean force \
 error {metrics["mae_mn"]:.2f} mN,
 {metrics["coverage"]:.1%} of the 90 % intervals hold the force, {metrics["validation_accuracy"]:.2%} of classes right
@@ -152,13 +112,6 @@ def raw_reader_card(study: Study, record: Mapping[str, Any]) -> str:
         if intervals is None
         else f"Its intervals were stretched to hold on {intervals['eyes']} {intervals['source']}, calibrated before."
     )
-    ranges = {
-        "eyes, and what is stated of them": "`[reader]` in `study.toml`, gaps from 0",
-        "scanner": f"`[phantom]` and `[oct]`; {_spread(raw.snr_loss_db)} dB less signal, speckle "
-        f"{_spread(raw.speckle_factor)} times as large",
-        "conjunctiva": f"{raw.conjunctiva_share:.0%} of the frames, {_spread(raw.conjunctiva_thickness_m, 'um')}",
-        "needle in the picture": f"{raw.needle_share:.0%} of the frames, {_spread(raw.needle_diameter_m, 'um')}",
-    }
     return _card(
         "Force of a needle on the sclera, from a raw B-scan",
         f"""Sees {from_si(raw.rows * raw.row_m, "mm"):g} x {from_si(raw.columns * raw.column_m, "mm"):g} mm of a raw \
@@ -170,8 +123,10 @@ as the slice reader does. No boundary is decided on the way. It has no library a
             "What it learned from": f"""{samples["slices"]} computed slices, then {samples["training"]} drawn raw \
 frames of other computed walls, each seen once; {samples["validation"]} more to validate. No real
 eye and no real scan is among them. Library SHA-256 `{record["provenance"]["library_sha256"]}`.
+The eyes, and their stated values, are `[reader]` in `study.toml`, with gaps from 0; the scanner is `[phantom]` and
+`[oct]`, changed by `[raw_reader]`. {RANGES}
 
-{_table(ranges)}""",
+{_table(_ranges(raw))}""",
             "What it reaches": f"""On drawn frames of all that: mean force error {metrics["mae_mn"]:.2f} mN, \
 {metrics["coverage"]:.1%} of the 90 % intervals hold, {metrics["validation_accuracy"]:.2%} of the classes
 are right, contact {metrics["lateral_mae_mm"]:.2f} mm off in the mean. `scleraforce evaluate` measures it on \
@@ -201,12 +156,14 @@ def finder_card(study: Study, record: Mapping[str, Any]) -> str:
         f"""Sees a frame reduced to {finder.rows} x {finder.columns} pixels, without its scale, and answers for every \
 second column
 with the rows of the wall's upper and lower boundary as distributions, and with the probability that there is wall.
-`scleraforce segment` refines its wall on the full frame and checks it against the other way to find it.""",
+`scleraforce segment` refines its wall on the full frame and checks it against the wall of the other method.""",
         {
             "What it learned from": f"""{scenes["training"]} drawn scenes, each seen once, and {scenes["validation"]} \
 others to validate. No real scan is among them. `[scenes]` in `study.toml`
-has the range of everything that is drawn: frames of {_spread(study.scenes.window.width_m, "mm")}, cornea, limbus and
-sclera or half-spheres, dents, what lies over and below the wall, and the scanner.""",
+has the range of everything that is drawn: cornea, limbus and sclera or half-spheres, dents, what lies over and below
+the wall, and the scanner. {RANGES}
+
+{_table(_ranges(study.scenes.window))}""",
             "What it reaches on drawn scenes": _table(reached),
             "What it must not be used for": f"""- Not for patients: a research tool, validated on drawings, and on \
 real scans by eye only.
@@ -243,13 +200,17 @@ def _bounds_mn(study: Study) -> tuple[float, ...]:
     return tuple(from_si(bound, "mn") for bound in study.classes.bounds_n)
 
 
-def _spread(values: Sampled, unit: HumanUnit | None = None, times: float = 1.0) -> str:
-    """Return a range or a choice with its unit."""
-    several = values.values if isinstance(values, Choice) else values.bounds
-    shown = [f"{times * value if unit is None else from_si(times * value, unit):.4g}" for value in several]
-    if isinstance(values, Choice) or shown[0] == shown[-1]:
-        return ", ".join(dict.fromkeys(shown)) + PRINTED[unit]
-    return " to ".join(shown) + PRINTED[unit]
+def _ranges(section: Any) -> dict[str, str]:
+    """Return the values of a study's section, in its keys' units, by key; without sections within it."""
+    found = {}
+    for item in fields(section):
+        value = map_numbers(getattr(section, item.name), field_unit(item).from_si)
+        values = value.values if isinstance(value, Choice) else value if isinstance(value, tuple) else (value,)
+        if isinstance(value, Range):
+            found[f"`{field_key(item)}`"] = " to ".join(dict.fromkeys(f"{end:.6g}" for end in value.bounds))
+        elif all(isinstance(each, int | float) for each in values):
+            found[f"`{field_key(item)}`"] = ", ".join(f"{each:.6g}" for each in values)
+    return found
 
 
 def _percent(share: float) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
-from scleraforce.learning.descent import descend, onnx_bytes, repeatable, torch
+from scleraforce.learning.descent import onnx_bytes, torch, trained
 from scleraforce.processes import work_in_order
 from scleraforce.reader.kinds import INPUT, OUTPUT
 from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
@@ -283,17 +283,31 @@ def fit(
     seen, unseen = _batches(training, norm), _batches(validation, norm)
     if study.mirror:
         seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
-    rows, right = list[tuple[float, ...]](), list[float]()
+    rows = list[tuple[float, ...]]()
     batches = ceil(len(training) / study.batch_size)
-    with repeatable(study.seed, CLASSIFIER_THREADS):
-        network = build_network(int(norm.varies.sum()), study, classes)
-        optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
-        epochs = (_epoch(network, seen, study, batches, right) for _ in range(study.epochs))
-        for loss in descend(network, optimiser, epochs, study, study.epochs * batches, "network"):
-            rows.append((loss, sum(right[-batches:]) / len(training), *_measure(network, unseen)))
-            if progress:
-                progress(1)
-    return Fitted(trained_network(network, norm), Curves(*zip(*rows, strict=True)))
+
+    def epoch(network: torch.nn.Sequential, *_: object) -> Iterator[tuple[torch.Tensor, int]]:
+        """Go through all training samples once, in random order; note accuracy, and loss and accuracy of the others."""
+        network.train()
+        right = 0.0
+        for index in torch.tensor_split(torch.randperm(len(training)), batches):
+            loss, share = cross_entropy(network, *seen.draw(index), study.dropout_masks)
+            right += share * len(index)
+            yield loss, len(index)
+        rows.append((right / len(training), *_measure(network, unseen)))
+
+    fitted = trained(
+        lambda: build_network(int(norm.varies.sum()), study, classes),
+        epoch,
+        (number for number in range(study.epochs)),
+        study,
+        study.epochs * batches,
+        "network",
+        progress,
+        CLASSIFIER_THREADS,
+    )
+    curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
+    return Fitted(trained_network(fitted.network, norm), curves)
 
 
 def cross_entropy(
@@ -304,17 +318,6 @@ def cross_entropy(
     logits = network[2:](network[:2](inputs).repeat(dropout_masks, 1))  # dropout begins behind the first two modules
     right = (logits.argmax(1) == target).float().mean().item()
     return torch.nn.functional.cross_entropy(logits, target), right
-
-
-def _epoch(
-    network: torch.nn.Sequential, seen: _Batches, study: NetworkStudy, batches: int, right: list[float]
-) -> Iterator[tuple[torch.Tensor, int]]:
-    """Go through all training samples once, in random order; note how many of each batch were right."""
-    network.train()
-    for index in torch.tensor_split(torch.randperm(len(seen.target)), batches):
-        loss, share = cross_entropy(network, *seen.draw(index), study.dropout_masks)
-        right.append(share * len(index))
-        yield loss, len(index)
 
 
 @dataclass(frozen=True, kw_only=True)

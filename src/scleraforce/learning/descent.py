@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
@@ -70,10 +70,12 @@ Network = TypeVar("Network", bound=torch.nn.Module)
 
 
 def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
-    """Draw numbered samples in `workers` processes (or a cluster's), a few ahead; yield them in the order of `numbers`.
+    """Draw numbered samples in `workers` processes (or a cluster's), a few ahead; 0: here. Yield them in order.
 
     The processes end when the generator is closed.
     """
+    if not workers:
+        return (draw(number) for number in numbers)
     return work_in_order(partial(_itself, draw), numbers, workers, ahead=AHEAD * workers)
 
 
@@ -92,16 +94,8 @@ def descend(
 ) -> Iterator[float]:
     """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
 
-    Args:
-        network: to train.
-        optimiser: of its weights.
-        rounds: in each, mean losses of batches and their numbers of samples; each is computed lazily.
-        study: rate, warm-up and largest norm of the gradient.
-        steps: number of batches, for the rate.
-        section: of the study, for the message.
-
-    Raises:
-        SolverError: the descent diverged.
+    A round has mean losses of batches and their numbers of samples, computed lazily. `steps`: number of all batches;
+    `section`: of the study, for the message of a descent that diverges.
     """
     step = 0
     for batches in rounds:
@@ -122,7 +116,7 @@ def descend(
 
 @dataclass(frozen=True)
 class Fitted(Generic[Network]):
-    """A trained network, and its mean loss in even parts of the training, before these were learned from."""
+    """A trained network, and mean losses in parts of its training, each before it was learned from."""
 
     network: Network
     training_loss: tuple[float, ...]
@@ -131,41 +125,44 @@ class Fitted(Generic[Network]):
 def trained(
     build: Callable[[], Network],
     losses_of: Callable[[Network, int, Samples], Iterable[tuple[torch.Tensor, int]]],
-    drawn: Iterable[Samples],
-    study: ReaderStudy | WallFinderStudy | RawReaderStudy,
+    drawn: Generator[Samples, None, None],
+    study: Settings,
     steps: int,
     section: str,
-    *,
-    fused: bool | None = None,
     progress: Callable[[int], object] | None = None,
-) -> tuple[Network, list[float]]:
-    """Train a new network with AdamW on one thread; return it, in evaluation mode, and the mean loss of each draw.
+    threads: int = READER_THREADS,
+) -> Fitted[Network]:
+    """Train a new network; the losses are of each draw. The rest is as in `descend`.
 
-    Losses are taken before the samples are learned from. One thread: others draw, and more would sum in another order.
+    One thread suffices: others draw, and more would sum in another order.
 
     Args:
         build: makes the network.
-        losses_of: gives the mean losses of the batches in the samples of a draw, and their sizes.
-        drawn: the samples, in order.
+        losses_of: gives the mean losses of the batches in the samples of a draw, by its number, and their sizes.
+        drawn: the samples, in order; it is closed in the end.
         study: rate, warm-up, decay of the weights and seed.
         steps: number of batches.
         section: of the study, for the message.
-        fused: whether the optimiser's steps are fused.
         progress: called with 1 after each draw.
+        threads: of PyTorch.
     """
     losses: list[float] = []
-    with repeatable(study.seed, READER_THREADS):
+    with closing(drawn), repeatable(study.seed, threads):
         network = build()
-        optimiser = torch.optim.AdamW(
-            network.parameters(), study.learning_rate, weight_decay=study.weight_decay, fused=fused
-        )
         network.train()
         rounds = (losses_of(network, number, samples) for number, samples in enumerate(drawn))
-        for loss in descend(network, optimiser, rounds, study, steps, section):
+        for loss in descend(network, _optimiser(network, study), rounds, study, steps, section):
             losses.append(loss)
             if progress:
                 progress(1)
-    return network.eval(), losses
+    return Fitted(network.eval(), tuple(losses))
+
+
+def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimizer:
+    if isinstance(study, NetworkStudy):
+        return torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
+    fused = True if isinstance(study, ReaderStudy) else None
+    return torch.optim.AdamW(network.parameters(), study.learning_rate, weight_decay=study.weight_decay, fused=fused)
 
 
 def learning_rate(study: Settings, step: int, steps: int) -> float:

@@ -19,10 +19,10 @@ from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, wi
 from scleraforce.learning.dataset import plan_dataset
 from scleraforce.learning.descent import torch
 from scleraforce.learning.generate import SampleSimulator
-from scleraforce.learning.reader import descend_reader
+from scleraforce.learning.reader import fit_reader
 from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples, Source, draw_seen
 from scleraforce.learning.virtual_eyes import STREAM, calibrated, draw_eye, draw_frames, measuring, trait_factors
-from scleraforce.learning.wall_finder import VALIDATION_SCENES, descend_finder, scene_batch
+from scleraforce.learning.wall_finder import VALIDATION_SCENES, fit_wall_finder, scene_batch
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
@@ -85,7 +85,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
     few = replace(study, reader=replace(reader, epochs=1, samples_per_epoch=CHUNK))
-    fitted = descend_reader(few, [samples])
+    fitted = fit_reader(few, lambda _: samples, 0)
     network = fitted.network
     slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
     with torch.inference_mode():
@@ -170,17 +170,15 @@ def finder_fingerprint(study: Study) -> Fingerprint:
     few = replace(study.wall_finder, batch_size=4, batches=3)
     batches = [scene_batch(study.scenes, few, number) for number in range(few.batches)]
     unseen = scene_batch(study.scenes, few, 0, VALIDATION_SCENES)
-    frames, boundaries, judged = (  # copies: the descent mirrors
-        np.stack([getattr(batch, name) for batch in batches]) for name in ("frames", "boundaries", "judged")
-    )
-    fitted = descend_finder(few, batches)
+    fitted = fit_wall_finder(study.scenes, few, 0)
     with torch.inference_mode():
         inputs = fitted.network.inputs(torch.from_numpy(unseen.frames))
         rows, wall = fitted.network(torch.from_numpy(unseen.frames))
     return {
-        "frames": item(frames, PIXELS),
-        "boundaries": item(boundaries, PIXELS),
-        "judged": item(judged, PIXELS),
+        **{
+            name: item(np.stack([getattr(batch, name) for batch in batches]), PIXELS)
+            for name in ("frames", "boundaries", "judged")
+        },
         "network inputs": item(inputs, SINGLE),
         "training loss": item(fitted.training_loss, DESCENT),
         "trained rows": item(rows, DESCENT),

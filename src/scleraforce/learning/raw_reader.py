@@ -23,7 +23,6 @@ from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes,
 from scleraforce.learning.reader import (
     ReaderNetwork,
     ReadForces,
-    answers_of,
     compared,
     fit_reader,
     reader_loss,
@@ -283,19 +282,18 @@ def fit_raw_reader(
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
     slices = Source.of(library, on_slices.reader, study.slice)
-    reads_slices = fit_reader(on_slices, slices, workers, progress).network
+    reads_slices = fit_reader(on_slices, slices.chunk, workers, progress).network
     alone = raw.wall_share * raw.batches
-    with closing(_batches(RawSource.of(library, study), raw, workers)) as drawn:
-        network, losses = trained(
-            lambda: RawReaderNetwork(study, reads_slices),
-            lambda network, step, batch: [(_loss(network, batch, study, wall_alone=step < alone), 1)],
-            drawn,
-            raw,
-            raw.batches,
-            "raw_reader",
-            progress=learned,
-        )
-    return Fitted(network, curve(losses))
+    fitted = trained(
+        lambda: RawReaderNetwork(study, reads_slices),
+        lambda network, step, batch: [(_loss(network, batch, study, wall_alone=step < alone), 1)],
+        _batches(RawSource.of(library, study), raw, workers),
+        raw,
+        raw.batches,
+        "raw_reader",
+        learned,
+    )
+    return Fitted(fitted.network, curve(fitted.training_loss))
 
 
 def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:
@@ -328,10 +326,8 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
     parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
     with torch.inference_mode():
         read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]
-    mixtures, places_mm = (torch.cat(each) for each in zip(*read, strict=True))
     samples = concatenated(parts)
-    answers = answers_of(mixtures, places_mm, samples.modulus_pa, study.reader)
-    return compared(answers, samples.force_n, samples.lateral_m, study)
+    return compared(read, samples.modulus_pa, samples.force_n, samples.lateral_m, study)
 
 
 def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:

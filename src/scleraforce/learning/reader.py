@@ -7,9 +7,7 @@ The loss is the negative log-likelihood of the force, a proper score (Gneiting a
 rules", 2007), plus Huber's loss of the contact's place; AdamW descends on samples drawn afresh for every epoch.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import Any
 
@@ -25,7 +23,6 @@ from scleraforce.reader.networks import (
     GIVEN_INPUT,
     HISTOGRAM,
     SLICES,
-    ForceDistribution,
     force_distribution,
     ratio_edges,
 )
@@ -178,52 +175,30 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
     return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 
-@dataclass(frozen=True)
-class Answers:
-    """A network's answers on samples: the force's distribution, and the contact's place (sample,), m."""
-
-    forces: ForceDistribution
-    lateral_m: Floats
-
-
 def fit_reader(
-    study: Study, source: Source, workers: int, progress: Callable[[int], object] | None = None
+    study: Study,
+    draw: Callable[[int], ReaderSamples],
+    workers: int,
+    progress: Callable[[int], object] | None = None,
 ) -> Fitted[ReaderNetwork]:
-    """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
+    """Train a reader on chunks of samples (`Source.chunk`); no sample is seen twice. The losses are of each epoch.
 
-    `workers` processes draw samples from `source`; `progress` is called with 1 after each epoch.
+    The same study and library give the same weights on the same machine, whatever the number of processes that draw (0:
+    here) is. `progress` is called with 1 after each epoch.
     """
     reader = study.reader
-    chunks = range(reader.epochs * _chunks(reader))
-    with closing(drawn_ahead(source.chunk, chunks, workers)) as drawn:
-        return descend_reader(study, drawn, progress)
-
-
-def descend_reader(
-    study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
-) -> Fitted[ReaderNetwork]:
-    """Train a new network on the chunks of all epochs, in order; return it with the mean loss of each epoch's samples.
-
-    Losses are taken before the samples are learned from; no sample is seen twice.
-    """
-    reader, chunks = study.reader, _chunks(study.reader)
-    done = count(1)
-    network, losses = trained(
+    chunks, done = -(-reader.samples_per_epoch // CHUNK), count(1)
+    fitted = trained(
         lambda: ReaderNetwork(reader, study.slice, study.eye.radius_m),
         lambda network, _, samples: _losses(network, samples, reader),
-        drawn,
+        drawn_ahead(draw, range(reader.epochs * chunks), workers),
         reader,
         steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
         section="reader",
-        fused=True,
         progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
     )
-    return Fitted(network, tuple(np.reshape(losses, (reader.epochs, chunks)).mean(axis=1).tolist()))
-
-
-def _chunks(reader: ReaderStudy) -> int:
-    """Return the number of chunks in an epoch."""
-    return -(-reader.samples_per_epoch // CHUNK)
+    of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
+    return Fitted(fitted.network, tuple(of_epochs.tolist()))
 
 
 def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:
@@ -239,66 +214,56 @@ def measure_reader(network: ReaderNetwork, source: Source, study: Study) -> dict
     """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
     with repeatable(study.reader.seed, READER_THREADS):
         unseen = concatenated(validation_chunks(source.chunk, study.reader.validation_samples, CHUNK))
-        return measure(network, unseen, study)
+        return compared(answers(network, unseen), unseen.modulus_pa, unseen.force_n, unseen.lateral_m, study)
 
 
-def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> dict[str, Any]:
-    """Compare a network's answers with the truth (`compared`)."""
-    return compared(answer(network, samples, study.reader), samples.force_n, samples.lateral_m, study)
+def answers(network: ReaderNetwork, samples: ReaderSamples) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    """Return a network's outputs for parts of samples."""
+    network.eval()
+    slices, given = _tensors(samples)
+    with torch.inference_mode():
+        return [network(slices[part], given[part]) for part in torch.split(torch.arange(len(samples)), 512)]
 
 
-def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study) -> dict[str, Any]:
-    """Return `metrics` of `model.json` from answers, the true forces (sample,), N, and places of the contact, m.
+def compared(
+    outputs: Sequence[tuple[torch.Tensor, torch.Tensor]],
+    modulus_pa: Floats,
+    force_n: Floats,
+    lateral_m: Floats,
+    study: Study,
+) -> dict[str, Any]:
+    """Return `metrics` of `model.json` from a network's outputs for all parts of samples.
 
-    Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are the classes'; the mean error is
-    the median's, the coverage the 90 % intervals'.
+    The samples' given moduli, true forces and places of the contact are (sample,). Accuracy, its 95 % interval (Wilson)
+    and confusion (a row for each true class) are the classes'; the mean error is the median's, the coverage the 90 %
+    intervals'.
     """
-    median_n, (low_n, high_n) = answers.forces.median_n, answers.forces.interval_n.T
+    mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
+    probabilities = histogram(mixtures, study.reader.bins).double().numpy()
+    edges = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
+    forces = force_distribution(probabilities, edges, modulus_pa)
+    median_n, (low_n, high_n) = forces.median_n, forces.interval_n.T
     classify = study.classes.classify
     confusion = confusion_matrix(
         [classify(force) for force in force_n.tolist()],
         [classify(force) for force in median_n.tolist()],
         len(study.classes.bounds_n) + 1,
     )
-    share = accuracy(confusion)
+    share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - lateral_m
     return {
         "validation_accuracy": share.value,
         "validation_interval": share.interval,
         "validation_confusion": confusion.tolist(),
         "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
         "coverage": float(((force_n >= low_n) & (force_n <= high_n)).mean()),
-        "lateral_mae_mm": from_si(float(np.abs(answers.lateral_m - lateral_m).mean()), "mm"),
+        "lateral_mae_mm": from_si(float(np.abs(off_m).mean()), "mm"),
     }
-
-
-def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Answers:
-    """Return a network's answers."""
-    network.eval()
-    slices, given = _tensors(samples)
-    with torch.inference_mode():
-        parts = [network(slices[i], given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
-    mixtures, places_mm = (torch.cat(values) for values in zip(*parts, strict=True))
-    return answers_of(mixtures, places_mm, samples.modulus_pa, reader)
-
-
-def answers_of(mixtures: torch.Tensor, places_mm: torch.Tensor, modulus_pa: Floats, reader: ReaderStudy) -> Answers:
-    """Return a network's answers from its outputs and the moduli that it was given (sample,), Pa."""
-    edges = ratio_edges(reader.bins, reader.max_force_ratio)
-    probabilities = histogram(mixtures, reader.bins).double().numpy()
-    return Answers(force_distribution(probabilities, edges, modulus_pa), to_si(places_mm.double().numpy(), "mm"))
 
 
 def reader_loss(
     mixtures: torch.Tensor, places_mm: torch.Tensor, force: torch.Tensor, true_place_mm: torch.Tensor
 ) -> torch.Tensor:
-    """Return the mean loss.
-
-    Args:
-        mixtures: of the force (sample, 3 COMPONENTS).
-        places_mm: of the contact, as read (sample,).
-        force: true place of the force in the histogram, 0 to 1 (sample,).
-        true_place_mm: of the contact (sample,).
-    """
+    """Return the mean loss of mixtures and places, mm, given the true places of the forces and contacts."""
     place = torch.nn.functional.huber_loss(places_mm, true_place_mm, delta=PLACE_KNEE_MM)
     return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
 

@@ -120,7 +120,7 @@ def train_reader(
     stored = load_library(LIBRARY_FILE, content)
     marks = fingerprint.reader_fingerprint(study, stored)
     source = Source.of(library, own, study.slice)
-    fitted = reader.fit_reader(study, source, workers or _other_cores(), progress)
+    fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress)
     provenance = _library_provenance("reader", study, own.seed, content)
     graph = reader.reader_bytes(fitted.network, study.slice, provenance)
     samples = own.epochs * _whole_chunks(study)

@@ -7,8 +7,7 @@ cross-entropy of its row's distribution, plus the ranked probability score (Epst
 of a wrong row.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -141,26 +140,18 @@ def fit_wall_finder(
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
 
-    `workers` processes draw scenes; `progress` is called with 1 after each batch.
+    `workers` processes draw scenes (0: this one does); `progress` is called with 1 after each batch.
     """
-    with closing(drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers)) as drawn:
-        return descend_finder(study, drawn, progress)
-
-
-def descend_finder(
-    study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
-) -> Fitted[WallFinderNetwork]:
-    """Train a new network on batches of scenes, in order."""
-    network, losses = trained(
+    fitted = trained(
         lambda: WallFinderNetwork(study),
         lambda network, _, batch: [(_loss(network, batch, study), 1)],
-        drawn,
+        drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers),
         study,
         study.batches,
         "wall_finder",
-        progress=progress,
+        progress,
     )
-    return Fitted(network, curve(losses))
+    return Fitted(fitted.network, curve(fitted.training_loss))
 
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
@@ -183,12 +174,9 @@ def finder_loss(
 ) -> torch.Tensor:
     """Return the mean loss of a batch.
 
-    Args:
-        row_logits: of the boundaries' rows, (n, 2, row, column).
-        wall_logits: of there being wall, (n, column).
-        boundaries: true rows (n, 2, column), NaN without wall.
-        judged: False in columns that do not count, (n, column).
-        target_rows: standard deviation by which the true row is blurred.
+    `row_logits` (n, 2, row, column) of the boundaries' rows and `wall_logits` (n, column) of there being wall, in the
+    `judged` columns (n, column); `boundaries` are the true rows (n, 2, column), NaN without wall, blurred by a standard
+    deviation of `target_rows`.
     """
     there = torch.isfinite(boundaries).all(dim=1)
     wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), judged.float())
