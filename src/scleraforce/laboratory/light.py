@@ -70,15 +70,13 @@ class Conjunctiva:
     def thicknesses(self, lateral_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the thickness along the wall's normal at lateral places, m."""
         wave = np.cos(2.0 * np.pi * lateral_m / self.wave_length_m + self.phase_rad)
-        thicknesses: NDArray[np.float64] = self.thickness_m * (1.0 + self.wave_fraction * wave)
-        return thicknesses
+        return self.thickness_m * (1.0 + self.wave_fraction * wave)
 
     def surface(self, outer: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
         along = np.gradient(outer, axis=0)
         upward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
-        over: NDArray[np.float64] = outer + self.thicknesses(outer[:, 0])[:, None] * upward
-        return over
+        return outer + self.thicknesses(outer[:, 0])[:, None] * upward
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,8 +144,7 @@ class BscanOptics:
         else:
             level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
             counts = (level_db - np.float32(self.display_floor_db)) * np.float32(largest / self.display_range_db)
-        seen: Float = counts.clip(0.0, largest)
-        return seen
+        return counts.clip(0.0, largest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,16 +255,14 @@ def add_ridge(
 def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
     """Return independent complex circular Gaussian values of mean intensity 1."""
     pairs = rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32(sqrt(0.5))
-    values: Complex = pairs.view(np.complex64)[..., 0]
-    return values
+    return pairs.view(np.complex64)[..., 0]
 
 
 def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
     """Filter a field of independent scatterers with a Gaussian point spread function that keeps the mean intensity."""
     parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
     seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
-    values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
-    return values
+    return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
 def _kernel(sigma: float) -> NDArray[np.float64]:
@@ -290,8 +285,7 @@ def decibel(level_db: float) -> float:
 
 def ratios(levels_db: NDArray[np.float64] | float) -> NDArray[np.float64]:
     """Return ratios of intensities from levels in dB."""
-    ratio: NDArray[np.float64] = np.power(10.0, np.asarray(levels_db) / 10.0)
-    return ratio
+    return np.power(10.0, np.asarray(levels_db) / 10.0)
 
 
 NO_LIGHT_DB, TOP_DB, STEP_DB = -15.0, 60.0, 0.25  # levels over the mean noise; the lowest stands for none
@@ -323,8 +317,7 @@ class Displayed:
 
     def _place(self, level_db: Float) -> NDArray[np.int32]:
         nearest = ((level_db - np.float32(NO_LIGHT_DB)) * np.float32(1.0 / STEP_DB) + np.float32(0.5)).astype(np.int32)
-        place: NDArray[np.int32] = np.clip(nearest, 0, LEVELS - 1) + self._first
-        return place
+        return np.clip(nearest, 0, LEVELS - 1) + self._first
 
 
 @lru_cache(maxsize=1)
@@ -333,5 +326,4 @@ def _intensities() -> Float:
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0
     quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1
-    intensities: Float = ((1.0 + light)[:, None] * quantiles).astype(np.float32)
-    return intensities
+    return ((1.0 + light)[:, None] * quantiles).astype(np.float32)

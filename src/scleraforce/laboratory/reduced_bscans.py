@@ -109,15 +109,13 @@ def _surface(outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow
     bare = np.zeros(window.columns)
     layers = [each.conjunctiva for each in optics]
     over_m = np.stack([bare if layer is None else layer.thicknesses(window.laterals_m) for layer in layers])
-    surface: Floats = outer_m - over_m * np.hypot(1.0, slope)
-    return surface
+    return outer_m - over_m * np.hypot(1.0, slope)
 
 
 def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
     """Return the level of a wall's surface, dB over the noise (frame, column): in shadows it is lower."""
     shadows = np.stack([_decibel(transmission(each.shadows, window.laterals_m)) for each in optics])
-    level: Floats = _each(optics, "snr_db") + shadows
-    return level
+    return _each(optics, "snr_db") + shadows
 
 
 def _layers(
@@ -247,5 +245,4 @@ def _each(optics: Sequence[BscanOptics], name: str) -> Floats:
 
 def _decibel(share: Floats) -> Float:
     """Return a ratio of intensities in dB, at least that of `DARKEST`."""
-    level: Float = (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)
-    return level
+    return (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)

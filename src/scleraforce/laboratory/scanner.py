@@ -18,6 +18,7 @@ from scleraforce.laboratory.scanner_display import (
     DisplayKind,
     Estimate,
     ImagedEye,
+    Measured,
     Unmeasured,
     display_kind,
     display_of_speckle,
@@ -25,8 +26,6 @@ from scleraforce.laboratory.scanner_display import (
     spread_slope,
 )
 from scleraforce.laboratory.scanner_light import (
-    SeenLine,
-    SeenShadow,
     SurfaceLight,
     WallLight,
     find_lines,
@@ -40,9 +39,10 @@ from scleraforce.laboratory.scanner_light import (
 )
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
-from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Study, format_study
+from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Sampled, Study, format_study
 from scleraforce.study.fields import field_key, field_unit
 
+FIELDS = {item.name: item for item in fields(PhantomStudy)}
 MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
 QUANTILES = (0.05, 0.95)
 MOST_COUNTS = 100  # entries of a list of counts
@@ -67,9 +67,9 @@ class MeasuredFrame:
 
     eye: ImagedEye
     display: Display
-    values: Mapping[str, Estimate | Unmeasured]
-    shadows: tuple[SeenShadow, ...]
-    lines: tuple[SeenLine, ...]
+    values: Mapping[str, Measured]
+    shadows: tuple[Shadow, ...]
+    lines: tuple[Line, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +100,9 @@ class MeasuredScanner:
 
     def phantom(self) -> PhantomStudy:
         """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
-        measured: dict[str, Choice | Range] = {}
-        for name in MEASURED:
-            found = self.ranges[name]
-            if isinstance(found, MeasuredRange):
-                measured[name] = _sampled(name, found)
+        measured: dict[str, Sampled] = {
+            name: _sampled(name, found) for name in MEASURED if isinstance(found := self.ranges[name], MeasuredRange)
+        }
         for name, counts in self.counts.items():
             chosen = sorted(counts)
             if len(chosen) > MOST_COUNTS:
@@ -141,7 +139,7 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     return MeasuredScanner(kind, ranges, counts, frames)
 
 
-def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) -> tuple[MeasuredFrame, SurfaceLight]:
+def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, SurfaceLight]:
     """Measure one frame, except its reflection, which is fitted to all frames together."""
     display = fit_display(eye, kind)
     tissue = light_in_wall(eye, display)
@@ -151,20 +149,20 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) ->
         tissue = light_in_wall(eye, display)
     axial, lateral = resolutions(eye, display, tissue)
     level, attenuation, thickness = layer_below(eye, display, tissue)
-    values: dict[str, Estimate | Unmeasured] = {
+    values: dict[str, Measured] = {
         "snr_db": tissue.snr_db,
         "axial_resolution_m": axial,
         "lateral_resolution_m": lateral,
         "display_floor_db": display.floor_db,
         "display_range_db": display.range_db,
-        "band_m": Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m, error=0.0),
+        "band_m": Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m),
         "attenuation_per_m": tissue.attenuation_per_m,
         "choroid_level_db": level,
         "choroid_attenuation_per_m": attenuation,
         "choroid_thickness_m": thickness,
         "roll_off_db_per_m": roll_off(eye, tissue),
-        "noise_looks": Estimate(value=display.looks, error=0.0),
-        "noise_misfit_db": Estimate(value=display.misfit_db, error=0.0),
+        "noise_looks": Estimate(value=display.looks),
+        "noise_misfit_db": Estimate(value=display.misfit_db),
         "speckle_skew": skew,
         "spread_slope": slope,
     }
@@ -172,7 +170,7 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) ->
     return frame, surface_light(eye, display, tissue, axial)
 
 
-def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimate | Unmeasured]:
+def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Measured]:
     """Return the spread of the wall's speckle over that of one look on the noise's scale, and its skew.
 
     The spread is 1 without averaging or if unknown, larger if the noise is averaged or the display is not logarithmic.
@@ -184,10 +182,10 @@ def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimat
         return 1.0, Unmeasured("too little of the wall lies within the display")
     first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
     skew = (first + last - 2.0 * middle) / (last - first)
-    return float((high - low) / QUARTILES_DB), Estimate(value=float(skew), error=0.0)
+    return float((high - low) / QUARTILES_DB), Estimate(value=float(skew))
 
 
-def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured:
+def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
     """Return the range of a value over frames; for one frame, its standard error to both sides."""
     known = [each for each in found if isinstance(each, Estimate)]
     if not known:
@@ -204,23 +202,20 @@ def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured
 
 
 def _of_things(
-    things: Sequence[SeenShadow | SeenLine], names: tuple[str, ...], prefix: str, reason: str
+    things: Sequence[Shadow | Line], names: tuple[str, ...], prefix: str, reason: str
 ) -> dict[str, MeasuredRange | Unmeasured]:
     """Return the ranges of the values of shadows or lines, over all of them."""
     return {
-        prefix + name: _range(
-            [Estimate(value=float(getattr(thing, name)), error=0.0) for thing in things] or [Unmeasured(reason)]
-        )
+        prefix + name: _range([Estimate(value=getattr(thing, name)) for thing in things] or [Unmeasured(reason)])
         for name in names
     }
 
 
 def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRange | Unmeasured:
     """Return a range within the bounds of the study's key; one that lies outside is unmeasured."""
-    items = {item.name: item for item in fields(PhantomStudy)}
-    if isinstance(found, Unmeasured) or name not in items:
+    if isinstance(found, Unmeasured) or name in NOT_DRAWN:
         return found
-    unit = field_unit(items[name])
+    unit = field_unit(FIELDS[name])
     low, high = (None if end is None else unit.to_si(end) for end in (unit.low, unit.high))
     if (low is not None and found.median < low) or (high is not None and found.median > high):
         return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of a study's range")
@@ -228,9 +223,9 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     return replace(found, low=float(ends[0]), high=float(ends[1]))
 
 
-def _sampled(name: str, found: MeasuredRange) -> Choice | Range:
+def _sampled(name: str, found: MeasuredRange) -> Sampled:
     """Return a range as a study has it, to four digits in the key's unit."""
-    unit = field_unit({item.name: item for item in fields(PhantomStudy)}[name])
+    unit = field_unit(FIELDS[name])
     low, high = (unit.to_si(float(f"{unit.from_si(end):.4g}")) for end in (found.low, found.high))
     return Choice((low,)) if low == high else Range(min=low, max=high)
 
@@ -256,7 +251,7 @@ def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Gene
     """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
     eye = frame.eye
     scanner = oct_of(eye)
-    optics = _optics(frame, sample_optics(phantom, scanner, rng), scanner)
+    optics = _optics(frame, sample_optics(phantom, scanner, rng))
     drawn = render_bscan(_section(eye, scanner), scanner, optics, rng).frame
     return drawn.astype(np.uint8) if eye.pixels.dtype == np.uint8 else drawn
 
@@ -271,24 +266,12 @@ def histogram_overlap(one: NDArray[np.generic], other: NDArray[np.generic], top:
     return float(np.minimum(first, second).sum())
 
 
-def _optics(frame: MeasuredFrame, drawn: BscanOptics, scanner: OctStudy) -> BscanOptics:
+def _optics(frame: MeasuredFrame, drawn: BscanOptics) -> BscanOptics:
     known = {item.name for item in fields(BscanOptics)}
     measured = {
         name: found.value for name, found in frame.values.items() if isinstance(found, Estimate) and name in known
     }
-    lateral_m = scanner.width_m / scanner.columns
-    shadows = tuple(
-        Shadow(
-            centre_m=(shadow.column + 0.5) * lateral_m - scanner.width_m / 2,
-            width_m=shadow.width_m,
-            loss_fraction=shadow.loss_fraction,
-        )
-        for shadow in frame.shadows
-    )
-    lines = tuple(
-        Line(depth_m=line.depth_m, level_db=line.level_db, thickness_m=line.thickness_m) for line in frame.lines
-    )
-    return replace(drawn, **measured, shadows=shadows, lines=lines, covers=())  # type: ignore[arg-type]  # floats
+    return replace(drawn, **measured, shadows=frame.shadows, lines=frame.lines, covers=())  # type: ignore[arg-type]  # floats
 
 
 def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
@@ -316,7 +299,7 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
     """Return the text of the study file, with the frames' names, the date and the version of scleraforce."""
     study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom())
     sections = _sections(format_study(study))
-    keys = {item.name: field_key(item) for item in fields(PhantomStudy)}
+    keys = {name: field_key(item) for name, item in FIELDS.items()}
     listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
     if len(names) > MOST_NAMES:
         listed.append(f"#   and {len(names) - MOST_NAMES} more")

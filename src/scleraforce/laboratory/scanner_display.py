@@ -30,8 +30,12 @@ class Estimate:
     """A value in SI and its standard error; `at_most`: it is an upper bound."""
 
     value: float
-    error: float
+    error: float = 0.0
     at_most: bool = False
+
+    def times(self, factor: float) -> "Estimate":
+        """Return the estimate in another unit."""
+        return replace(self, value=self.value * factor, error=self.error * factor)
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,15 @@ class Unmeasured:
 
     reason: str
 
+    def times(self, _: float) -> "Unmeasured":
+        """Return the reason."""
+        return self
 
-def fitted(value: float, error: float, most: float, reason: str) -> Estimate | Unmeasured:
+
+Measured = Estimate | Unmeasured
+
+
+def fitted(value: float, error: float, most: float, reason: str) -> Measured:
     """Return a fit's value if its standard error is small enough, else the reason."""
     if isfinite(value) and isfinite(error) and error <= most:
         return Estimate(value=float(value), error=float(error))
@@ -50,8 +61,7 @@ def fitted(value: float, error: float, most: float, reason: str) -> Estimate | U
 
 def level_db(intensity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return intensities in dB."""
-    levels: NDArray[np.float64] = 10.0 * np.log10(np.maximum(intensity, 1e-12))
-    return levels
+    return 10.0 * np.log10(np.maximum(intensity, 1e-12))
 
 
 Trace = NDArray[np.float64]
@@ -101,8 +111,7 @@ class ImagedEye:
     @cached_property
     def walled(self) -> NDArray[np.bool_]:
         """The columns that show the wall, (column,)."""
-        there: NDArray[np.bool_] = np.isfinite(self.wall.outer_row) & np.isfinite(self.wall.inner_row)
-        return there
+        return np.isfinite(self.wall.outer_row) & np.isfinite(self.wall.inner_row)
 
     @cached_property
     def surface_row(self) -> Trace:
@@ -120,14 +129,12 @@ class ImagedEye:
     def slope_rad(self) -> Trace:
         """Angle between the surface and the frame's rows, (column,)."""
         ratio = self.scale.depth_m / self.scale.lateral_m
-        slope: Trace = np.abs(np.arctan(np.gradient(self.surface_row) * ratio))
-        return slope
+        return np.abs(np.arctan(np.gradient(self.surface_row) * ratio))
 
     @cached_property
     def below_surface_rows(self) -> Trace:
         """Rows of each pixel below the surface, (row, column)."""
-        rows: Trace = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
-        return rows
+        return np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
@@ -142,8 +149,7 @@ class ImagedEye:
     @cached_property
     def below_inner_rows(self) -> Trace:
         """Rows of each pixel below the inner boundary, (row, column)."""
-        rows: Trace = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.wall.inner_row
-        return rows
+        return np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.wall.inner_row
 
 
 BLOCK_M = (100e-6, 3e-3)  # of the wall, along the depth and across it: light hardly changes, speckle does often
@@ -182,7 +188,7 @@ DISPLAY_KINDS: Mapping[str, DisplayKind] = {
 MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
 
 
-def spread_slope(eye: ImagedEye) -> Estimate | Unmeasured:
+def spread_slope(eye: ImagedEye) -> Measured:
     """Return the growth of the speckle's interquartile range, in counts, for each count of its median.
 
     For one look it is 0 on a logarithmic display, 0.77 on one of roots, 1.58 on a linear one.
@@ -195,7 +201,7 @@ def spread_slope(eye: ImagedEye) -> Estimate | Unmeasured:
     return fitted(slope, (most - least) / 2.0, MOST_ERROR, "the wall's light is too even to tell the display's scale")
 
 
-def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
+def display_kind(slopes: Sequence[Measured]) -> DisplayKind:
     """Return the kind of the display of frames with these slopes; logarithmic if no slope was measured."""
     known = [slope.value for slope in slopes if isinstance(slope, Estimate)]
     if not known:
@@ -206,8 +212,7 @@ def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
 
 def dithered(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return whole counts spread evenly over half a count to each side, so that their quantiles have no steps."""
-    spread: NDArray[np.float64] = counts + (np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32)
-    return spread
+    return counts + (np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32)
 
 
 def _blocks(eye: ImagedEye) -> list[NDArray[np.float64]]:

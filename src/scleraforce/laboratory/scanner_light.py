@@ -14,12 +14,13 @@ from scipy.special import ndtr, spence
 from scipy.stats import ncx2, theilslopes
 
 from scleraforce.errors import FrameError
-from scleraforce.laboratory.light import amplitude_sigma
+from scleraforce.laboratory.light import Line, Shadow, amplitude_sigma
 from scleraforce.laboratory.scanner_display import (
     MEDIAN_DB,
     Display,
     Estimate,
     ImagedEye,
+    Measured,
     Trace,
     Unmeasured,
     fitted,
@@ -41,11 +42,10 @@ MOST_ROLL_OFF_ERROR = 2e3  # dB/m
 
 @dataclass(frozen=True, eq=False)
 class WallLight:
-    """Light in the wall of a frame.
+    """Light in the wall of a frame: `levels` (row, column) in dB over the mean noise, `inside` the wall.
 
-    `levels` (row, column): the frame in dB over the mean noise; `inside`: its pixels in the wall, away from the
-    boundaries. `expected` (row, column): mean intensity of the wall over the noise, without the columns' own light.
-    `column_db` (column,): light of a column against the typical one, NaN without a wall; `clear`: unshaded columns.
+    `expected` (row, column): mean intensity of the wall over the noise, without the columns' own light. `column_db`
+    (column,): light of a column against the typical one, NaN without a wall; `clear`: unshaded columns.
     """
 
     levels: NDArray[np.float64]
@@ -54,13 +54,12 @@ class WallLight:
     column_db: Trace
     clear: NDArray[np.bool_]
     snr_db: Estimate
-    attenuation_per_m: Estimate | Unmeasured
+    attenuation_per_m: Measured
 
     @property
     def expected_db(self) -> NDArray[np.float64]:
         """Mean level of the wall and the noise over the noise, (row, column)."""
-        levels: NDArray[np.float64] = 10.0 * np.log10(self.expected + 1.0) + np.nan_to_num(self.column_db)
-        return levels
+        return 10.0 * np.log10(self.expected + 1.0) + np.nan_to_num(self.column_db)
 
 
 def _fitted_curve(
@@ -74,9 +73,7 @@ def _fitted_curve(
     return value, np.sqrt(np.diag(covariance))
 
 
-def depth_profile(
-    levels: NDArray[np.float64], depth_m: NDArray[np.float64], chosen: NDArray[np.bool_], bin_m: float
-) -> tuple[Trace, Trace, Trace]:
+def depth_profile(levels: Trace, depth_m: Trace, chosen: NDArray[np.bool_], bin_m: float) -> tuple[Trace, Trace, Trace]:
     """Return each bin's mean depth, its mean level in dB (from the median), and its number of pixels."""
     number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
     order = np.argsort(number, kind="stable")
@@ -104,23 +101,15 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
         least = max(SHADED_DB, SHADED_SDS * robust_spread(np.abs(dips[np.isfinite(dips)])))
         clear = np.nan_to_num(dips, nan=-np.inf) > -least
     snr = Estimate(value=float(value[0]), error=float(error[0]))
-    attenuation = fitted(
-        value[1],
-        error[1],
-        max(MOST_ATTENUATION_SHARE * abs(value[1]), 100.0),
-        "the light does not fall evenly with depth in the wall",
-    )
+    most = max(MOST_ATTENUATION_SHARE * abs(value[1]), 100.0)
+    attenuation = fitted(value[1], error[1], most, "the light does not fall evenly with depth in the wall")
     if isinstance(attenuation, Estimate) and attenuation.value <= 0.0:
         attenuation = Unmeasured("the wall grows brighter with depth")
     return WallLight(levels, inside, expected, column_db, clear, snr, attenuation)
 
 
 def _fit_light(
-    eye: ImagedEye,
-    levels: NDArray[np.float64],
-    depth_m: NDArray[np.float64],
-    chosen: NDArray[np.bool_],
-    display: Display,
+    eye: ImagedEye, levels: Trace, depth_m: Trace, chosen: NDArray[np.bool_], display: Display
 ) -> tuple[Trace, Trace]:
     """Return level at the surface, dB, and attenuation, 1/m, with their standard errors."""
     at_m, found_db, count = depth_profile(levels, depth_m, chosen, max(BIN_M, eye.row_m))
@@ -164,7 +153,7 @@ def _dips(eye: ImagedEye, column_db: Trace) -> Trace:
     return dips
 
 
-def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
+def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
     """Return the fall of the light of the wall's columns with the depth of their surface in the frame, dB/m.
 
     It mixes the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame cannot separate
@@ -176,10 +165,8 @@ def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
         return Unmeasured("the surface lies at one depth of the frame")
     step = max(1, len(depth_m) // 400)  # of neighbours that are alike
     slope, _, low, high = theilslopes(tissue.column_db[used][::step], depth_m[::step], 0.68)
-    return fitted(-slope, (high - low) / 2 * 2.0, MOST_ROLL_OFF_ERROR, "the columns' light does not follow their depth")
+    return fitted(-slope, high - low, MOST_ROLL_OFF_ERROR, "the columns' light does not follow their depth")
 
-
-LayerBelow = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
 
 LAYER_BIN_M = 8e-6
 ABOVE_M, BELOW_M = 60e-6, 700e-6  # of the inner boundary: what is fitted
@@ -192,25 +179,21 @@ BLURRED = "the layer below the wall is uneven or too dark"
 NO_END = "the layer below the wall fades into the noise before it ends"
 
 
-def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBelow:
+def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Measured, Measured, Measured]:
     """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
     columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
-    if (
-        not eye.inner_found
-        or np.count_nonzero(columns) < LAYER_COLUMNS
-        or isinstance(tissue.attenuation_per_m, Unmeasured)
-    ):
-        reason = Unmeasured(BLURRED if eye.inner_found else NO_INNER)
-        return reason, reason, reason
+    attenuation = tissue.attenuation_per_m
+    few = np.count_nonzero(columns) < LAYER_COLUMNS
+    if not eye.inner_found or few or isinstance(attenuation, Unmeasured):
+        return (Unmeasured(BLURRED if eye.inner_found else NO_INNER),) * 3
     depth_m = eye.below_inner_rows * eye.row_m
     chosen = (depth_m > -ABOVE_M) & (depth_m < BELOW_M) & columns & (eye.below_surface_rows > eye.edge_rows)
     at_m, found_db, count = depth_profile(tissue.levels, depth_m, chosen, max(LAYER_BIN_M, eye.row_m))
     seen = (count >= LAYER_IN_BIN) & (found_db < display.highest_db - LEAST_SEEN_DB)
     if np.count_nonzero(seen) < LAYER_BINS:
-        reason = Unmeasured("too little is seen below the wall")
-        return reason, reason, reason
+        return (Unmeasured("too little is seen below the wall"),) * 3
     wall_m = np.nanmedian((eye.wall.inner_row - eye.surface_row)[columns]) * eye.row_m
-    mu = tissue.attenuation_per_m.value
+    mu = attenuation.value
     at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
 
     def model(below_m: Trace, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Trace:
@@ -226,12 +209,11 @@ def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBel
         bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
     )  # fmt: skip
     if found is None:
-        reason = Unmeasured(BLURRED)
-        return reason, reason, reason
+        return (Unmeasured(BLURRED),) * 3
     value, error = found
     level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
     if isinstance(level, Unmeasured):
-        return level, level, level
+        return (level,) * 3
     end_db = at_inner_db + value[0] - 20.0 / np.log(10.0) * value[1] * value[2]
     thickness = fitted(value[2], error[2], MOST_SHARE * value[2], NO_END)
     if level_db(np.array(10.0 ** (end_db / 10.0) + 1.0)) < LEAST_SEEN_DB or value[2] > 0.9 * (BELOW_M - 50e-6):
@@ -245,35 +227,21 @@ MOST_LOSS_ERROR = 0.15
 SHADOW_COLUMNS = 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenShadow:
-    """A shadow: the column of its middle, its full width at half loss, m, and the share of the light that it takes."""
-
-    column: float
-    width_m: float
-    loss_fraction: float
-
-
-def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
-    """Return the shadows on a frame's wall."""
+def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[Shadow, ...]:
+    """Return the shadows on a frame's wall, from left to right; none is within a wider one, which speckle cuts."""
     light_db = _dips(eye, tissue.column_db)
     known = np.isfinite(light_db)
     deviation = robust_spread(np.abs(light_db[known]))
     dark, _ = label(np.nan_to_num(light_db) < -max(SHADOW_DB, SHADOW_SDS * deviation))
     found = [_fitted_shadow(eye, light_db, place[0]) for place in find_objects(dark)]
-    return _distinct([shadow for shadow in found if shadow is not None], eye.scale.lateral_m)
-
-
-def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, ...]:
-    """Return the shadows that lie in no wider one: speckle cuts parts off."""
-    kept: list[SeenShadow] = []
-    for shadow in sorted(shadows, key=lambda each: -each.width_m):
-        if all(abs(shadow.column - other.column) * lateral_m > other.width_m / 2 for other in kept):
+    kept: list[Shadow] = []
+    for shadow in sorted((each for each in found if each is not None), key=lambda each: -each.width_m):
+        if all(abs(shadow.centre_m - other.centre_m) > other.width_m / 2 for other in kept):
             kept.append(shadow)
-    return tuple(sorted(kept, key=lambda each: each.column))
+    return tuple(sorted(kept, key=lambda each: each.centre_m))
 
 
-def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow | None:
+def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> Shadow | None:
     """Return the shadow about a run of dark columns; None: no fit."""
     columns = place.stop - place.start
     if columns < SHADOW_COLUMNS:
@@ -287,10 +255,10 @@ def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow 
     found = _fitted_curve(_light, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
-    value, _ = found
-    return SeenShadow(
-        column=float(value[0]), width_m=float(value[1] * eye.scale.lateral_m), loss_fraction=float(value[2])
-    )
+    column, width, loss, _ = map(float, found[0])
+    lateral_m = eye.scale.lateral_m
+    centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
+    return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
 
 
 def _light(column: Trace, middle: float, width: float, loss: float, base: float) -> Trace:
@@ -306,9 +274,7 @@ NARROW, WIDE = 0.2, 40.0  # standard deviations of the amplitude, pixels
 SURE = 2.0  # standard errors over which a correlation is one
 
 
-def resolutions(
-    eye: ImagedEye, display: Display, tissue: WallLight
-) -> tuple[Estimate | Unmeasured, Estimate | Unmeasured]:
+def resolutions(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Measured, Measured]:
     """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
     expected_db = tissue.expected_db
     chosen = (
@@ -316,22 +282,13 @@ def resolutions(
     )
     pixels = int(np.count_nonzero(chosen))
     if pixels < LEAST_PIXELS:
-        reason = Unmeasured("too little of the wall lies between the noise and the display's end")
-        return reason, reason
+        return (Unmeasured("too little of the wall lies between the noise and the display's end"),) * 2
     speckle = np.where(chosen, tissue.levels - expected_db, 0.0)
     speckle[chosen] -= speckle[chosen].mean()
     light = 10.0 ** (expected_db[chosen] / 10.0)
     share = float(np.mean((1.0 - 1.0 / np.maximum(light, 1.0)) ** 2))
-    down, across = _autocorrelation(speckle, chosen)
-    steps_m = (eye.scale.depth_m, eye.scale.lateral_m)
-    found = [_width(curve, share, pixels) for curve in (down, across)]
-    axial, lateral = (
-        Estimate(value=width.value * step, error=width.error * step, at_most=width.at_most)
-        if isinstance(width, Estimate)
-        else width
-        for width, step in zip(found, steps_m, strict=True)
-    )
-    return axial, lateral
+    down, across = (_width(curve, share, pixels) for curve in _autocorrelation(speckle, chosen))
+    return down.times(eye.scale.depth_m), across.times(eye.scale.lateral_m)
 
 
 def drawn_correlation(sigma: float, lags: int) -> Trace:
@@ -353,7 +310,7 @@ def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) ->
     return down, across
 
 
-def _width(correlation: Trace, share: float, pixels: int) -> Estimate | Unmeasured:
+def _width(correlation: Trace, share: float, pixels: int) -> Measured:
     """Return the full width of the intensity's spread, in pixels, from the autocorrelation of the speckle in dB."""
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
@@ -373,15 +330,14 @@ def _width(correlation: Trace, share: float, pixels: int) -> Estimate | Unmeasur
     )  # fmt: skip
     sigma, per_sigma = float(value[0]), 1.0 / amplitude_sigma(1.0)
     if sigma <= least:
-        return Estimate(value=least * per_sigma, error=0.0, at_most=True)
+        return Estimate(value=least * per_sigma, at_most=True)
     misfit = float(np.std(seen - model(seen, *value))) / error
     return Estimate(value=sigma * per_sigma, error=float(np.sqrt(covariance[0, 0])) * max(1.0, misfit) * per_sigma)
 
 
 def _of_logarithms(rho: Trace) -> Trace:
     """Return the correlation of the logarithms of exponential intensities with correlation rho."""
-    correlated: Trace = spence(1.0 - rho) / spence(0.0)
-    return correlated
+    return spence(1.0 - rho) / spence(0.0)
 
 
 def _independent(share: float, correlation: float) -> float:
@@ -423,7 +379,7 @@ class SurfaceLight:
     fault: str = ""
 
 
-def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Estimate | Unmeasured) -> SurfaceLight:
+def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Measured) -> SurfaceLight:
     """Return the light about the surface of a frame's unshaded columns."""
     sigma = LEAST_SIGMA
     if isinstance(axial, Estimate):
@@ -451,7 +407,7 @@ def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Es
     )
 
 
-def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasured], Estimate | Unmeasured]:
+def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measured]:
     """Return each frame's reflection at normal incidence over its speckle, dB, and the common angle, rad.
 
     At that slope the reflection has fallen to 1/e.
@@ -460,17 +416,16 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasu
     if not usable:
         return [Unmeasured(frame.fault) for frame in frames], Unmeasured(frames[0].fault)
     pooled = _fit_reflection(usable, (1.0, START_RAD, START_ROWS, *[0.0] * len(KNOTS_RAD)))
-    reason = Unmeasured(WEAK)
-    angle: Estimate | Unmeasured = reason
-    if pooled is not None:
-        angle = fitted(pooled[0][1], SPREAD * pooled[1][1], MOST_ANGLE_SHARE * pooled[0][1], WEAK)
-    if pooled is None or isinstance(angle, Unmeasured) or pooled[0][1] > NEAR_END * HIGH[1]:
-        return [Unmeasured(frame.fault or WEAK) for frame in frames], reason
-    strengths = [_strength(frame, pooled[0]) for frame in frames]
-    return strengths, angle if any(isinstance(each, Estimate) for each in strengths) else reason
+    if pooled is not None and pooled[0][1] <= NEAR_END * HIGH[1]:
+        (_, angle_rad, *_), (_, error_rad, *_) = pooled
+        angle = fitted(angle_rad, SPREAD * error_rad, MOST_ANGLE_SHARE * angle_rad, WEAK)
+        if isinstance(angle, Estimate):
+            strengths = [_strength(frame, pooled[0]) for frame in frames]
+            return strengths, angle if any(isinstance(each, Estimate) for each in strengths) else Unmeasured(WEAK)
+    return [Unmeasured(frame.fault or WEAK) for frame in frames], Unmeasured(WEAK)
 
 
-def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
+def _strength(frame: SurfaceLight, pooled: Trace) -> Measured:
     """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
     if frame.fault:
         return Unmeasured(frame.fault)
@@ -540,16 +495,7 @@ REACH = 8  # rows about a line that are fitted
 NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenLine:
-    """A line: depth below the frame's top edge and full width of the intensity at half maximum, m; level, dB."""
-
-    depth_m: float
-    level_db: float
-    thickness_m: float
-
-
-def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
+def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     """Return the lines across a frame, in rows with enough columns of air."""
     air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
     imaged = air.shape[1] - sum(eye.bands)
@@ -569,8 +515,8 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
     return tuple(line for line in found if line is not None)
 
 
-def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> SeenLine | None:
-    """Return the line at a peak of the rows' light over the noise; None: it is wider than a line."""
+def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> Line | None:
+    """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
     found = _fitted_curve(
         _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
@@ -578,15 +524,13 @@ def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int
     )  # fmt: skip
     if found is None or found[0][2] > WIDEST:
         return None
-    value, _ = found
-    width_m = max(float(value[2]), NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
-    return SeenLine(
-        depth_m=float((value[0] + 0.5) * eye.scale.depth_m),
-        level_db=float(10.0 * np.log10(value[1])),
-        thickness_m=width_m,
+    row, gain, sigma = map(float, found[0])
+    return Line(
+        depth_m=(row + 0.5) * eye.scale.depth_m,
+        level_db=float(10.0 * np.log10(gain)),
+        thickness_m=max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m,
     )
 
 
 def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
-    light: Trace = gain * np.exp(-(((row - middle) / sigma) ** 2))
-    return light
+    return gain * np.exp(-(((row - middle) / sigma) ** 2))

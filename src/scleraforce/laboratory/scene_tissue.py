@@ -45,8 +45,7 @@ class Rays:
 
     def seen_at(self, values: Curve, depth_m: Curve | float) -> Curve:
         """Return values at `window.grid_m` where the rays are at a depth below the surface, (column,)."""
-        at: Curve = np.interp(self.window.lateral_m + self.sideways * depth_m, self.window.grid_m, values)
-        return at
+        return np.interp(self.window.lateral_m + self.sideways * depth_m, self.window.grid_m, values)
 
 
 def rays_below(height_m: Curve, window: Window, refractive_index: float) -> Rays:
@@ -66,8 +65,7 @@ def rays_below(height_m: Curve, window: Window, refractive_index: float) -> Rays
 def heights(points: Points, window: Window) -> Curve:
     """Return the depth of a curve from left to right at `window.grid_m`, NaN beyond its ends; folds are bridged."""
     lateral_m = np.maximum.accumulate(points[:, 0])
-    depth: Curve = np.interp(window.grid_m, lateral_m, points[:, 1], left=np.nan, right=np.nan)
-    return depth
+    return np.interp(window.grid_m, lateral_m, points[:, 1], left=np.nan, right=np.nan)
 
 
 @dataclass(frozen=True)
@@ -99,14 +97,12 @@ class Picture:
     @property
     def rows(self) -> Float:
         """The middles of the rows, shape (row, 1)."""
-        rows: Float = np.arange(len(self.scatter), dtype=np.float32)[:, None] + np.float32(0.5)
-        return rows
+        return np.arange(len(self.scatter), dtype=np.float32)[:, None] + np.float32(0.5)
 
     def inside(self, top: Curve, bottom: Curve) -> NDArray[np.bool_]:
         """Return the pixels between two curves, given as rows (column,); none where one is NaN."""
         rows = self.rows
-        within: NDArray[np.bool_] = (rows >= top.astype(np.float32)) & (rows < bottom.astype(np.float32))
-        return within
+        return (rows >= top.astype(np.float32)) & (rows < bottom.astype(np.float32))
 
     def fill(
         self, top: Curve, bottom: Curve, intensity: Curve | float, attenuation_per_m: float, stretch: float
@@ -185,8 +181,7 @@ class _Drawing:
 
     def facing(self) -> Curve:
         """Return the share of a mirror reflection that reaches the scanner, (column,)."""
-        facing: Curve = np.exp(-((self.rays.slope_rad / draw(self.study.reflection_angle_rad, self.rng)) ** 2))
-        return facing
+        return np.exp(-((self.rays.slope_rad / draw(self.study.reflection_angle_rad, self.rng)) ** 2))
 
     def cornea(self, share: float) -> Curve:
         """Return the cornea's part (0: all sclera) in the light at a share of the wall's depth, (column,)."""
@@ -228,8 +223,7 @@ def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Genera
     if wall.limbus is not None:
         covered = np.clip((np.abs(wall.arc_m) - wall.limbus.arc_m) / COVERED_M, 0.0, 1.0)
     swell = 1.0 + 0.3 * np.sin(2.0 * np.pi * wall.arc_m / rng.uniform(1.5e-3, 6e-3) + rng.uniform(0.0, 6.0))
-    layer: Curve = thickness_m * covered * swell
-    return layer
+    return thickness_m * covered * swell
 
 
 def _fill_inside(drawing: _Drawing) -> None:
@@ -252,8 +246,7 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
         return np.full(len(wall.arc_m), choroid_m)
     beyond_m = np.abs(wall.arc_m) - wall.limbus.spur_m
     falling = np.exp(-2.5 * np.maximum(beyond_m - rise_m, 0.0) / length_m)
-    thickness: Curve = np.clip(beyond_m / rise_m, 0.0, 1.0) * (choroid_m + max(ciliary_m - choroid_m, 0.0) * falling)
-    return thickness
+    return np.clip(beyond_m / rise_m, 0.0, 1.0) * (choroid_m + max(ciliary_m - choroid_m, 0.0) * falling)
 
 
 def _fill_uvea(drawing: _Drawing, thickness_m: Curve) -> None:

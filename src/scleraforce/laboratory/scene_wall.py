@@ -43,20 +43,17 @@ class Window:
     def lateral_m(self) -> Curve:
         """Lateral position of each column, m."""
         column = np.arange(self.columns, dtype=np.float64)
-        lateral_m: Curve = (column + 0.5) * self.step_m - self.width_m / 2
-        return lateral_m
+        return (column + 0.5) * self.step_m - self.width_m / 2
 
     @cached_property
     def grid_m(self) -> Curve:
         """Evenly spaced lateral positions of stored curves, m; they reach beyond the frame."""
         half_m = self.width_m * (0.5 + BEYOND_SHARE)
-        grid_m: Curve = np.linspace(-half_m, half_m, GRID_POINTS)
-        return grid_m
+        return np.linspace(-half_m, half_m, GRID_POINTS)
 
     def row(self, depth_m: Curve) -> Curve:
         """Return depths as rows of the drawing, those above the frame included; pixel r covers r to r + 1."""
-        rows: Curve = depth_m / self.pixel_m + self.above
-        return rows
+        return depth_m / self.pixel_m + self.above
 
 
 def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
@@ -116,8 +113,7 @@ class Limbus:
 
     def spur(self, arc_m: Curve) -> Curve:
         """Return the thickness that the scleral spur adds, m."""
-        bump: Curve = self.spur_bump_m * np.exp(-(((np.abs(arc_m) - self.spur_m) / SPUR_M) ** 2))
-        return bump
+        return self.spur_bump_m * np.exp(-(((np.abs(arc_m) - self.spur_m) / SPUR_M) ** 2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,8 +140,7 @@ class DrawnWall:
 
     def offset(self, depth_m: Curve) -> Points:
         """Return the curve at depths below the surface along its normal, (point, 2), m."""
-        curve: Points = self.outer + depth_m[:, None] * self.normal
-        return curve
+        return self.outer + depth_m[:, None] * self.normal
 
 
 def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, rng: np.random.Generator) -> DrawnWall:
@@ -198,8 +193,7 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
 
 def _falling(beyond_m: Curve, width_m: float) -> Curve:
     """Return a curve that falls from 1 to 0 over a width, about 0."""
-    falling: Curve = 1.0 / (1.0 + np.exp(np.clip(beyond_m / (width_m / 4), -50.0, 50.0)))
-    return falling
+    return 1.0 / (1.0 + np.exp(np.clip(beyond_m / (width_m / 4), -50.0, 50.0)))
 
 
 def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus: Limbus | None, rng: np.random.Generator) -> Curve:
@@ -210,8 +204,7 @@ def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus: Limbus | Non
     slope -= np.interp(0.0, arc_m, slope)
     if limbus is None:
         return slope
-    sulcus: Curve = slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
-    return sulcus
+    return slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
 
 
 def _waves(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> Curve:

@@ -285,8 +285,7 @@ def _reaching(ridge: Ridge, reaching: Float) -> Curve | float:
     if not ridge.shadowed:
         return 1.0
     row = np.clip(np.nan_to_num(ridge.row, nan=0.0) - 1.0, 0, len(reaching) - 1).astype(np.intp)
-    share: Curve = reaching[row, np.arange(reaching.shape[1])].astype(np.float64)
-    return share
+    return reaching[row, np.arange(reaching.shape[1])].astype(np.float64)
 
 
 def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.random.Generator) -> Float:
@@ -434,8 +433,7 @@ def _steps(frame: Pixels, boundary: Curve, rows: int, bright_side: int, least: f
 def _across(values: Curve) -> Curve:
     """Return the means over neighbouring columns."""
     width = 2 * round(ACROSS_SHARE * len(values) / 2) + 1
-    mean: Curve = np.convolve(np.pad(values, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
-    return mean
+    return np.convolve(np.pad(values, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
 
 
 def _bridged(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:

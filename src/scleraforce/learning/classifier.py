@@ -92,8 +92,7 @@ def mirrored_pixels(norm: Normalisation, columns: int) -> NDArray[np.intp]:
     """Return the number of the mirror image of each varying pixel, in a slice of `columns` columns."""
     number = np.full(norm.varies.size, -1)
     number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
-    across: NDArray[np.intp] = number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
-    return across
+    return number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
 
 
 def content_hash(*parts: Samples) -> str:

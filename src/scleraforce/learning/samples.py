@@ -267,8 +267,7 @@ def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) ->
     """Return forces (sample,), even up to the largest that the library holds, a share of them small."""
     small = rng.random(len(largest_n)) < reader.small_force_share
     top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
-    forces: Floats = top_n * rng.random(len(largest_n))
-    return forces
+    return top_n * rng.random(len(largest_n))
 
 
 def _stated(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:
@@ -282,8 +281,7 @@ def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
     if not isinstance(values, Range):
         return values.sample(rng, count)
     low, high = np.log(values.bounds)
-    drawn: Floats = np.exp(rng.uniform(low, high, count))
-    return drawn
+    return np.exp(rng.uniform(low, high, count))
 
 
 @dataclass(frozen=True)

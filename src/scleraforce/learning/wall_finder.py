@@ -131,8 +131,7 @@ def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
     at = _columns(scene, study)
     truth = np.stack([scene.outer_row[at], scene.inner_row[at]])
     reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
-    kept: Float = np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)
-    return kept
+    return np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)
 
 
 def fit_wall_finder(
@@ -222,8 +221,7 @@ def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
     outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
-    mask: NDArray[np.bool_] = (row >= outer) & (row < inner) & seen.there_at(column)
-    return mask
+    return (row >= outer) & (row < inner) & seen.there_at(column)
 
 
 def scene_dice(found: NDArray[np.bool_], scene: Scene) -> float:
@@ -243,8 +241,7 @@ def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
 
 
 def _wall_there(scene: Scene, seen: SeenWall) -> NDArray[np.bool_]:
-    there: NDArray[np.bool_] = np.isfinite(scene.outer_row[seen.frame_column])
-    return there
+    return np.isfinite(scene.outer_row[seen.frame_column])
 
 
 def _errors(scene: Scene, seen: SeenWall, rows: int) -> NDArray[np.float64]:

@@ -179,8 +179,7 @@ def _filled(values: Floats, known: NDArray[np.bool_]) -> Floats:
     left = np.maximum.accumulate(np.where(known, column, -1), axis=1)
     right = np.minimum.accumulate(np.where(known, column, values.shape[1])[:, ::-1], axis=1)[:, ::-1]
     nearest = np.where(left >= 0, left, np.minimum(right, values.shape[1] - 1))
-    filled: Floats = np.nan_to_num(np.take_along_axis(values, nearest, axis=1))
-    return filled
+    return np.nan_to_num(np.take_along_axis(values, nearest, axis=1))
 
 
 @lru_cache(maxsize=16)
@@ -251,5 +250,4 @@ def _within_sides(
     hit = rng.random((shape[0], 2)) < errors.side_loss_share
     lost = np.where(hit, rng.exponential(errors.side_loss_m, (shape[0], 2)), 0.0) / study.pixel_m
     column = np.arange(shape[1])
-    reached: NDArray[np.bool_] = (column >= lost[:, :1]) & (column < shape[1] - lost[:, 1:])
-    return reached
+    return (column >= lost[:, :1]) & (column < shape[1] - lost[:, 1:])
