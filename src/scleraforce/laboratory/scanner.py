@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,13 @@ from scleraforce.laboratory.scanner_display import (
     Unmeasured,
     display_kind,
     display_of_speckle,
+    find_lines,
     fit_display,
     spread_slope,
 )
 from scleraforce.laboratory.scanner_light import (
     SurfaceLight,
     WallLight,
-    find_lines,
     find_shadows,
     layer_below,
     light_in_wall,
@@ -63,7 +64,7 @@ OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
 
 @dataclass(frozen=True, eq=False)
 class MeasuredFrame:
-    """One frame's results: `values` by the field's name, in SI; the visible shadows and lines."""
+    """One frame's results: `values` by the field's name, in SI; shadows and lines."""
 
     eye: ImagedEye
     display: Display
@@ -100,7 +101,7 @@ class MeasuredScanner:
 
     def phantom(self) -> PhantomStudy:
         """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
-        measured: dict[str, Sampled] = {
+        measured: dict[str, Any] = {
             name: _sampled(name, found) for name in MEASURED if isinstance(found := self.ranges[name], MeasuredRange)
         }
         for name, counts in self.counts.items():
@@ -108,7 +109,7 @@ class MeasuredScanner:
             if len(chosen) > MOST_COUNTS:
                 chosen = [chosen[n] for n in np.linspace(0, len(chosen) - 1, MOST_COUNTS).round().astype(int)]
             measured[name] = Choice(tuple(float(count) for count in chosen))
-        return PhantomStudy(display=self.display.name, **measured)  # type: ignore[arg-type]  # sampled values only
+        return PhantomStudy(display=self.display.name, **measured)
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
@@ -132,11 +133,8 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     for name in ("display_floor_db", "display_range_db", "snr_db"):
         if isinstance(found := ranges[name], Unmeasured):
             raise FrameError(f"{frames[0].eye.name}: {name}: {found.reason}")
-    counts = {
-        "shadow_count": tuple(len(frame.shadows) for frame in frames),
-        "line_count": tuple(len(frame.lines) for frame in frames),
-    }
-    return MeasuredScanner(kind, ranges, counts, frames)
+    counts = [tuple(map(len, things)) for things in zip(*((each.shadows, each.lines) for each in frames), strict=True)]
+    return MeasuredScanner(kind, ranges, dict(zip(COUNTS, counts, strict=True)), frames)
 
 
 def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, SurfaceLight]:
@@ -249,11 +247,14 @@ def oct_of(eye: ImagedEye) -> OctStudy:
 
 def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator) -> Pixels:
     """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
-    eye = frame.eye
-    scanner = oct_of(eye)
-    optics = _optics(frame, sample_optics(phantom, scanner, rng))
-    drawn = render_bscan(_section(eye, scanner), scanner, optics, rng).frame
-    return drawn.astype(np.uint8) if eye.pixels.dtype == np.uint8 else drawn
+    scanner, known = oct_of(frame.eye), {item.name for item in fields(BscanOptics)}
+    measured: dict[str, Any] = {
+        name: found.value for name, found in frame.values.items() if isinstance(found, Estimate) and name in known
+    }
+    measured |= {"shadows": frame.shadows, "lines": frame.lines, "covers": ()}
+    optics = replace(sample_optics(phantom, scanner, rng), **measured)
+    drawn = render_bscan(_section(frame.eye, scanner), scanner, optics, rng).frame
+    return drawn.astype(np.uint8) if frame.eye.pixels.dtype == np.uint8 else drawn
 
 
 def histogram_overlap(one: NDArray[np.generic], other: NDArray[np.generic], top: int) -> float:
@@ -264,14 +265,6 @@ def histogram_overlap(one: NDArray[np.generic], other: NDArray[np.generic], top:
     """
     first, second = (np.histogram(counts, BINS, (0, top + 1))[0] / counts.size for counts in (one, other))
     return float(np.minimum(first, second).sum())
-
-
-def _optics(frame: MeasuredFrame, drawn: BscanOptics) -> BscanOptics:
-    known = {item.name for item in fields(BscanOptics)}
-    measured = {
-        name: found.value for name, found in frame.values.items() if isinstance(found, Estimate) and name in known
-    }
-    return replace(drawn, **measured, shadows=frame.shadows, lines=frame.lines, covers=())  # type: ignore[arg-type]  # floats
 
 
 def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
@@ -326,11 +319,10 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
     return "\n".join(lines) + "\n"
 
 
-def _line(key: str, section: dict[str, str], found: object) -> str:
+def _line(key: str, section: dict[str, str], found: MeasuredRange | Unmeasured) -> str:
     if isinstance(found, Unmeasured):
         return f"# {key}: not measured, as in the paper's study: {found.reason}"
-    at_most = "  # at most: finer than the pixels show" if getattr(found, "at_most", False) else ""
-    return section[key] + at_most
+    return section[key] + ("  # at most: finer than the pixels show" if found.at_most else "")
 
 
 def _sections(text: str) -> dict[str, dict[str, str]]:

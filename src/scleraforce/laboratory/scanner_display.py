@@ -1,4 +1,4 @@
-"""A measured frame of an eye at rest, and its display: from counts back to light, by the noise above the tissue.
+"""A measured frame of an eye at rest, its display, and the air above the tissue, whose noise tells light from counts.
 
 Detector noise has an exponential intensity on any scanner: its quantiles are -ln(1 - p) times the mean (Goodman,
 Speckle Phenomena in Optics, ch. 3). A line through the quantiles of the counts, over their values on a display of a
@@ -12,17 +12,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.signal import savgol_filter
-from scipy.stats import gamma, linregress, sigmaclip, theilslopes
+from scipy.optimize import brentq, curve_fit
+from scipy.signal import find_peaks, savgol_filter
+from scipy.stats import gamma, linregress, ncx2, sigmaclip, theilslopes
 
 from scleraforce.errors import FrameError
+from scleraforce.laboratory.light import Line, amplitude_sigma
+from scleraforce.library.placement import robust_spread
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.light import imaged_columns
 from scleraforce.segmentation.slice import BoundaryRows
+
+Trace = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +64,21 @@ def fitted(value: float, error: float, most: float, reason: str) -> Measured:
     return Unmeasured(reason)
 
 
+def fitted_curve(
+    model: Callable[..., Trace], at: NDArray[Any], seen: Trace, start: Sequence[float] | Trace, **options: Any
+) -> tuple[Trace, Trace] | None:
+    """Return the parameters of a curve and their standard errors; None if no curve fits."""
+    try:
+        value, covariance = curve_fit(model, at, seen, start, **options)
+    except (RuntimeError, ValueError):
+        return None
+    return value, np.sqrt(np.diag(covariance))
+
+
 def level_db(intensity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return intensities in dB."""
     return 10.0 * np.log10(np.maximum(intensity, 1e-12))
 
-
-Trace = NDArray[np.float64]
 
 SMOOTH_M = 0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle
 EDGE_ROWS, EDGE_M = 4, 20e-6  # what a boundary's own light and its error reach
@@ -73,10 +87,7 @@ UNSEEN_M = 0.4e-3  # below the surface there is wall, where the inner boundary i
 
 @dataclass(frozen=True, eq=False)
 class ImagedEye:
-    """A frame, `pixels` (row, column) of `bits` bits, and its `wall`; `inner_found`: its inner boundary is seen.
-
-    Rows are counted by pixel centres, as in the boundaries.
-    """
+    """A frame, `pixels` (row, column) of `bits` bits, and its `wall`; `inner_found`: its inner boundary is seen."""
 
     name: str
     pixels: Pixels
@@ -247,8 +258,7 @@ MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: darkness with 
 class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
-    `misfit_db`: of the noise to an exponential intensity on such a scale (the noise has 5.57 dB; below about 0.3 the
-    scale is right). `looks`: number of averaged looks in the noise.
+    `misfit_db`: of the noise to an exponential intensity (below about 0.3 the scale is right); `looks` averaged in it.
     """
 
     kind: DisplayKind
@@ -279,10 +289,10 @@ def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
     part = slice(left, left + width)
     counts = eye.pixels[:high, part].astype(np.float64)
     above = eye.below_surface_rows[:high, part] < -eye.edge_rows
-    blocks = counts.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2)
-    inside = above.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2).all(axis=(2, 3))
-    black = (blocks == 0).mean(axis=(2, 3)) > BLACK_SHARE
-    inside &= ~black
+    blocks, air = (
+        each.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2) for each in (counts, above)
+    )
+    inside = air.all(axis=(2, 3)) & ((blocks == 0).mean(axis=(2, 3)) <= BLACK_SHARE)
     if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
         raise FrameError(
             f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give frames with more "
@@ -301,11 +311,8 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
     """Find the scale of a frame's display of a kind."""
     noise = air_counts(eye)
     lit = noise[:, np.isfinite(noise).any(axis=0)]
-    groups = [
-        _scale(part, eye, kind)
-        for part in np.array_split(lit, GROUPS, axis=1)
-        if np.isfinite(part).sum() > LEAST_PIXELS
-    ]
+    parts = [part for part in np.array_split(lit, GROUPS, axis=1) if np.isfinite(part).sum() > LEAST_PIXELS]
+    groups = [_scale(part, eye, kind) for part in parts]
     per_unit, zero, misfit = _scale(lit, eye, kind)
     if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
         raise FrameError(
@@ -313,17 +320,12 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
             "if it were averaged: such frames cannot be measured, nor frames with an offset (subtract it)"
         )
     scatter = np.array([_ends_db(kind, group[0], group[1], eye.top) for group in groups])
-    floor_db, range_db = _ends_db(kind, per_unit, zero, eye.top)
-    floor_error, range_error = (
-        scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
+    errors = scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
+    floor_db, range_db = (
+        Estimate(value=value, error=float(error))
+        for value, error in zip(_ends_db(kind, per_unit, zero, eye.top), errors, strict=True)
     )
-    return Display(
-        kind=kind,
-        floor_db=Estimate(value=floor_db, error=float(floor_error)),
-        range_db=Estimate(value=range_db, error=float(range_error)),
-        top=eye.top,
-        misfit_db=misfit,
-    )
+    return Display(kind=kind, floor_db=floor_db, range_db=range_db, top=eye.top, misfit_db=misfit)
 
 
 def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
@@ -331,7 +333,12 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
     low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], (0.25, 0.5, 0.75)) * (range_db / eye.top)
-    looks = float(brentq(lambda looks: _quartiles_db(looks) - (high_db - low_db), *LOOKS, rtol=1e-6))
+
+    def wider_db(looks: float) -> float:
+        """Return the interquartile range of the mean of a number of looks over the noise's."""
+        return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks))) - float(high_db - low_db)
+
+    looks = float(brentq(wider_db, *LOOKS, rtol=1e-6))
     floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
     return replace(
         display,
@@ -340,11 +347,6 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
         misfit_db=display.misfit_db / spread,
         looks=looks,
     )
-
-
-def _quartiles_db(looks: float) -> float:
-    """Return the interquartile range, dB, of the mean intensity of a number of looks."""
-    return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks)))
 
 
 def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple[float, float]:
@@ -372,3 +374,50 @@ def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tup
     misfit = np.std(found - line.intercept - line.slope * expected) / line.slope
     misfit_db = misfit * np.std(LOGARITHMIC.shown(-np.log1p(-share))) / np.std(expected)
     return float(line.slope), float(line.intercept), float(misfit_db)
+
+
+LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
+LINE_DB, LINE_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
+REACH = 8  # rows about a line that are fitted
+NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
+
+
+def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
+    """Return the lines across a frame, in rows with enough columns of air."""
+    air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
+    imaged = air.shape[1] - sum(eye.bands)
+    rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
+    if len(rows) < 2 * REACH:
+        return ()
+    rows = np.arange(rows[0], rows[-1] + 1)
+    levels = np.where(air[rows], display.levels(eye.pixels[rows]), np.nan)
+    level_db = np.nanmedian(levels, axis=1) - MEDIAN_DB
+    level_db = np.nan_to_num(level_db - np.nanmedian(level_db))
+    deviation = robust_spread(np.abs(level_db))
+    peaks, _ = find_peaks(level_db, height=max(LINE_DB, LINE_SDS * deviation), distance=REACH)
+    mirrored = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])  # light over the mean noise, of a median level
+    median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * mirrored) / 2.0) - MEDIAN_DB
+    light = np.interp(level_db, median_db, mirrored)
+    found = [_fitted_line(eye, rows, light, int(peak)) for peak in peaks]
+    return tuple(line for line in found if line is not None)
+
+
+def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> Line | None:
+    """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
+    near = slice(max(peak - REACH, 0), peak + REACH + 1)
+    found = fitted_curve(
+        _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
+        bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
+    )  # fmt: skip
+    if found is None or found[0][2] > WIDEST:
+        return None
+    row, gain, sigma = map(float, found[0])
+    return Line(
+        depth_m=(row + 0.5) * eye.scale.depth_m,
+        level_db=float(10.0 * np.log10(gain)),
+        thickness_m=max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m,
+    )
+
+
+def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
+    return gain * np.exp(-(((row - middle) / sigma) ** 2))

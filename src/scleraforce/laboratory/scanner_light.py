@@ -1,20 +1,18 @@
-"""The light that a scanner shows: of the wall, the layer below, shadows, reflection, speckle, lines."""
+"""The light that a scanner shows: of the wall, the layer below, shadows, the surface's reflection, speckle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import find_objects, gaussian_filter1d, label, median_filter
 from scipy.optimize import brentq, curve_fit
-from scipy.signal import find_peaks
 from scipy.special import ndtr, spence
-from scipy.stats import ncx2, theilslopes
+from scipy.stats import theilslopes
 
 from scleraforce.errors import FrameError
-from scleraforce.laboratory.light import Line, Shadow, amplitude_sigma
+from scleraforce.laboratory.light import Shadow, amplitude_sigma
 from scleraforce.laboratory.scanner_display import (
     MEDIAN_DB,
     Display,
@@ -24,6 +22,7 @@ from scleraforce.laboratory.scanner_display import (
     Trace,
     Unmeasured,
     fitted,
+    fitted_curve,
     level_db,
 )
 from scleraforce.library.placement import robust_spread
@@ -60,17 +59,6 @@ class WallLight:
     def expected_db(self) -> NDArray[np.float64]:
         """Mean level of the wall and the noise over the noise, (row, column)."""
         return 10.0 * np.log10(self.expected + 1.0) + np.nan_to_num(self.column_db)
-
-
-def _fitted_curve(
-    model: Callable[..., Trace], at: NDArray[Any], seen: Trace, start: Sequence[float] | Trace, **options: Any
-) -> tuple[Trace, Trace] | None:
-    """Return the parameters of a curve and their standard errors; None if no curve fits."""
-    try:
-        value, covariance = curve_fit(model, at, seen, start, **options)
-    except (RuntimeError, ValueError):
-        return None
-    return value, np.sqrt(np.diag(covariance))
 
 
 def depth_profile(levels: Trace, depth_m: Trace, chosen: NDArray[np.bool_], bin_m: float) -> tuple[Trace, Trace, Trace]:
@@ -118,18 +106,17 @@ def _fit_light(
         dark = np.median(found_db) < OVER_NOISE_DB if len(found_db) else True
         why = "is hardly brighter than the noise" if dark else "saturates the display"
         raise FrameError(f"{eye.name}: the wall {why}: its light cannot be measured")
-    found = _fitted_curve(
-        _seen_db, at_m[seen], found_db[seen], (found_db[seen].max(), 500.0), sigma=1.0 / np.sqrt(count[seen]),
+
+    def seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
+        return level_db(10.0 ** (snr_db / 10.0) * np.exp(-2.0 * attenuation_per_m * depth_m) + 1.0)
+
+    found = fitted_curve(
+        seen_db, at_m[seen], found_db[seen], (found_db[seen].max(), 500.0), sigma=1.0 / np.sqrt(count[seen]),
         method="trf", loss="soft_l1", x_scale=(10.0, 1000.0),
     )  # fmt: skip
     if found is None:
         raise FrameError(f"{eye.name}: the light in the wall follows no law that could be fitted")
     return found
-
-
-def _seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
-    """Return the mean level at depths in the wall, over the mean noise."""
-    return level_db(10.0 ** (snr_db / 10.0) * np.exp(-2.0 * attenuation_per_m * depth_m) + 1.0)
 
 
 def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Trace:
@@ -203,7 +190,7 @@ def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Me
         layer = 10.0 ** ((at_inner_db + level) / 10.0) * np.exp(-2.0 * per_m * np.maximum(y, 0.0)) * inside
         return level_db(wall + layer + 1.0)
 
-    found = _fitted_curve(
+    found = fitted_curve(
         model, at_m[seen], found_db[seen], (-8.0, 4000.0, 150e-6, 0.0, 15e-6), sigma=1.0 / np.sqrt(count[seen]),
         method="trf", loss="soft_l1", x_scale=(3.0, 1000.0, 5e-5, 1e-5, 1e-5),
         bounds=((-40.0, 0.0, 30e-6, -50e-6, 3e-6), (3.0, 30e3, 650e-6, 50e-6, 60e-6)), max_nfev=300,
@@ -252,7 +239,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> Shadow | No
     light = 10.0 ** (light_db[near] / 10.0)
     start = ((place.start + place.stop - 1) / 2, columns, 1.0 - light.min(), 1.0)
     ends = (near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0)
-    found = _fitted_curve(_light, near, light, start, bounds=ends)
+    found = fitted_curve(_light, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
     column, width, loss, _ = map(float, found[0])
@@ -301,13 +288,11 @@ def drawn_correlation(sigma: float, lags: int) -> Trace:
 
 
 def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) -> tuple[Trace, Trace]:
-    """Return the autocorrelation of the chosen pixels along the columns and along the rows, at lags from 0 on."""
+    """Return the autocorrelation of the chosen pixels along columns and along rows, from lag 0."""
     shape = [next_fast_len(size + FAR, real=True) for size in speckle.shape]
     power, pairs = (irfft2(np.abs(rfft2(values, shape)) ** 2, shape) for values in (speckle, chosen.astype(np.float64)))
     mean = np.divide(power, pairs, out=np.zeros_like(power), where=pairs > LEAST_PIXELS / 2)
-    down: Trace = mean[:FAR, 0] / mean[0, 0]
-    across: Trace = mean[0, :FAR] / mean[0, 0]
-    return down, across
+    return mean[:FAR, 0] / mean[0, 0], mean[0, :FAR] / mean[0, 0]
 
 
 def _width(correlation: Trace, share: float, pixels: int) -> Measured:
@@ -322,7 +307,12 @@ def _width(correlation: Trace, share: float, pixels: int) -> Measured:
         return _of_logarithms(share * drawn_correlation(sigma, lags)[1:]) + offset
 
     error = float(np.sqrt((1.0 + 2.0 * np.sum(np.maximum(seen, 0.0) ** 2)) / pixels))
-    least = _independent(share, SURE * error)
+
+    def over(width: float) -> float:
+        """Return the correlation of neighbours beyond the least that is sure."""
+        return float(_of_logarithms(share * drawn_correlation(width, 2)[1:])[0]) - SURE * error
+
+    least = float(brentq(over, NARROW, 2.0)) if over(NARROW) < 0.0 < over(2.0) else NARROW
     start = (max(0.5, fallen[0] * 0.6), 0.0)
     value, covariance = curve_fit(
         model, np.arange(1.0, lags), seen, start, sigma=np.full(lags - 1, error), absolute_sigma=True,
@@ -336,18 +326,8 @@ def _width(correlation: Trace, share: float, pixels: int) -> Measured:
 
 
 def _of_logarithms(rho: Trace) -> Trace:
-    """Return the correlation of the logarithms of exponential intensities with correlation rho."""
+    """Return the correlation of the logarithms of exponential intensities of correlation rho."""
     return spence(1.0 - rho) / spence(0.0)
-
-
-def _independent(share: float, correlation: float) -> float:
-    """Return the standard deviation of the amplitude, in pixels, below which neighbours correlate by less than that."""
-
-    def over(sigma: float) -> float:
-        rho = share * drawn_correlation(sigma, 2)[1:]
-        return float(_of_logarithms(rho)[0]) - correlation
-
-    return float(brentq(over, NARROW, 2.0)) if over(NARROW) < 0.0 < over(2.0) else NARROW
 
 
 LEAST_SIGMA = 0.4  # pixels: no ridge is drawn narrower
@@ -365,10 +345,9 @@ WEAK = "the surface hardly reflects over its speckle"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLight:
-    """Pixels about a frame's surface, (pixel,).
+    """Pixels about a frame's surface, (pixel,): its slope, rows `below` it, `light` over the speckle of the column.
 
-    `slope_rad` of the surface, rows `below` it, and the `light` over the speckle of the column. `sigma_rows`: of the
-    amplitude along the depth; `noise`: over the speckle; `fault`: why the reflection cannot be measured.
+    `sigma_rows`: of the amplitude along the depth; `noise`: over the speckle; `fault` makes the reflection unmeasured.
     """
 
     slope_rad: Trace
@@ -436,7 +415,7 @@ def _strength(frame: SurfaceLight, pooled: Trace) -> Measured:
     return fitted(10.0 * np.log10(gain), 10.0 / np.log(10.0) * float(found[1][0]) / gain, MOST_ERROR_DB, WEAK)
 
 
-# Gain, angle, deviation, and the offsets at KNOTS_RAD.
+# Reflection over the speckle; its angle, rad; deviation of the found surface, rows; depth of the true one below it.
 LOW = np.array([0.0, 0.01, 0.05] + [-3.0] * len(KNOTS_RAD))
 HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
 NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
@@ -445,17 +424,13 @@ NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 def _fit_reflection(
     frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
 ) -> tuple[Trace, Trace] | None:
-    """Fit the light of frames' pixels; return the values and standard errors, or None.
+    """Fit the light of frames' pixels; return the values (see LOW) and standard errors, or None.
 
-    Values: the reflection over the speckle; its angle, rad; the deviation of the found surface, rows, and the depth of
-    the true one below it, rows, at KNOTS_RAD. Parameters that are `held` keep their start.
+    Parameters that are `held` keep their start.
     """
-    slope, below, light = (
-        np.concatenate([getattr(frame, name) for frame in frames]) for name in ("slope_rad", "below", "light")
-    )
-    sigma, noise = (
-        np.concatenate([np.full(len(frame.light), getattr(frame, name)) for frame in frames])
-        for name in ("sigma_rows", "noise")
+    slope, below, light, sigma, noise = (
+        np.concatenate([np.broadcast_to(getattr(frame, name), frame.light.shape) for frame in frames])
+        for name in ("slope_rad", "below", "light", "sigma_rows", "noise")
     )
     free = np.array([number for number in range(len(start)) if number not in held])
     value, errors = np.array(start), np.zeros(len(start))
@@ -467,7 +442,7 @@ def _fit_reflection(
 
     weight = np.ones(len(light))
     for _ in range(3):  # the spread of speckle is its light
-        found = _fitted_curve(
+        found = fitted_curve(
             model, below, light, np.clip(value[free], LOW[free], HIGH[free]), sigma=weight,
             bounds=(LOW[free], HIGH[free]), max_nfev=300,
         )  # fmt: skip
@@ -487,50 +462,3 @@ def _seen(slope: Trace, below: Trace, sigma: Trace, parameters: Trace) -> Trace:
     step = ndtr(rows / np.sqrt(1.0 / 12.0 + wide**2 / 2.0))
     light: Trace = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
     return light
-
-
-LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
-LINE_DB, LINE_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
-REACH = 8  # rows about a line that are fitted
-NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
-
-
-def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
-    """Return the lines across a frame, in rows with enough columns of air."""
-    air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
-    imaged = air.shape[1] - sum(eye.bands)
-    rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
-    if len(rows) < 2 * REACH:
-        return ()
-    rows = np.arange(rows[0], rows[-1] + 1)
-    levels = np.where(air[rows], display.levels(eye.pixels[rows]), np.nan)
-    level_db = np.nanmedian(levels, axis=1) - MEDIAN_DB
-    level_db = np.nan_to_num(level_db - np.nanmedian(level_db))
-    deviation = robust_spread(np.abs(level_db))
-    peaks, _ = find_peaks(level_db, height=max(LINE_DB, LINE_SDS * deviation), distance=REACH)
-    mirrored = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])  # light over the mean noise, of a median level
-    median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * mirrored) / 2.0) - MEDIAN_DB
-    light = np.interp(level_db, median_db, mirrored)
-    found = [_fitted_line(eye, rows, light, int(peak)) for peak in peaks]
-    return tuple(line for line in found if line is not None)
-
-
-def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> Line | None:
-    """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
-    near = slice(max(peak - REACH, 0), peak + REACH + 1)
-    found = _fitted_curve(
-        _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
-        bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
-    )  # fmt: skip
-    if found is None or found[0][2] > WIDEST:
-        return None
-    row, gain, sigma = map(float, found[0])
-    return Line(
-        depth_m=(row + 0.5) * eye.scale.depth_m,
-        level_db=float(10.0 * np.log10(gain)),
-        thickness_m=max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m,
-    )
-
-
-def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
-    return gain * np.exp(-(((row - middle) / sigma) ** 2))
