@@ -107,11 +107,7 @@ class Picture:
     def fill(
         self, top: Curve, bottom: Curve, intensity: Curve | float, attenuation_per_m: float, stretch: float
     ) -> None:
-        """Replace the tissue between two curves (rows).
-
-        `intensity` is the backscatter over the mean noise, `attenuation_per_m` the light's one way, `stretch` the
-        optical over the geometric depth.
-        """
+        """Replace the tissue between two curves (rows); `stretch`: optical over geometric depth."""
         within = self.inside(top, bottom)
         np.copyto(self.scatter, np.asarray(intensity, dtype=np.float32), where=within)
         loss = 2.0 * attenuation_per_m * self.window.pixel_m / stretch
@@ -146,10 +142,7 @@ PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
 @dataclass(frozen=True)
 class Tissue:
-    """The visible wall: rows of the drawing, (column,), NaN without wall.
-
-    `surface`: of the conjunctiva, or the bare wall's; `outer` and `inner`: of the wall.
-    """
+    """The visible wall: rows of the drawing, (column,), NaN without wall; `surface` may be the conjunctiva's."""
 
     rays: Rays
     surface: Curve
@@ -158,7 +151,7 @@ class Tissue:
     refractive_index: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Drawing:
     """A wall (rows `outer` and `inner`, (column,)) that is drawn into a picture; `snr_db`: of the sclera's surface."""
 
@@ -201,9 +194,7 @@ def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng:
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
     surface, outer, inner = window.row(rays.surface_m), rays.row_of(wall.outer), rays.row_of(wall.inner)
-    drawing = _Drawing(
-        study=study, wall=wall, picture=picture, rays=rays, outer=outer, inner=inner, snr_db=snr_db, rng=rng
-    )
+    drawing = _Drawing(study, wall, picture, rays, outer, inner, snr_db, rng)
     _fill_inside(drawing)
     _fill_wall(drawing)
     if over_m.any():
@@ -314,14 +305,18 @@ def _fill_lens(drawing: _Drawing, plane_m: float) -> None:
     drawing.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
 
 
+def outline_depths(outline: Points, lateral_m: Curve) -> Curve | None:
+    """Return the depths (2, place) between which a closed outline is seen, NaN outside of it; None: nowhere."""
+    crossings = column_crossings(np.concatenate([outline, outline[:1]]), lateral_m).astype(np.float64)
+    return None if len(crossings) < 2 else np.where(np.isfinite(crossings[:2]), crossings[:2], np.nan)
+
+
 def _between(drawing: _Drawing, outline: Points) -> tuple[Curve, Curve]:
     """Return the rows between which a closed outline inside the wall is seen, (column,), NaN outside of it."""
-    rays = drawing.rays
-    crossings = column_crossings(np.concatenate([outline, outline[:1]]), rays.window.grid_m).astype(np.float64)
-    if len(crossings) < 2:
-        nowhere = np.full(rays.window.columns, np.nan)
-        return nowhere, nowhere
-    top, bottom = (rays.row(edge) for edge in np.where(np.isfinite(crossings[:2]), crossings[:2], np.nan))
+    edges = outline_depths(outline, drawing.rays.window.grid_m)
+    if edges is None:
+        return (np.full(drawing.rays.window.columns, np.nan),) * 2
+    top, bottom = (drawing.rays.row(edge) for edge in edges)
     return np.maximum(top, drawing.inner), bottom
 
 

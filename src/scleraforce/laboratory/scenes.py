@@ -8,8 +8,8 @@ from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import find_objects, label
 
-from scleraforce.laboratory.bscan import column_crossings
 from scleraforce.laboratory.light import (
     Complex,
     Shadow,
@@ -20,7 +20,7 @@ from scleraforce.laboratory.light import (
     seen_through,
     transmission,
 )
-from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture
+from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture, outline_depths
 from scleraforce.laboratory.scene_wall import Curve, Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
@@ -34,7 +34,7 @@ AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 
 @dataclass(frozen=True)
 class _Over:
-    """The drawing that things over the tissue are added to; places of columns are in m."""
+    """The drawing that things over the tissue are added to."""
 
     study: SceneOverStudy
     picture: Picture
@@ -109,7 +109,7 @@ def _vessels(over: _Over) -> None:
 
 
 def _smooth_surface(over: _Over) -> Curve:
-    """Return the parabola that the surface follows, at all columns, m."""
+    """Return the parabola above the surface, at all columns, m."""
     there = np.isfinite(over.surface_m)
     if np.count_nonzero(there) < 3:
         return np.full(len(over.lateral_m), np.nan)
@@ -218,12 +218,12 @@ def _needle(over: _Over, tip_m: float) -> None:
     along, across = np.array([sin(angle), -cos(angle)]), np.array([cos(angle), sin(angle)])
     bevel = rng.uniform(0.0, 3.0) * half_m * along * rng.integers(0, 2)
     tip, far = np.array([tip_m, tip_depth_m]), NEEDLE_LENGTH_M * along
-    corners = [tip - half_m * across, tip + half_m * across + bevel]
-    shaft = np.array([corners[0], corners[1], corners[1] + far, corners[0] + far, corners[0]])
-    crossings = column_crossings(shaft, over.lateral_m).astype(np.float64)
-    if len(crossings) < 2:
+    one, other = tip - half_m * across, tip + half_m * across + bevel
+    shaft = np.array([one, other, other + far, one + far])
+    edges_m = outline_depths(shaft, over.lateral_m)
+    if edges_m is None:
         return
-    top_m, bottom_m = (np.where(np.isfinite(edge), edge, np.nan) for edge in crossings[:2])
+    top_m, bottom_m = edges_m
     bright_db = draw(study.needle_db, rng)
     over.line(top_m, bright_db)
     if rng.random() < study.glass_share:
@@ -243,9 +243,7 @@ def scanned(
     study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator
 ) -> tuple[Pixels, NDArray[np.bool_]]:
     """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without the black bands."""
-    lines = _lines(study, picture.window, rng)
-    field = _field(study, picture, lines, rng)
-    light = _folded(study, field, picture.window, rng)
+    light = _folded(study, _field(study, picture, rng), picture.window, rng)
     if apex_column is not None and rng.random() < study.flare_share:
         _add_flare(study, light, picture.window, apex_column, rng)
     _add_streaks(study, light, picture.window, rng)
@@ -256,22 +254,19 @@ def scanned(
     return frame, imaged
 
 
-def _lines(study: SceneScannerStudy, window: Window, rng: np.random.Generator) -> list[Ridge]:
-    """Return horizontal reflection lines, which no tissue shades."""
-    lines = []
+def _field(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Complex:
+    """Return the field of the returning light, seen with the scanner's speckle, without its noise.
+
+    No tissue shades horizontal reflection lines.
+    """
+    window, lines = picture.window, []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
         bright = np.full(window.columns, ratios(draw(study.line_db, rng)))
         lines.append(Ridge(row, bright, amplitude_sigma(draw(study.line_m, rng)) / window.pixel_m, shadowed=False))
-    return lines
-
-
-def _field(study: SceneScannerStudy, picture: Picture, lines: list[Ridge], rng: np.random.Generator) -> Complex:
-    """Return the field of the returning light, seen with the scanner's speckle, without its noise."""
-    depth = np.maximum(picture.rows - picture.window.above, 0.0) / picture.window.rows
-    reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * ratios(-draw(study.rolloff_db, rng) * depth).astype(
-        np.float32
-    )
+    depth = np.maximum(picture.rows - window.above, 0.0) / window.rows
+    rolled_off = ratios(-draw(study.rolloff_db, rng) * depth).astype(np.float32)
+    reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * rolled_off
     field = np.sqrt(picture.scatter * reaching) * circular_gaussian(picture.scatter.shape, rng)
     sigmas = (amplitude_sigma(draw(width, rng)) for width in (study.speckle_rows, study.speckle_columns))
     field = seen_through(field, *sigmas)
@@ -296,9 +291,8 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.ra
     below, above = field[window.above :], field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
         below[: len(above)] += above
-    noise_level = ratios(draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below)))[:, None].astype(
-        np.float32
-    )
+    tilt_db = draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below))
+    noise_level = ratios(tilt_db)[:, None].astype(np.float32)
     mean = np.square(np.abs(below)) + noise_level
     seen = below + np.sqrt(noise_level) * circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
@@ -306,11 +300,9 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.ra
     return light
 
 
-def _add_flare(
-    study: SceneScannerStudy, light: Float, window: Window, apex_column: float, rng: np.random.Generator
-) -> None:
+def _add_flare(study: SceneScannerStudy, light: Float, window: Window, apex: float, rng: np.random.Generator) -> None:
     """Add the vertical stripe of the apex' mirror reflection, over the whole depth."""
-    across = (np.arange(window.columns) - apex_column) * window.step_m / draw(study.flare_m, rng)
+    across = (np.arange(window.columns) - apex) * window.step_m / draw(study.flare_m, rng)
     stripe = ratios(draw(study.flare_db, rng)) * np.exp(-(across**2))
     fades = np.exp(-rng.uniform(0.0, 3.0) * np.linspace(0.0, 1.0, window.rows))
     light += (fades[:, None] * stripe * rng.exponential(1.0, (window.rows, 1))).astype(np.float32)
@@ -361,10 +353,8 @@ def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -
     if rng.random() < study.arc_share:
         arc = draw(study.arc_fraction, rng) * rows * np.linspace(-1.0, 1.0, columns) ** 2
         row = np.arange(rows)[:, None]
-        side = rng.choice([-1.0, 1.0])
-        share[
-            (row < (arc if side > 0 else arc.max() - arc)) | (row > rows - 1 - (arc.max() - arc if side > 0 else arc))
-        ] = 0.0
+        top, bottom = (arc, arc.max() - arc)[:: 1 if rng.choice([-1.0, 1.0]) > 0 else -1]
+        share[(row < top) | (row > rows - 1 - bottom)] = 0.0
     return imaged
 
 
@@ -420,13 +410,12 @@ def _steps(frame: Pixels, boundary: Curve, rows: int, bright_side: int, least: f
     below, above = start + off, start - 1 - off  # a row on each side of the boundary is left out
     inside = (above[-1] >= 0) & (below[-1] < len(frame))
     column = np.arange(frame.shape[1])
-    levels, spreads = [], []
-    for band in (below, above)[::bright_side]:
-        counts = frame[np.clip(band, 0, len(frame) - 1).astype(np.intp), column].astype(np.float64)
-        levels.append(_across(counts.mean(axis=0)))
-        spreads.append(np.sqrt(_across(counts.var(axis=0))))
-    bright, dark = levels
-    seen: NDArray[np.bool_] = inside & (bright - dark > np.maximum(LEAST_STEP * spreads[1], least))
+    bright, dark = (
+        frame[np.clip(band, 0, len(frame) - 1).astype(np.intp), column].astype(np.float64)
+        for band in (below, above)[::bright_side]
+    )
+    step, spread = _across(bright.mean(axis=0)) - _across(dark.mean(axis=0)), np.sqrt(_across(dark.var(axis=0)))
+    seen: NDArray[np.bool_] = inside & (step > np.maximum(LEAST_STEP * spread, least))
     return seen
 
 
@@ -439,22 +428,12 @@ def _across(values: Curve) -> Curve:
 def _bridged(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return `seen` without short runs, and with the narrower gaps between the others closed."""
     kept = seen.copy()
-    for start, end in _runs(seen):
-        kept[start:end] = end - start >= LEAST_RUN * len(seen)
-    for start, end in _runs(~kept):
-        if start > 0 and end < len(kept) and end - start <= GAP_SHARE * len(kept):
-            kept[start:end] = True
+    for (run,) in find_objects(label(seen)[0]):
+        kept[run] = run.stop - run.start >= LEAST_RUN * len(seen)
+    for (gap,) in find_objects(label(~kept)[0]):
+        if gap.start > 0 and gap.stop < len(kept) and gap.stop - gap.start <= GAP_SHARE * len(kept):
+            kept[gap] = True
     return kept
-
-
-def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and last + 1 of each run of True.
-
-    >>> _runs(np.array([True, False, True, True]))
-    [(0, 1), (2, 4)]
-    """
-    change = np.diff(np.concatenate([[0], values.astype(np.int8), [0]]))
-    return list(zip(np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist(), strict=True))
 
 
 LEVEL_RAD = 0.03  # a surface that lies so nearly across the light reflects into the scanner
@@ -509,7 +488,5 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
 
 def _apex(tissue: Tissue) -> float | None:
     """Return the column where the surface lies across the light, None if it does nowhere."""
-    slope = np.abs(tissue.rays.slope_rad)
-    if not np.isfinite(slope).any() or np.nanmin(slope) > LEVEL_RAD:
-        return None
-    return float(np.nanargmin(slope))
+    slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)
+    return float(slope.argmin()) if slope.min() <= LEVEL_RAD else None
