@@ -74,8 +74,7 @@ def acquire_all(
 ) -> int:
     """Write a recording of each eye into a folder, unless an interrupted run has; return the number written.
 
-    The bytes are the same for any number of workers, on the same kind of processor. Processes are spawned: a script
-    that calls this keeps its own work under `if __name__ == "__main__"`.
+    The bytes are the same for any number of workers, on the same kind of processor; processes are spawned.
     """
     plans = [acquisition.plan(eye) for eye in eyes]
     todo = []

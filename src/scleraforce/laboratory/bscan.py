@@ -39,11 +39,7 @@ SKIN_COLUMNS = 0.5
 
 @dataclass(frozen=True, eq=False)
 class DrawnShaft:
-    """A shaft in a frame, all (rows, columns).
-
-    `inside`: the shaft fills the pixel; `light`: share of the light from above; `skin`: intensity of the bright edge
-    over the mean noise.
-    """
+    """A shaft in a frame, (rows, columns): its pixels, the light that passes, its edge's intensity over the noise."""
 
     inside: NDArray[np.bool_]
     light: Float
@@ -53,11 +49,8 @@ class DrawnShaft:
 def draw_shaft(shaft: NeedleShaft, tip_m: Vector, tilt_rad: float, oct_study: OctStudy) -> DrawnShaft:
     """Cut a shaft by the plane of a frame.
 
-    Args:
-        shaft: the needle.
-        tip_m: place of its tip in the picture, (2,): lateral from the frame's middle, depth from its top edge, m.
-        tilt_rad: rotation of the eye, with the surface's normal, in the picture (see `Pose`).
-        oct_study: size of the frame.
+    Its tip is lateral from the frame's middle and below its top edge, m; the eye is rotated in the picture by
+    `tilt_rad` (see `Pose`).
     """
     depth_m, lateral_m = oct_study.depth_m / oct_study.rows, oct_study.width_m / oct_study.columns
     above = ceil(shaft.above_m / depth_m)

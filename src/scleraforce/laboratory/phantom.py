@@ -1,8 +1,4 @@
-"""The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
-
-`truth.json` beside the recording's own files has every drawn parameter, the true force, pressure, pose and turn of each
-frame, the seed and the versions.
-"""
+"""The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it."""
 
 import json
 import shutil
@@ -54,10 +50,7 @@ DRIFT_S = 1.0  # in which a living eye moves from one place to another: between 
 
 
 def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
-    """Draw the constants of a recording: the optics, and the eye's depth and tilt.
-
-    The needle and the conjunctiva have random streams of their own: without them everything else is the same.
-    """
+    """Draw a recording's optics and pose; needle and conjunctiva, with streams of their own, change nothing else."""
     phantom, rng = study.phantom, stream(eye, seed, OPTICS)
     scanner = replace(
         sample_optics(phantom, study.oct, rng),
@@ -134,11 +127,9 @@ class PhantomPlan:
 
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
-    """Draw a virtual acquisition.
+    """Draw a virtual acquisition of pushes: scanner, sensor, place and tissue once, what changes for each frame anew.
 
-    The scanner, the wall's optics, the eye's place in the frame, the sensor and the tissue's relaxation are drawn once;
-    shift of the eye, signal over noise, mirror reflection, shadows, the conjunctiva's waves, and timing for each frame
-    anew.
+    Each frame has a shift of the eye, signal over noise, mirror reflection, shadows, waves of the conjunctiva, timing.
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
@@ -177,9 +168,8 @@ def plan_moving_phantom(
 ) -> PhantomPlan:
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
 
-    Everything that `plan_phantom` draws once is drawn once, and so are the shadows and the time before the first
-    contact. Place of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from
-    one to the next.
+    Shift of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to
+    the next; all else is drawn once.
     """
     _check_forces(eye, forces_n)
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
@@ -229,10 +219,7 @@ def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
-    """Return the place of the needle's tip in a frame: lateral from its middle, depth from its top edge, m.
-
-    It touches the section's surface at the contact; at no force it is about to.
-    """
+    """Return the needle's tip, at the section's surface: lateral from the frame's middle, below its top edge, m."""
     nearest = int(np.abs(section.outer[:, 0]).argmin())
     lateral_m, depth_m = frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0].tolist()
     return lateral_m, depth_m

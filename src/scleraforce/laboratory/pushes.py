@@ -13,7 +13,7 @@ Samples = NDArray[np.float64]
 TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Push:
     """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
 
@@ -60,30 +60,14 @@ class ForceSensor:
 
 
 def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.random.Generator) -> tuple[Push, ...]:
-    """Draw the timing of one push for each force (at its frame), in this order. 0 N: the needle stays off.
-
-    The tissue's relaxation is drawn once: it is one eye.
-    """
-    relaxation_fraction, relaxation_time_s = (
-        draw(phantom.relaxation_fraction, rng),
-        draw(phantom.relaxation_time_s, rng),
-    )
+    """Draw the timing of a push for each force (at its frame), with one eye's relaxation. 0 N: the needle stays off."""
+    relaxation = [draw(values, rng) for values in (phantom.relaxation_fraction, phantom.relaxation_time_s)]
     start_s = draw(phantom.approach_s, rng)
     pushes = []
     for force_n in forces_n:
         ramp_s, hold_s, delay_s = draw(phantom.ramp_s, rng), draw(phantom.hold_s, rng), draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
-        pushes.append(
-            Push(
-                force_n=force_n,
-                start_s=start_s,
-                ramp_s=ramp_s,
-                hold_s=hold_s,
-                frame_s=frame_s,
-                relaxation_fraction=relaxation_fraction,
-                relaxation_time_s=relaxation_time_s,
-            )
-        )
+        pushes.append(Push(force_n, start_s, ramp_s, hold_s, frame_s, *relaxation))
         start_s = pushes[-1].end_s + draw(phantom.rest_s, rng)
     return tuple(pushes)
 
@@ -91,10 +75,7 @@ def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.rand
 def plan_path(
     forces_n: tuple[float, ...], ramp_n_per_s: float, hold_s: float, phantom: PhantomStudy, rng: np.random.Generator
 ) -> ForcePath:
-    """Lay a path through forces: off the eye for a drawn time, then by turns a ramp to each and a hold there.
-
-    The robot holds the force, so the tissue's relaxation does not show in it.
-    """
+    """Lay a path through forces: off the eye for a drawn time, then a ramp to each and a hold; nothing relaxes."""
     times_s, path_n = [0.0, draw(phantom.approach_s, rng)], [0.0, 0.0]
     for force_n in forces_n:
         reached_s = times_s[-1] + abs(force_n - path_n[-1]) / ramp_n_per_s
@@ -118,20 +99,16 @@ def true_force(motion: Motion, time_s: Samples) -> Samples:
         relaxed = _relaxed(push, np.clip(time_s - hold_s, 0.0, push.hold_s))
         coming = np.clip((time_s - push.start_s) / push.ramp_s, 0.0, 1.0)
         leaving = np.clip((push.end_s - time_s) / push.ramp_s, 0.0, 1.0)
-        force_n += (
-            push.force_n * np.minimum(coming, leaving) * relaxed / _relaxed(push, np.array(push.frame_s - hold_s))
-        )
+        at_frame = _relaxed(push, np.array(push.frame_s - hold_s))
+        force_n += push.force_n * np.minimum(coming, leaving) * relaxed / at_frame
     return force_n
 
 
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
     """Draw the sensor of one recording."""
+    x, y, z = (draw(phantom.force_offset_n, rng) for _ in range(3))
     return ForceSensor(
-        offset_n=(
-            draw(phantom.force_offset_n, rng),
-            draw(phantom.force_offset_n, rng),
-            draw(phantom.force_offset_n, rng),
-        ),
+        offset_n=(x, y, z),
         drift_n_per_s=draw(phantom.force_drift_n_per_s, rng),
         noise_n=draw(phantom.force_noise_n, rng),
         step_n=phantom.force_step_n,

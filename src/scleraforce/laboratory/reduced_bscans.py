@@ -1,11 +1,8 @@
 """Raw B-scans drawn at the reduced size that a network sees, many at once (NumPy only).
 
 The picture is that of `bscan.render_bscan`, averaged over the cells of a `FrameWindow`: a cell shows the mean count of
-the speckle in each layer that it holds, and varies as the mean of n independent speckles and pixels. A frame takes a
-millisecond or two instead of fifty.
-
-Further simplifications: boundaries do not fold over, the speckle of neighbouring cells is independent, and thin bright
-lines have none.
+the speckle in each layer that it holds, and varies as the mean of n independent speckles and pixels. Boundaries do not
+fold over, the speckle of neighbouring cells is independent, and thin bright lines have none.
 """
 
 from collections.abc import Sequence
@@ -33,10 +30,9 @@ BEYOND_EDGE = 0.23
 
 @dataclass(frozen=True, eq=False)
 class DrawnFrames:
-    """Reduced frames and their walls.
+    """Reduced frames float32 (frame, row, column), and their walls.
 
-    `frames` float32 (frame, row, column), levels of `FrameWindow.levels`; `boundary_rows` (frame, boundary, column):
-    rows of the window, whose centres are whole numbers; NaN in columns without wall or image.
+    `boundary_rows` (frame, boundary, column): whole at the rows' middles; NaN in columns without wall or image.
     """
 
     frames: Float
@@ -73,15 +69,9 @@ def draw_reduced(
     rng: np.random.Generator,
     shafts: Sequence[DrawnShaft] = (),
 ) -> DrawnFrames:
-    """Draw reduced frames of walls.
+    """Draw reduced frames of walls, each with its optics and, if any has one, its needle (in the window's cells).
 
-    Args:
-        depth_sbc: true boundaries (frame, boundary, column of the window), m below the frame's top edge; NaN: no wall.
-        optics: of each frame.
-        oct_study: the scanner's frame.
-        window: the visible part of it.
-        rng: source of the speckle and the noise.
-        shafts: each frame's needle, drawn in the window's cells; empty: no frame has one.
+    `depth_sbc` (frame, boundary, column of the window): m below the frame's top edge, NaN without wall.
     """
     displayed = Displayed(optics)
     surface_m = _surface(depth_sbc[:, OUTER], optics, window)
@@ -180,10 +170,7 @@ def _speckled(
 
 
 def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Float, Float]:
-    """Return the share of each cell between two depths (frame, column), and its distance below the first, m.
-
-    Both (frame, row, column); 0 in columns without these depths.
-    """
+    """Return each cell's share between two depths, and distance below the first, m; 0 in columns without them."""
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
     top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
     begin, end = np.maximum(edges[:-1], top), np.minimum(edges[1:], bottom)

@@ -169,9 +169,8 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[Measur
 
 
 def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Measured]:
-    """Return the spread of the wall's speckle over that of one look on the noise's scale, and its skew.
+    """Return the spread of the wall's speckle over that of one look on the noise's scale (1 if unknown), and its skew.
 
-    The spread is 1 without averaging or if unknown, larger if the noise is averaged or the display is not logarithmic.
     The skew is an octile skew: -0.20 for one look, in dB.
     """
     expected_db = tissue.expected_db

@@ -143,8 +143,7 @@ def _dips(eye: ImagedEye, column_db: Trace) -> Trace:
 def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
     """Return the fall of the light of the wall's columns with the depth of their surface in the frame, dB/m.
 
-    It mixes the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame cannot separate
-    them.
+    It mixes the scanner's roll-off, its focus, and the tissue's own fall with the angle.
     """
     used = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FACING_RAD)
     depth_m = eye.surface_row[used] * eye.scale.depth_m
@@ -387,10 +386,7 @@ def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Me
 
 
 def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measured]:
-    """Return each frame's reflection at normal incidence over its speckle, dB, and the common angle, rad.
-
-    At that slope the reflection has fallen to 1/e.
-    """
+    """Return each frame's reflection at normal incidence over its speckle, dB, and the angle of a fall to 1/e, rad."""
     usable = [frame for frame in frames if not frame.fault]
     if not usable:
         return [Unmeasured(frame.fault) for frame in frames], Unmeasured(frames[0].fault)
@@ -424,10 +420,7 @@ NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 def _fit_reflection(
     frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
 ) -> tuple[Trace, Trace] | None:
-    """Fit the light of frames' pixels; return the values (see LOW) and standard errors, or None.
-
-    Parameters that are `held` keep their start.
-    """
+    """Fit the light of frames' pixels; return values (see LOW) and errors, or None; `held` ones keep their start."""
     slope, below, light, sigma, noise = (
         np.concatenate([np.broadcast_to(getattr(frame, name), frame.light.shape) for frame in frames])
         for name in ("slope_rad", "below", "light", "sigma_rows", "noise")

@@ -70,10 +70,7 @@ def heights(points: Points, window: Window) -> Curve:
 
 @dataclass(frozen=True)
 class Ridge:
-    """A thin bright curve: its row in the drawing and its intensity over the noise, (column,), NaN outside of it.
-
-    `sigma_rows`: its half width; a `shadowed` one loses the light that is lost above it.
-    """
+    """A thin bright curve (column,): row, intensity over the noise; a `shadowed` one loses the light lost above."""
 
     row: Curve
     intensity: Curve
@@ -83,11 +80,7 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing of (rows + above, columns) pixels.
-
-    `scatter`: backscatter over the mean noise; `loss`: of the logarithm of the intensity in each pixel, there and back;
-    `ridges` come on top.
-    """
+    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges on top."""
 
     window: Window
     scatter: Float
@@ -321,10 +314,7 @@ def _between(drawing: _Drawing, outline: Points) -> tuple[Curve, Curve]:
 
 
 def _fill_wall(drawing: _Drawing) -> None:
-    """Fill the wall, layer by layer: the cornea reaches below the sclera, or the sclera below the cornea.
-
-    The cornea's backscatter falls with the angle of the light to its normal.
-    """
+    """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of the light to its normal."""
     study, rng, outer, inner = drawing.study, drawing.rng, drawing.outer, drawing.inner
     fall_db = draw(study.angle_fall_db, rng) * (
         1.0 - np.exp(-((drawing.rays.slope_rad / draw(study.angle_width_rad, rng)) ** 2) / 2)

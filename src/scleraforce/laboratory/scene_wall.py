@@ -18,10 +18,7 @@ BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are kn
 
 @dataclass(frozen=True)
 class Window:
-    """A frame of `rows` x `columns` pixels, with `above` more rows over it.
-
-    Lateral positions count from the frame's middle, depths from its top edge, both in m.
-    """
+    """A frame and `above` more rows over it; laterals are from the frame's middle, depths from its top edge, m."""
 
     rows: int
     columns: int
@@ -112,11 +109,10 @@ class Limbus:
 
 @dataclass(frozen=True)
 class DrawnWall:
-    """A wall in the frame: its meridian's points (point,), from left to right.
+    """A wall in the frame: its meridian's points (point,), from left to right; `normal`: unit vectors into the eye.
 
-    `outer` (point, 2): lateral and depth, m; `normal` (point, 2): unit vectors into the eye; `thickness_m` along them;
-    `arc_m` along the surface from the apex. `pose` takes points of the eye (the apex of the undeformed surface at 0, 0)
-    to the frame. `dent_m`: the lateral place of a dent.
+    `arc_m` is along the surface from the apex. `pose` takes points of the eye (the apex of the undeformed surface at 0,
+    0) to the frame. `dent_m`: the lateral place of a dent.
     """
 
     outer: Points

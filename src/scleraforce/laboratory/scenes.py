@@ -1,7 +1,4 @@
-"""Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale and the true wall.
-
-Lids, lenses, coverslips, drapes, needles and shadows lie over the tissue (`scene_tissue`); a scanner shows the result.
-"""
+"""Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale and the true wall."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -255,10 +252,7 @@ def scanned(
 
 
 def _field(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Complex:
-    """Return the field of the returning light, seen with the scanner's speckle, without its noise.
-
-    No tissue shades horizontal reflection lines.
-    """
+    """Return the field of the returning light, seen with the scanner's speckle, without its noise."""
     window, lines = picture.window, []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
@@ -284,10 +278,7 @@ def _reaching(ridge: Ridge, reaching: Float) -> Curve | float:
 
 
 def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.random.Generator) -> Float:
-    """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored and noise added.
-
-    The intensity of several looks lies between that of one and their mean.
-    """
+    """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored, and noise."""
     below, above = field[window.above :], field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
         below[: len(above)] += above
@@ -385,10 +376,7 @@ LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 def judged_columns(
     frame: Pixels, surface: Curve, outer: Curve, inner: Curve
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the columns that show wall, and the columns for which it is certain whether they do, both (column,).
-
-    Uncertain: the wall is there, but invisible.
-    """
+    """Return the columns that show wall, and the certain columns, in which no wall is invisible, (column,) each."""
     there = np.isfinite(outer)
     seen = there & _bridged(seen_columns(frame, surface, inner))
     if np.count_nonzero(seen) < LEAST_SEEN * len(seen):
@@ -441,12 +429,11 @@ LEVEL_RAD = 0.03  # a surface that lies so nearly across the light reflects into
 
 @dataclass(frozen=True)
 class Scene:
-    """A drawn frame and its truth.
+    """A drawn frame (row, column), uint8 or uint16, and its truth.
 
-    `frame`: counts (row, column), uint8 or uint16. `outer_row`, `inner_row` (column,): the wall's boundaries in rows of
-    pixel centres, as `segmentation` counts them; they may lie outside of the frame; NaN in columns without wall. Behind
-    a narrow shadow, or in a lost column, the wall continues. `judged` (column,): False for a wall that is invisible:
-    such columns are neither right nor wrong.
+    `outer_row`, `inner_row` (column,) count pixel centres and may lie outside of the frame; NaN in columns without
+    wall. Behind a narrow shadow, or in a lost column, the wall continues. `judged` (column,): False for an invisible
+    wall.
     """
 
     frame: Pixels

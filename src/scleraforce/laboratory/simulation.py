@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.laboratory.virtual_eye import linear_wall
 from scleraforce.mechanics.contact import Contact, ScanPlane, SliceWindow
 from scleraforce.mechanics.finite_strain import bend_eye
-from scleraforce.mechanics.graded import supported_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.linear import tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import Study
-from scleraforce.study.unused import refuse_unused
 from scleraforce.whole_files import renamed_when_whole
 
 Floats = NDArray[np.float64]
@@ -61,19 +59,16 @@ def simulate_eye(
     """
     if study.mechanics.kind == "linear":
         return _bent_linearly(study, thickness_m, force_n, contact)
+    eye = study.eye
+    modulus_pa, iop_pa = eye.youngs_modulus_pa, eye.iop_pa
     bent = bend_eye(
-        study,
-        contact,
-        thickness_m=thickness_m,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa,
-        iop_pa=study.eye.iop_pa,
-        max_force_n=force_n,
+        study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, max_force_n=force_n,
         progress=progress,
-    )
+    )  # fmt: skip
     path = bent.path
     states = path.displacement_nc(0.0), path.displacement_nc(force_n)
-    numbers = path.travel_m(force_n), path.tip_m(force_n), path.pressure_pa(force_n)
-    return _sliced(study, contact, force_n, bent.mesh, *states, *numbers)
+    dents = path.travel_m(force_n), path.tip_m(force_n)
+    return _sliced(study, contact, force_n, bent.mesh, states, dents, path.pressure_pa(force_n))
 
 
 def _sliced(
@@ -81,24 +76,22 @@ def _sliced(
     contact: Contact,
     force_n: float,
     mesh: HexMesh,
-    resting_nc: Floats,
-    displacement_nc: Floats,
-    tip_m: float,
-    dent_m: float,
+    states_nc: tuple[Floats, Floats],
+    dents_m: tuple[float, float],
     pressure_pa: float,
 ) -> SimulatedEye:
-    """Return an eye with its slice, from the displacements (node, 3) without and with the needle."""
+    """Return an eye with its slice, from displacements (node, 3) without and with the needle, `tip_m` and `dent_m`."""
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
-    resting, loaded = cut_sections(mesh, [plane], np.stack([resting_nc, displacement_nc]), np.eye(2)[None])[0]
+    resting, loaded = cut_sections(mesh, [plane], np.stack(states_nc), np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
     return SimulatedEye(
         mesh=mesh,
         contact=contact,
         force_n=force_n,
-        displacement_nc=displacement_nc,
-        needle_nc=displacement_nc - resting_nc,
-        tip_m=tip_m,
-        dent_m=dent_m,
+        displacement_nc=states_nc[1],
+        needle_nc=states_nc[1] - states_nc[0],
+        tip_m=dents_m[0],
+        dent_m=dents_m[1],
         pressure_pa=pressure_pa,
         slice=fill_section(loaded, window),
         window=window,
@@ -106,24 +99,14 @@ def _sliced(
 
 
 def _bent_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> SimulatedEye:
-    refuse_unused(study, "simulate", "linear")
-    eye = study.eye
-    mesh = supported_mesh(study, thickness_m, contact)
-    springs = study_springs(study.supports, mesh)
-    wall = LinearWall(mesh, eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
+    eye, wall = study.eye, linear_wall(study, "simulate", thickness_m, contact, study.eye.youngs_modulus_pa)
     unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
-    resting_nc, displacement_nc = (
-        wall.displacement(
-            unit_nc,
-            force,
-            youngs_modulus_pa=eye.youngs_modulus_pa,
-            iop_pa=eye.iop_pa,
-            density_kg_m3=eye.density_kg_m3,
-        )
-        for force in (0.0, force_n)
-    )
-    tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
-    return _sliced(study, contact, force_n, mesh, resting_nc, displacement_nc, tip_m, tip_m, eye.iop_pa)
+    loads = {
+        "youngs_modulus_pa": eye.youngs_modulus_pa, "iop_pa": eye.iop_pa, "density_kg_m3": eye.density_kg_m3,
+    }  # fmt: skip
+    states = wall.displacement(unit_nc, 0.0, **loads), wall.displacement(unit_nc, force_n, **loads)
+    tip_m = tip_displacement(wall.mesh, contact, states[1] - states[0])
+    return _sliced(study, contact, force_n, wall.mesh, states, (tip_m, tip_m), eye.iop_pa)
 
 
 CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
@@ -132,10 +115,7 @@ CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
 def write_vtu(eye: SimulatedEye, path: Path) -> None:
     """Write the undeformed mesh in m with the node fields `displacement` and `needle_displacement`, in m.
 
-    Nodes of an element are in VTK's order already. "Warp by vector" shows the deformed wall.
-
-    Raises:
-        InputError: the file cannot be written.
+    "Warp by vector" shows the deformed wall.
     """
     import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
 
@@ -145,10 +125,7 @@ def write_vtu(eye: SimulatedEye, path: Path) -> None:
 
 
 def write_xdmf(eye: SimulatedEye, path: Path) -> None:
-    """Write the mesh as a series of two states for ParaView, without the needle and under its force (the times, in N).
-
-    The fields are the fields of `write_vtu`, as text: no HDF5 is needed.
-    """
+    """Write mesh and fields as a series of two states for ParaView, at rest and under the force (times, in N)."""
     import meshio  # imported here, as above
 
     resting_nc = eye.displacement_nc - eye.needle_nc

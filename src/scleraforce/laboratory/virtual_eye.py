@@ -1,7 +1,7 @@
 """Virtual eyes: their parameters, their sections under a needle, and the five of the paper's design."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import acos, atan2, pi, radians, remainder
 
@@ -28,10 +28,7 @@ SACCADE_S = 1.0  # from one saccade to the next
 
 @dataclass(frozen=True, kw_only=True)
 class EyeTurn:
-    """A rotation of the globe from its start, as a vector about the eye's x and y axes, rad.
-
-    It has no part about the eye's axis: gaze moves so (Listing's law).
-    """
+    """A rotation of the globe from its start, about the eye's x and y axes, rad; none about its own (Listing's law)."""
 
     about_x_rad: float
     about_y_rad: float
@@ -92,8 +89,8 @@ class TurnedSections:
         blended = []
         for turn, *sections in zip(turns, *at_knots, strict=True):
             weights = knot_weights(turn, self.reach_rad)
-            outer, inner = ([getattr(section, name) for section in sections] for name in ("outer", "inner"))
-            blended.append(Section(_blend_curves(outer, weights), _blend_curves(inner, weights)))
+            curves = ([section.outer for section in sections], [section.inner for section in sections])
+            blended.append(Section(*(_blend_curves(each, weights) for each in curves)))
         return blended
 
 
@@ -139,7 +136,7 @@ FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at th
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PhantomEye:
     """One virtual eye, its contact, and the B-scan plane (see `ScanPlane`)."""
 
@@ -165,19 +162,14 @@ class PhantomEye:
     @property
     def plane(self) -> ScanPlane:
         """The plane of the B-scan."""
-        return ScanPlane(
-            Contact(polar_rad=self.polar_rad, azimuth_rad=self.azimuth_rad),
-            gap_m=self.gap_m,
-            direction_rad=self.direction_rad,
-            tilt_rad=self.tilt_rad,
-        )
+        contact = Contact(polar_rad=self.polar_rad, azimuth_rad=self.azimuth_rad)
+        return ScanPlane(contact, gap_m=self.gap_m, direction_rad=self.direction_rad, tilt_rad=self.tilt_rad)
 
 
 def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
 
-    For an eye that turns (`[phantom]`) it is a `TurnedSections`. `progress` is called with the finished share of the
-    load paths.
+    For an eye that turns it is a `TurnedSections`. `progress` is called with the finished share of the load paths.
     """
     eyes = turned_eyes(eye, study)
     knots = []
@@ -185,12 +177,12 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
         if study.mechanics.kind == "linear":
             knots.append(linear_sections(turned, own))
         else:
-            share = None if progress is None else partial(_report_share, progress, number, len(eyes))
+            share = None if progress is None else partial(_report, progress, number, len(eyes))
             knots.append(BentSections(turned, own, share))
     return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(study.phantom))
 
 
-def _report_share(progress: Callable[[float], object], number: int, count: int, share: float) -> None:
+def _report(progress: Callable[[float], object], number: int, count: int, share: float) -> None:
     progress((number + share) / count)
 
 
@@ -202,12 +194,7 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
 
 def _turned(eye: PhantomEye, study: Study, turn: EyeTurn) -> tuple[PhantomEye, Study]:
     plane, needle = turned_plane(eye.plane, turn), study.needle
-    turned = replace(
-        eye,
-        polar_rad=plane.contact.polar_rad,
-        azimuth_rad=plane.contact.azimuth_rad,
-        direction_rad=plane.direction_rad,
-    )
+    turned = replace(eye, **asdict(plane.contact), direction_rad=plane.direction_rad)
     if needle.tilt_rad:  # its direction counts from the meridian, as that of the plane does
         direction_rad = needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
         needle = replace(needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi))
@@ -218,8 +205,7 @@ class BentSections:
     """An eye's sections for needle forces in N, and its pressure under them, from one finite-strain load path.
 
     The first call computes the path, up to the largest given force (some 10 s on one core), and so does a later call
-    with a larger one. Everything but thickness, modulus, pressure and contact is the study's: see `bend_eye`, whose
-    errors calls raise, and the errors of `cut_sections`. Eye and study can be sent to another process.
+    with a larger one. Everything but thickness, modulus, pressure and contact is the study's (`bend_eye`).
     """
 
     def __init__(
@@ -276,16 +262,20 @@ def pressures_pa(
     return [eye.iop_pa] * len(forces_n)
 
 
-def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
-    """Return the function that gives an eye's sections for needle forces in N, from linear mechanics.
-
-    The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
-    """
-    refuse_unused(study, "phantom", "linear")
-    plane = eye.plane
-    mesh = supported_mesh(study, eye.thickness_m, plane.contact)
+def linear_wall(
+    study: Study, command: str, thickness_m: float, contact: Contact, youngs_modulus_pa: float
+) -> LinearWall:
+    """Factor a wall on the study's supports; a command's study must have no keys that linear mechanics does not use."""
+    refuse_unused(study, command, "linear")
+    mesh = supported_mesh(study, thickness_m, contact)
     springs = study_springs(study.supports, mesh)
-    wall = LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
+    return LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=youngs_modulus_pa)
+
+
+def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from linear mechanics, factored once."""
+    plane = eye.plane
+    wall = linear_wall(study, "phantom", eye.thickness_m, plane.contact, eye.youngs_modulus_pa)
     needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
     modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
@@ -299,13 +289,11 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
 
 
 def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
-    """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with its forces in N.
+    """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with its forces in N, 45 in all.
 
-    45 trials: thicknesses and trials per class of Table 1, moduli of Table 2 and its mean, 0.25 MPa, for the fifth. The
-    forces of a class are spread evenly over it, 2 mN clear of its bounds (a label is uncertain by about 1 mN) and from
-    0 to 58 mN, and come in an order that mixes the classes. `to_the_bounds`: they are drawn from the whole of each
-    class instead, 0 to 60 mN, with the seed of the study's phantoms. Contact angles, which the paper does not give
-    ("near the limbus"), spread over the study's range; IOP and gap are the study's.
+    Moduli are Table 2's and, for the fifth, its mean. The forces of a class are spread evenly over it, 2 mN
+    clear of its bounds (a label is uncertain by about 1 mN), or with `to_the_bounds` drawn from the whole of it.
+    Contact angles, which the paper does not give ("near the limbus"), spread over the study's range.
     """
     design = (
         ("eye-1", 800e-6, 0.27e6, (0, 11, 14)),
@@ -321,13 +309,7 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
         polar_rad = round(low + place * (high - low), 6)
         eye = PhantomEye(
-            id=name,
-            thickness_m=thickness_m,
-            youngs_modulus_pa=modulus_pa,
-            iop_pa=study.eye.iop_pa,
-            gap_m=study.needle.gap_m,
-            polar_rad=polar_rad,
-            azimuth_rad=radians(360 * place),
+            name, thickness_m, modulus_pa, study.eye.iop_pa, study.needle.gap_m, polar_rad, radians(360 * place)
         )
         forces_n: list[float] = []
         for target, count in enumerate(trials):

@@ -184,19 +184,13 @@ class _Reads(torch.nn.Module):
 
 
 def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
-    """Return a network with weights rounded to half precision; biases and mean are unchanged.
-
-    The network is rounded before it is measured, so that figures belong to the file.
-    """
+    """Return a network with weights rounded to half precision, as the file has them; biases and mean are unchanged."""
     layers = (replace(layer, weight=layer.weight.astype(np.float16).astype(np.float32)) for layer in network.layers)
     return replace(network, layers=tuple(layers))
 
 
 def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
-    """Return a network of half precision (`with_half_weights`) as an ONNX model, which is nearly all weights.
-
-    ONNX Runtime widens them when it loads the model: sums run in single precision.
-    """
+    """Return a network of half precision as an ONNX model; ONNX Runtime widens the weights, and sums in float32."""
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     return onnx_bytes(_Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False)
 
@@ -275,8 +269,8 @@ def fit(
 ) -> Fitted:
     """Train a network; the same study and samples give the same weights on the same machine.
 
-    The weights are those after the last epoch, where the rate has come down to zero; none are picked by their
-    validation figures, so these figures stay an honest estimate. `progress` is called with 1 after each epoch.
+    The weights are those after the last epoch: none are picked by their validation figures, which stay an honest
+    estimate. `progress` is called with 1 after each epoch.
     """
     norm = normalisation(training, study.mirror)
     seen, unseen = _batches(training, norm), _batches(validation, norm)
@@ -374,10 +368,9 @@ def search_sizes(
     progress: Callable[[int], object] | None = None,
     workers: int | None = None,
 ) -> Search:
-    """Train every size of the grid and keep the best.
+    """Train every size of the grid and keep the best; whoever trains, the result is the same on one kind of processor.
 
-    The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same whoever
-    trains, on the same kind of processor.
+    The validation set chooses, so the accuracy of the chosen size is slightly flattered.
     """
     sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()

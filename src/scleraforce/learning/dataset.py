@@ -246,11 +246,7 @@ DTYPES = {
 class Dataset:
     """A complete data set, checked on opening; its arrays are read on first use.
 
-    Attributes:
-        path: the store.
-        study: the study that it was made from.
-        youngs_modulus_pa: Young's modulus of the simulated walls.
-        attributes: the store's other attributes (seed, versions, calibration ...).
+    `attributes` are the store's (seed, versions, calibration ...); the modulus is that of the simulated walls.
     """
 
     path: Path
@@ -284,11 +280,7 @@ class Dataset:
         return np.flatnonzero(~validation), np.flatnonzero(validation)
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read a whole array: `slices` or a name of the metadata.
-
-        Raises:
-            DatasetError: there is no such array, a part of it is missing or damaged, or it has impossible values.
-        """
+        """Read a whole array, `slices` or a metadata's name; raise a DatasetError if it is damaged or impossible."""
         store = CheckedStore(KIND, self.path, _arrays(self.study), attributes=self.attributes)
         if name not in store.arrays:
             raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(store.arrays)}")

@@ -70,10 +70,7 @@ Network = TypeVar("Network", bound=torch.nn.Module)
 
 
 def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
-    """Draw numbered samples in `workers` processes (or a cluster's), a few ahead; 0: here. Yield them in order.
-
-    The processes end when the generator is closed.
-    """
+    """Yield numbered samples in order, drawn ahead by `workers` processes (or a cluster's) until closed; 0: here."""
     if not workers:
         return (draw(number) for number in numbers)
     return work_in_order(partial(_itself, draw), numbers, workers, ahead=AHEAD * workers)
@@ -94,8 +91,7 @@ def descend(
 ) -> Iterator[float]:
     """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
 
-    A round has mean losses of batches and their numbers of samples, computed lazily. `steps`: number of all batches;
-    `section`: of the study, for the message of a descent that diverges.
+    A round has mean losses of batches and their numbers of samples, computed lazily; `steps` batches make all rounds.
     """
     step = 0
     for batches in rounds:
@@ -132,9 +128,7 @@ def trained(
     progress: Callable[[int], object] | None = None,
     threads: int = READER_THREADS,
 ) -> Fitted[Network]:
-    """Train a new network; the losses are of each draw. The rest is as in `descend`.
-
-    One thread suffices: others draw, and more would sum in another order.
+    """Train a new network on one thread, as others draw; the losses are of each draw.
 
     Args:
         build: makes the network.
@@ -142,9 +136,9 @@ def trained(
         drawn: the samples, in order; it is closed in the end.
         study: rate, warm-up, decay of the weights and seed.
         steps: number of batches.
-        section: of the study, for the message.
+        section: of the study, for the message of a descent that diverges.
         progress: called with 1 after each draw.
-        threads: of PyTorch.
+        threads: of PyTorch; more sum in another order.
     """
     losses: list[float] = []
     with closing(drawn), repeatable(study.seed, threads):

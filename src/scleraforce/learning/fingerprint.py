@@ -1,8 +1,7 @@
 """Fingerprints of behaviour: a few numbers that move when the training of a model would.
 
 Parts of a training are computed at small size, and each result is reduced to at most 64 numbers, which `model.json`
-keeps with a tolerance. A model is out of date when today's code computes other numbers; a rename moves none. Code that
-only runs in cases that the small size lacks is not covered.
+keeps with a tolerance. Code that only runs in cases that the small size lacks is not covered.
 """
 
 from dataclasses import replace

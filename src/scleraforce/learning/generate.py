@@ -1,8 +1,4 @@
-"""From the plan of a data set to its slices (paper sec. 2.3), by linear mechanics or from the library, on all cores.
-
-The store's missing units are simulated on all cores or on a cluster; workers keep their factored wall for the next
-unit.
-"""
+"""From the plan of a data set to its slices (paper sec. 2.3), by linear mechanics or from the library, on all cores."""
 
 from collections.abc import Callable
 from contextlib import closing

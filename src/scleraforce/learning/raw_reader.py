@@ -1,9 +1,8 @@
 """The raw reader: from a raw frame and the known values of the eye to the force, without a decision on boundaries.
 
-A network like the wall finder's gives distributions of both boundaries' rows for every second column. They make a slice
-of shares of wall, in the mean over all places of the boundaries, which the layers of the slice network read. These
-layers learn from drawn slices first; then the wall is learned from raw frames by the wall finder's loss, and last
-everything by the force's loss beside it. Intervals are measured on the eyes of `learning.virtual_eyes`, in raw frames.
+A network like the wall finder's gives distributions of both boundaries' rows. They make a slice of shares of wall, in
+the mean over all places of the boundaries, for the slice network. That learns from drawn slices first; then the wall is
+learned from raw frames by the wall finder's loss, and last everything by the force's loss beside it.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -142,10 +141,7 @@ def largest_needle_gap(raw: RawReaderStudy) -> float:
 
 
 def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generator) -> BscanOptics:
-    """Draw the optics of one frame: of the scanner of `[phantom]`, or another one within `[raw_reader]`.
-
-    `needle_gap_m`: distance from the axis of a needle that crosses the frame; None: no needle.
-    """
+    """Draw a frame's optics within `[phantom]` and `[raw_reader]`; a needle's axis is `needle_gap_m` off, if any."""
     raw, phantom = study.raw_reader, study.phantom
     optics, coarser = sample_optics(phantom, study.oct, rng), draw(raw.speckle_factor, rng)
     if rng.random() < raw.conjunctiva_share:
@@ -190,11 +186,9 @@ def draw_shafts(
 
 @dataclass(frozen=True)
 class RawSamples:
-    """Samples of the raw reader.
+    """Reduced frames (sample, row, column), float32; the rest is as in `ReaderSamples`.
 
-    `frames` float32 (sample, row, column), reduced; `boundary_rows` float32 (sample, boundary, column / 2): of the
-    wall, in rows, kept inside the window, NaN without wall; `given`, `force_n`, `modulus_pa` and `lateral_m` as in
-    `ReaderSamples`.
+    `boundary_rows` float32 (sample, boundary, column / 2): of the wall, kept inside the window, NaN without wall.
     """
 
     frames: Float

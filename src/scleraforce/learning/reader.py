@@ -165,10 +165,9 @@ class _Reads(torch.nn.Module):
 
 
 def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model.
+    """Return the network as an ONNX model: from `slices`, uint8 (n, row, column), 0 or 255, and `given`, float32.
 
-    Its inputs are `slices`, uint8 (n, row, column) of 0 and 255, and `given`, float32 (n, len(GIVEN)); its outputs
-    `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
+    It answers with `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
     """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     inputs = {SLICES: slices, GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
@@ -181,10 +180,9 @@ def fit_reader(
     workers: int,
     progress: Callable[[int], object] | None = None,
 ) -> Fitted[ReaderNetwork]:
-    """Train a reader on chunks of samples (`Source.chunk`); no sample is seen twice. The losses are of each epoch.
+    """Train a reader on chunks of samples, none seen twice; the losses are of each epoch, and so is `progress`.
 
-    The same study and library give the same weights on the same machine, whatever the number of processes that draw (0:
-    here) is. `progress` is called with 1 after each epoch.
+    The same study and library give the same weights on the same machine, for any number of drawing processes (0: here).
     """
     reader = study.reader
     chunks, done = -(-reader.samples_per_epoch // CHUNK), count(1)
@@ -232,11 +230,10 @@ def compared(
     lateral_m: Floats,
     study: Study,
 ) -> dict[str, Any]:
-    """Return `metrics` of `model.json` from a network's outputs for all parts of samples.
+    """Return `metrics` of `model.json` from a network's outputs for all parts of samples, whose truth is (sample,).
 
-    The samples' given moduli, true forces and places of the contact are (sample,). Accuracy, its 95 % interval (Wilson)
-    and confusion (a row for each true class) are the classes'; the mean error is the median's, the coverage the 90 %
-    intervals'.
+    Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are of the classes; the mean error is
+    of the median, the coverage of the 90 % intervals.
     """
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     probabilities = histogram(mixtures, study.reader.bins).double().numpy()

@@ -62,10 +62,9 @@ class Eyes:
 
 @dataclass(frozen=True)
 class ReaderSamples:
-    """Samples of the reader.
+    """Samples of the reader: `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)).
 
-    `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)); `force_n` (sample,);
-    `modulus_pa`: given to the network (sample,); `lateral_m`: of the needle axis from the slice's middle (sample,).
+    `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the slice's middle; (sample,).
     """
 
     slices: NDArray[np.uint8]
@@ -97,10 +96,7 @@ def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Gene
 def draw_samples(
     library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
 ) -> ReaderSamples:
-    """Draw samples: eyes, forces, framings, and boundary errors like the segmentation's.
-
-    A `library` `within` the slices' reach is enough, and quicker.
-    """
+    """Draw samples; a `library` `within` the slices' reach is enough, and quicker."""
     eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
     slices = fill_boundaries(seen, slice_study)
     stated_pa, _ = given_modulus(eyes.stated, reader)
@@ -198,10 +194,7 @@ def _poles(
 def _pressures(
     library: Library, eye: tuple[Floats, ...], rigidity: Floats, force_n: Floats, rng: np.random.Generator
 ) -> Floats:
-    """Return the pressure under the needle over E (sample,) of eyes (thickness, IOP, modulus, size).
-
-    A force (in `force_n`) that drives it beyond the library is replaced by a smaller one.
-    """
+    """Return the pressure under the needle over E (sample,); forces that drive it beyond the library are lowered."""
     thickness_m, iop_pa, modulus_pa, size = eye
     thickness, globe = thickness_m / size, sealed_globe(rigidity * size**3).over(modulus_pa)  # volumes go as size^3
     highest = BARELY_INSIDE * library.iop_ratio_ends(thickness)[1]
@@ -242,8 +235,7 @@ def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
 def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """Return given moduli, their relative standard deviations (NaN: missing), and the eyes' true moduli (sample,).
 
-    The true modulus is drawn from the given distribution, so that this means what it says; without one, evenly from the
-    range.
+    The true modulus is drawn from the given distribution; without one, evenly from the range.
     """
     middle_pa = reader.youngs_modulus_pa.sample(rng, count)
     sd = log_even(reader.modulus_sd_fraction, count, rng)
@@ -254,10 +246,9 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
 
 
 def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
-    """Return the error of a calibrated modulus that was fitted with a wrong thickness and IOP, as a factor.
+    """Return the factor by which wrong thicknesses and IOPs (as factors, NaN: missing) move a calibrated modulus.
 
-    It is fitted to dents and forces, and at a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): so the product
-    stays. A factor is NaN for a missing value.
+    At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md), so the product stays.
     """
     t, p = (np.nan_to_num(factor, nan=1.0) for factor in (thickness_factor, iop_factor))
     return 1.0 / (t**2 * np.cbrt(p))

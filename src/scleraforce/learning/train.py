@@ -157,10 +157,7 @@ def train_raw_reader(
     learned: Progress = None,
     measured: Progress = None,
 ) -> Record:
-    """Train the raw reader on a library and write its model folder.
-
-    Arguments and errors as of `train_reader`; `learned` is called with 1 after each batch of raw frames.
-    """
+    """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     _check_library(library, study)
     raw = study.raw_reader
@@ -193,11 +190,7 @@ def train_raw_reader(
 
 
 def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> Record:
-    """Train the wall finder on drawn scenes and write its model folder.
-
-    `workers` are processes, or a cluster's, that draw (by default one for each other usable core); `progress` is called
-    with 1 after each batch.
-    """
+    """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
     check_place(out)
     finder = study.wall_finder
     fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)

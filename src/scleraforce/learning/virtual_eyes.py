@@ -1,9 +1,7 @@
 """Whole virtual eyes from library walls, for the measurement of a reader's intervals: calibrated, then read.
 
-An eye has a wall, a pressure, a globe and a contact of its own. A share of the eyes are uneven: their form is not a
-sphere's (`uneven`), and their forces drift away from the library's with the dent, as in uneven eyes computed in three
-dimensions. The stated values of an eye are off by the study's errors. Three frames of known force calibrate it, as
-`calibrate --frames 3` does; the others are read.
+A share of the eyes are uneven: their form is not a sphere's, and their forces drift away from the library's with the
+dent, as in uneven eyes computed in three dimensions. The stated values of an eye are off by the study's errors.
 
 The factors of a reading's traits, by which intervals are stretched, come from the scores of these readings by quantile
 regression (Koenker and Bassett 1978): the logarithm of the 90 % quantile is a sum over the traits. At its solution 90 %
@@ -82,10 +80,9 @@ OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualEye:
-    """An eye and its stated values.
+    """An eye: its true sections, its wall without force, its stated values, and its form (1,) at rest.
 
-    `model` gives its true sections, `wall` is its state without force, `stated` are its stated values, `forms` (1,) its
-    form at rest. `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
+    `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
     """
 
     model: LibraryEye
@@ -111,10 +108,7 @@ class VirtualFrame:
 
 
 def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
-    """Draw an eye within the ranges of `[reader]`; globes are stated open, sealed and not at all by turns.
-
-    The direction of its sections is stated for half of the eyes.
-    """
+    """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by turns, its direction or not."""
     reader, stated_globe = study.reader, OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
     drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
@@ -188,11 +182,7 @@ def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random
 def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats) -> Floats:
     """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN beyond the wall.
 
-    Args:
-        eye: the eye.
-        forces_n: (frame,).
-        poses: of the sections, one for each frame (`calibration.registration.place_section`).
-        columns_m: lateral places of a frame's columns from its middle.
+    Forces are (frame,), columns lateral places from the frame's middle; each frame has a pose (`place_section`).
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
@@ -216,18 +206,9 @@ def calibrated(
 ) -> tuple[Known, tuple[VirtualFrame, ...]]:
     """Return the known values of an eye after a calibration on some of its frames, and the other frames.
 
-    Frames of light forces, which only showed the place of the eye, are among the others.
-
-    Args:
-        eye: the eye.
-        frames: in the order of the pushes.
-        study: of the calibration.
-        library: for any contact.
-        rng: source of the errors of the forces.
-        chosen: the frames of the calibration; None: three, chosen as by `calibrate --frames 3`.
-
-    Raises:
-        CalibrationError: the library does not have the eye with its stated values.
+    The frames are in the order of the pushes; the `chosen` ones calibrate, by default three as by `calibrate --frames
+    3`. Frames of light forces only show the place of the eye, and are left. Raise a CalibrationError if the library
+    does not have the eye with its stated values.
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
@@ -341,10 +322,7 @@ ScoresOf = Callable[[int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random
 
 
 def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int) -> list[Score]:
-    """Return the scores of the virtual eye of a number, which is calibrated first and read on its other frames.
-
-    There are none of an eye in a corner of the ranges that the library does not have.
-    """
+    """Return the scores of a virtual eye, calibrated and then read; there are none if the library lacks the eye."""
     rng = np.random.default_rng([seed, STREAM + number])
     try:
         eye = draw_eye(study, library, number, rng)
@@ -375,10 +353,9 @@ def measuring(study: Study, library: Library, network: bytes) -> Callable[[int],
 def calibrated_otherwise(
     eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
 ) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
-    """Return the known values of an eye after a calibration on a few frames of any forces, and the other frames.
+    """Return an eye's known values after a calibration on a few frames of drawn forces, and the other frames.
 
-    The number of frames, the largest force and the other forces below it are drawn. None if the eye does not bear
-    enough, or the library lacks it with its stated values.
+    None if the eye does not bear enough, or the library lacks it with its stated values.
     """
     if eye.largest_n <= LEAST_LARGEST_N:
         return None

@@ -1,10 +1,8 @@
 """The wall finder: its network, the drawn scenes that it learns from, its training, and its metrics.
 
-Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution: a reduced frame goes in; for
-every second column come out two distributions over the rows, of the wall's boundaries, and the probability of wall.
-Rows come back to full resolution in the last step, as two interleaved channels. The loss of a boundary is the
-cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969), which includes the distance
-of a wrong row.
+Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution; rows come back to full
+resolution in the last step, as two interleaved channels. The loss of a boundary is the cross-entropy of its row's
+distribution, plus the ranked probability score (Epstein 1969), which includes the distance of a wrong row.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,10 +28,7 @@ SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribut
 
 
 class WallFinderNetwork(torch.nn.Module):
-    """Logits of the boundaries' rows (n, 2, rows, columns / 2), and of a column's having wall (n, columns / 2).
-
-    Its input is a batch of reduced frames, float (n, rows, columns).
-    """
+    """Frames (n, rows, columns) to logits of boundaries (n, 2, rows, columns / 2) and of wall (n, columns / 2)."""
 
     def __init__(self, study: WallFinderStudy) -> None:
         """Build the network with random weights (from PyTorch's generator)."""
@@ -137,10 +132,7 @@ def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
 def fit_wall_finder(
     scenes: ScenesStudy, study: WallFinderStudy, workers: int, progress: Callable[[int], object] | None = None
 ) -> Fitted[WallFinderNetwork]:
-    """Train the network; the same studies give the same weights on the same machine, whatever `workers` is.
-
-    `workers` processes draw scenes (0: this one does); `progress` is called with 1 after each batch.
-    """
+    """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
     fitted = trained(
         lambda: WallFinderNetwork(study),
         lambda network, _, batch: [(_loss(network, batch, study), 1)],
@@ -171,11 +163,9 @@ def finder_loss(
     judged: torch.Tensor,
     target_rows: float,
 ) -> torch.Tensor:
-    """Return the mean loss of a batch.
+    """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall (n, column) where judged.
 
-    `row_logits` (n, 2, row, column) of the boundaries' rows and `wall_logits` (n, column) of there being wall, in the
-    `judged` columns (n, column); `boundaries` are the true rows (n, 2, column), NaN without wall, blurred by a standard
-    deviation of `target_rows`.
+    `boundaries` are the true rows (n, 2, column), NaN without wall, blurred by a standard deviation of `target_rows`.
     """
     there = torch.isfinite(boundaries).all(dim=1)
     wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), judged.float())

@@ -1,11 +1,8 @@
 """The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy only).
 
-A form at rest is added to the dented wall unchanged: another curvature than a sphere's, different on both sides of the
-contact, a surface that turns up at the limbus to the more curved cornea, and a thickness that changes along the
-section.
-
-The errors imitate the errors that `benchmarks/bench_boundary_errors.py` measures on rendered frames (`BoundaryErrors`).
-No boundary is found in columns that the scan does not reach at the sides, nor where the surface leaves the frame.
+A form at rest is added to the dented wall unchanged. The errors imitate the errors that
+`benchmarks/bench_boundary_errors.py` measures on rendered frames. No boundary is found in columns that the scan does
+not reach at the sides, nor where the surface leaves the frame.
 """
 
 from dataclasses import dataclass
@@ -67,13 +64,7 @@ def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: NDArray[np.bool_],
 
 
 def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
-    """Return the depths that forms add to both boundaries (sample, boundary, column), m.
-
-    Args:
-        forms: of the walls.
-        radius_m: of the walls (sample,).
-        from_contact_m: lateral distance from the contact (sample, column).
-    """
+    """Return the depths that forms add to boundaries (sample, boundary, column), m, by distances from the contact."""
     s = from_contact_m
     column = {name: values[:, None] for name, values in vars(forms).items()}
     outer = 0.5 * (column["curvature"] + column["skew"] * np.sign(s)) * s**2
@@ -143,12 +134,8 @@ def disturb(
 ) -> Floats:
     """Return boundaries as a segmentation might have found them, NaN in columns without a found wall.
 
-    Args:
-        depth_sbc: true boundaries (sample, boundary, column), m below the frame's upper edge; NaN: no wall.
-        study: size of the slice and of its pixel.
-        rng: source of the errors.
-        errors: their sizes; by default this project's segmentation's.
-        scale: times the errors of surface, thickness and scale, and the numbers of bumps and layers.
+    `depth_sbc` are m below the frame's upper edge, NaN without wall. `scale` multiplies the errors of surface,
+    thickness and scale, and the numbers of bumps and layers; sizes are this project's segmentation's by default.
     """
     errors = errors or BoundaryErrors()
     known: NDArray[np.bool_] = np.all(np.isfinite(depth_sbc), axis=1)
