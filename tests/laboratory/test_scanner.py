@@ -87,20 +87,6 @@ def test_shadows_and_lines_are_recovered() -> None:
     assert found.ranges["line_thickness_m"].median == pytest.approx(16e-6, rel=0.1)
 
 
-@pytest.mark.slow
-def test_two_displays_of_the_same_light_give_the_same_physics() -> None:
-    one, other = (
-        measure_scanner(drawn_eyes(FEW, scanner, display_floor_db=floor_db, display_range_db=range_db))
-        for scanner, floor_db, range_db in ((SCANNER, -7.0, 42.0), (replace(SCANNER, bits=8), -12.0, 50.0))
-    )
-    assert one.ranges["display_range_db"].median == pytest.approx(42.0, abs=0.5)
-    assert other.ranges["display_range_db"].median == pytest.approx(50.0, abs=0.5)
-    for key, most in {"snr_db": 0.2, "reflection_db": 0.5, "choroid_level_db": 0.5}.items():
-        assert other.ranges[key].median == pytest.approx(one.ranges[key].median, abs=most)
-    for key in ("attenuation_per_m", "axial_resolution_m", "lateral_resolution_m", "choroid_thickness_m"):
-        assert other.ranges[key].median == pytest.approx(one.ranges[key].median, rel=0.04)
-
-
 def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> None:
     found = measure_scanner(drawn_eyes(FEW, axial_resolution_m=3e-6, lateral_resolution_m=12e-6)).ranges
     pixels_m = {"axial_resolution_m": SCANNER.depth_m / 512, "lateral_resolution_m": SCANNER.width_m / 512}
@@ -152,13 +138,6 @@ def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
         drawn = drawn_alike(frame, found.phantom(), np.random.default_rng(1))
         assert drawn.shape == frame.eye.pixels.shape
         assert histogram_overlap(frame.eye.pixels, drawn, 4095) > 0.97
-
-
-@pytest.mark.slow
-def test_without_a_choroid_its_keys_keep_their_defaults_and_say_why() -> None:
-    found = measure_scanner(drawn_eyes(FEW, choroid_level_db=-60.0))
-    assert isinstance(found.ranges["choroid_level_db"], Unmeasured)
-    assert found.phantom().choroid_level_db == PhantomStudy().choroid_level_db
 
 
 def test_one_frame_gives_ranges_of_its_uncertainty() -> None:

@@ -7,12 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from effects import contents
 
 from reference_walls import cut_section
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, plan_sections, write_phantom
+from scleraforce.laboratory.phantom import (
+    phantom_truth,
+    plan_moving_phantom,
+    plan_phantom,
+    plan_sections,
+    write_phantom,
+)
 from scleraforce.laboratory.virtual_eye import (
     STILL,
     BentSections,
@@ -274,22 +279,16 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(600e-6)
     uneven = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
     assert uneven.turns == plan.turns
+    for said in phantom_truth(uneven, TURNED_STUDY, [0.0] * 3)["frames"]:
+        contact = Contact(polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"])
+        thickness_m = 600e-6 * float(thickness_factor(TURNED_STUDY.form, contact.normal))
+        assert said["turn"]["thickness_at_contact_m"] == pytest.approx(thickness_m)
+        assert thickness_m != pytest.approx(600e-6, rel=1e-3)
     info = read_recording(tmp_path / "rec").info
     assert (info.needle.polar_angle_rad, info.oct.plane_direction_rad) == (
         TURNED_EYE.polar_rad,
         TURNED_EYE.direction_rad,
     )
-
-
-def test_the_truth_has_the_thickness_where_the_needle_pushes(tmp_path) -> None:
-    flat = [lambda forces_n: [Section(*np.zeros((2, 9, 2)) + np.linspace(-9e-3, 9e-3, 9)[:, None])] * len(forces_n)]
-    plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
-    write_phantom(tmp_path / "rec", plan, TurnedSections(flat * 3, FARTHEST), TURNED_STUDY)
-    for said in json.loads((tmp_path / "rec" / "truth.json").read_text())["frames"]:
-        contact = Contact(polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"])
-        thickness_m = 600e-6 * float(thickness_factor(TURNED_STUDY.form, contact.normal))
-        assert said["turn"]["thickness_at_contact_m"] == pytest.approx(thickness_m)
-        assert thickness_m != pytest.approx(600e-6, rel=1e-3)
 
 
 def test_the_movement_of_the_eye_leaves_all_else_as_it_was_drawn() -> None:
@@ -305,27 +304,6 @@ def test_the_movement_of_the_eye_leaves_all_else_as_it_was_drawn() -> None:
         assert replace(moving, frames=frames) == still
 
 
-def test_an_eye_that_keeps_still_has_an_unchanged_recording(tmp_path) -> None:
-    study = replace(TURNED_STUDY, mesh=MeshStudy(divisions=4), mechanics=MechanicsStudy(), form=FormStudy())
-    still = replace(study, phantom=PhantomStudy())
-    for name, own in (("moving", study), ("still", still)):
-        write_phantom(
-            tmp_path / name, plan_phantom(TURNED_EYE, TURNED_FORCES_N, own, 3), study_sections(TURNED_EYE, own), own
-        )
-    write_phantom(
-        tmp_path / "alone",
-        plan_phantom(TURNED_EYE, TURNED_FORCES_N, still, 3),
-        linear_sections(TURNED_EYE, still),
-        still,
-    )
-    assert contents(tmp_path / "alone") == contents(tmp_path / "still")
-    assert "turn" not in json.loads((tmp_path / "still" / "truth.json").read_text())["frames"][0]
-    moving, still_bytes = contents(tmp_path / "moving"), contents(tmp_path / "still")
-    changed = {str(name) for name in moving if moving[name] != still_bytes[name]}
-    assert {name for name in changed if not name.endswith(".png")} == {"truth.json"}
-    assert any(name.endswith(".png") for name in changed)
-
-
 def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
     with pytest.raises(RecordingError, match="eye eye-x: it turns, and its sections have one contact"):
@@ -333,23 +311,12 @@ def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_computes_all_paths_and_says_how_far_it_is(tmp_path) -> None:
-    study = tmp_path / "study.toml"
-    study.write_text(
-        format_study(replace(TURNED_STUDY, mesh=MeshStudy(kind="graded", core=2, rings=4), form=FormStudy()))
-    )
-    arguments = ["phantom", "--study", str(study), "--forces-mn", "6,2", "--thickness-um", "800", "--json"]
-    assert run([*arguments, "--out", str(tmp_path / "a")]) == 0
-    assert run([*arguments, "--out", str(tmp_path / "b")]) == 0
-    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+def test_the_paths_of_all_knots_report_one_progress() -> None:
     shares: list[float] = []
-    sections_at = study_sections(
-        TURNED_EYE, replace(TURNED_STUDY, mesh=MeshStudy(kind="graded", core=2, rings=4)), shares.append
-    )
-    sections_at([0.006])
+    study = replace(TURNED_STUDY, mesh=MeshStudy(kind="graded", core=2, rings=4))
+    study_sections(TURNED_EYE, study, shares.append)([0.006])
     assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)
-    assert min(shares) < 1 / 3
+    assert min(shares) < 1 / 3 < shares[-1] == pytest.approx(1.0)
 
 
 PLANE = ScanPlane(Contact(polar_rad=0.7, azimuth_rad=2.9), gap_m=0.5e-3, direction_rad=-1.1, tilt_rad=0.05)

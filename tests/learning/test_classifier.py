@@ -16,7 +16,6 @@ from scleraforce.cli.main import run
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.learning.classifier import (
     Candidate,
-    Layer,
     Samples,
     TrainedNetwork,
     best,
@@ -25,11 +24,8 @@ from scleraforce.learning.classifier import (
     content_hash,
     cross_entropy,
     fit,
-    grid,
-    linear_layers,
     mirrored_pixels,
     normalisation,
-    search_sizes,
     trained_network,
     with_half_weights,
 )
@@ -40,38 +36,6 @@ from scleraforce.reader import load_model
 from scleraforce.study import DatasetGroup, DatasetStudy, NetworkStudy, SliceStudy, Study, study_hash
 
 SIZE = SliceStudy(columns=10, rows=12)
-
-
-def numpy_loss_and_gradient(layers: list[Layer], inputs: np.ndarray, target: np.ndarray):
-    """Mean cross-entropy and its gradient by the chain rule, written out."""
-    signals = [inputs]
-    for layer in layers[:-1]:
-        signals.append(np.maximum(signals[-1] @ layer.weight.T + layer.bias, 0.0))
-    logits = signals[-1] @ layers[-1].weight.T + layers[-1].bias
-    shares = np.exp(logits - logits.max(axis=1, keepdims=True))
-    shares /= shares.sum(axis=1, keepdims=True)
-    loss = -np.log(shares[np.arange(len(target)), target]).mean()
-    slope = shares.copy()
-    slope[np.arange(len(target)), target] -= 1.0
-    slope /= len(target)
-    gradient = []
-    for layer, signal in zip(reversed(layers), reversed(signals), strict=True):
-        gradient.insert(0, Layer(slope.T @ signal, slope.sum(axis=0)))
-        slope = (slope @ layer.weight) * (signal > 0.0)
-    return loss, gradient
-
-
-def arrays(network) -> list[Layer]:
-    return [Layer(x.weight.detach().numpy().copy(), x.bias.detach().numpy().copy()) for x in linear_layers(network)]
-
-
-def step(network, optimiser, inputs, target, limit: float, masks: int = 1) -> float:
-    """One step of the descent, at the optimiser's own rate."""
-    rate = optimiser.param_groups[0]["lr"]
-    study = NetworkStudy(learning_rate=max(rate, 1e-8), warmup=0.0, max_gradient_norm=limit)
-    losses = [(cross_entropy(network, inputs, target, masks)[0], len(target))]
-    (loss,) = descend(network, optimiser, [losses], study, 2, "network")
-    return loss
 
 
 def test_mirror_images_of_the_varying_pixels_are_the_pixels_of_the_mirrored_slices(bars) -> None:
@@ -102,46 +66,32 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     assert accuracy[False] < 0.7
 
 
-@pytest.mark.slow
-def test_the_gradient_over_many_dropout_masks_comes_close_to_its_expectation() -> None:
+@pytest.mark.parametrize("limit", [1e6, 0.05], ids=["free", "clipped"])
+def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_norm(limit: float) -> None:
+    """The loss of a line, w x + b, is w x: its gradient is the mean input, whatever the weights are."""
+    inputs = torch.tensor([[3.0, 4.0]], dtype=torch.float64)
+    network = torch.nn.Linear(2, 1, bias=False).double()
+    optimiser = torch.optim.SGD(network.parameters(), lr=1.0, momentum=0.5)
+    study = NetworkStudy(learning_rate=0.2, warmup=0.0, max_gradient_norm=limit)
+    before = network.weight.detach().clone()
+    rounds = ([(network(inputs).mean(), 1)] for _ in range(2))  # of one batch each, computed lazily
+    first, second = descend(network, optimiser, rounds, study, 4, "network")
+    push = inputs * min(1.0, limit / 5.0)
+    rates = [learning_rate(study, step, 4) for step in (0, 1)]
+    assert first == pytest.approx(float(before @ inputs.T))
+    assert second == pytest.approx(float((before - rates[0] * push) @ inputs.T), rel=1e-4)
+    expected = before - rates[0] * push - rates[1] * 1.5 * push
+    np.testing.assert_allclose(network.weight.detach(), expected, atol=1e-5)
+
+
+def test_more_dropout_masks_make_the_loss_of_a_batch_less_noisy() -> None:
     rng = np.random.default_rng(0)
     inputs, target = torch.from_numpy(rng.normal(size=(16, 8))).float(), torch.from_numpy(rng.integers(0, 3, size=16))
     torch.manual_seed(0)
     network = build_network(8, NetworkStudy(hidden=(10, 10), dropout=0.5), 3)
-    still = torch.optim.SGD(network.parameters(), lr=0.0)
-
-    def gradient(masks: int) -> torch.Tensor:
-        step(network, still, inputs, target, 1e6, masks)
-        return torch.cat([parameter.grad.flatten() for parameter in network.parameters()])
-
-    expected = torch.stack([gradient(16) for _ in range(40)]).mean(0)
-    scatter = {m: torch.stack([(gradient(m) - expected).norm() for _ in range(30)]).square().mean() for m in (1, 16)}
-    assert 8 < scatter[1] / scatter[16] < 32
-
-
-@pytest.mark.parametrize("limit", [1e6, 0.05], ids=["free", "clipped"])
-def test_two_steps_with_momentum_equal_the_chain_rule_written_out_in_numpy(limit: float) -> None:
-    slack = 1e-5 if limit < 1 else 1e-12  # clip_grad_norm_ adds 1e-6 to the norm that it divides by
-    rng = np.random.default_rng(3)
-    inputs, target = rng.normal(size=(20, 9)), rng.integers(0, 3, size=20)
-    torch.manual_seed(0)
-    network = build_network(9, NetworkStudy(hidden=(7, 5), dropout=0.0), 3).double()
-    optimiser = torch.optim.SGD(network.parameters(), lr=0.2, momentum=0.9)
-    layers, speed = arrays(network), None
-    for _ in range(2):
-        loss, gradient = numpy_loss_and_gradient(layers, inputs, target)
-        length = np.sqrt(sum((g.weight**2).sum() + (g.bias**2).sum() for g in gradient))
-        factor = min(1.0, limit / length)
-        push = [Layer(g.weight * factor, g.bias * factor) for g in gradient]
-        speed = push if speed is None else [
-            Layer(0.9 * v.weight + g.weight, 0.9 * v.bias + g.bias) for v, g in zip(speed, push, strict=True)
-        ]  # fmt: skip
-        layers = [Layer(x.weight - 0.2 * v.weight, x.bias - 0.2 * v.bias) for x, v in zip(layers, speed, strict=True)]
-        found = step(network, optimiser, torch.from_numpy(inputs), torch.from_numpy(target), limit)
-        assert found == pytest.approx(loss, rel=slack)
-    for mine, theirs in zip(layers, arrays(network), strict=True):
-        np.testing.assert_allclose(theirs.weight, mine.weight, atol=slack)
-        np.testing.assert_allclose(theirs.bias, mine.bias, atol=slack)
+    losses = {masks: [cross_entropy(network, inputs, target, masks)[0].item() for _ in range(60)] for masks in (1, 16)}
+    assert 2.0 < np.std(losses[1]) / np.std(losses[16]) < 8.0
+    assert np.mean(losses[1]) == pytest.approx(np.mean(losses[16]), rel=0.2)
 
 
 def test_the_first_logits_are_as_large_with_the_papers_dropout_as_without() -> None:
@@ -199,17 +149,6 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
         fit(small, *bars)
 
 
-def test_the_rate_rises_then_falls_and_never_turns_negative() -> None:
-    study = NetworkStudy(learning_rate=0.3, warmup=0.2)
-    rates = np.array([learning_rate(study, step, 50) for step in range(50)])
-    assert rates.argmax() in (9, 10)
-    assert rates.max() == pytest.approx(0.3)
-    assert (np.diff(rates[:10]) > 0).all()
-    assert (np.diff(rates[10:]) < 0).all()
-    assert rates.min() > 0
-    assert learning_rate(replace(study, warmup=0.0), 0, 50) == 0.3
-
-
 def test_the_content_hash_changes_with_one_pixel_and_with_one_label(bars) -> None:
     training, validation = bars
     slices, target = training.slices.copy(), training.target.copy()
@@ -225,37 +164,25 @@ def test_the_content_hash_changes_with_one_pixel_and_with_one_label(bars) -> Non
     assert content_hash(training, validation) in hashes
 
 
-@pytest.mark.parametrize("hidden", [(), (9, 8, 7)])
-def test_onnx_runtime_answers_as_pytorch_does(bars, hidden: tuple[int, ...]) -> None:
-    training, validation = bars
-    norm = normalisation(training)
-    torch.manual_seed(1)
-    network = build_network(int(norm.varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
-    centred = torch.from_numpy(validation.pixels[:, norm.varies] / np.float32(255) - norm.mean[norm.varies])
-    with torch.inference_mode():
-        for linear in linear_layers(network):
-            linear.weight.copy_(linear.weight.half())
-        expected = torch.softmax(network(centred), dim=1).numpy()
-    session = onnxruntime.InferenceSession(classifier_bytes(trained_network(network, norm), SIZE, {}))
-    (found,) = session.run(None, {"slices": validation.slices})
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-    assert np.ptp(expected, axis=0).max() > 1e-3, "a network that answers always the same proves nothing"
-
-
-def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_size(bars) -> None:
+@pytest.mark.parametrize("hidden", [(), (300, 200)])
+def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_size(bars, hidden) -> None:
     norm = normalisation(bars[0])
     torch.manual_seed(3)
-    network = trained_network(build_network(int(norm.varies.sum()), NetworkStudy(hidden=(300, 200)), 3).eval(), norm)
+    built = build_network(int(norm.varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
+    network = trained_network(built, norm)
+    centred = torch.from_numpy(bars[1].pixels[:, norm.varies] / np.float32(255) - norm.mean[norm.varies])
+    by_torch = torch.softmax(built(centred), dim=1).detach().numpy()
+    np.testing.assert_allclose(network.probabilities(bars[1].slices), by_torch, atol=1e-5)
     rounded, slices = with_half_weights(network), bars[1].slices
     content = classifier_bytes(rounded, SIZE, {"seed": "7", "dataset_sha256": "ab"})
     assert content == classifier_bytes(rounded, SIZE, {"dataset_sha256": "ab", "seed": "7"})
     (found,) = onnxruntime.InferenceSession(content).run(None, {"slices": slices})
     np.testing.assert_allclose(found, rounded.probabilities(slices), atol=1e-5)
-    assert len(content) < 0.55 * sum(layer.weight.nbytes for layer in rounded.layers)
+    assert not hidden or len(content) < 0.55 * sum(layer.weight.nbytes for layer in rounded.layers)
     model = onnx.load_from_string(content)
     assert {entry.key: entry.value for entry in model.metadata_props} == {"seed": "7", "dataset_sha256": "ab"}
     kinds = [tensor.data_type for tensor in model.graph.initializer if len(tensor.dims) == 2]
-    assert kinds == [onnx.TensorProto.FLOAT16] * 3
+    assert kinds == [onnx.TensorProto.FLOAT16] * (len(hidden) + 1)
     assert np.abs(rounded.probabilities(slices) - network.probabilities(slices)).max() < 1e-3
     for layer, before in zip(rounded.layers, network.layers, strict=True):
         np.testing.assert_array_equal(layer.bias, before.bias)
@@ -272,19 +199,6 @@ def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() ->
     assert best(tried) == 2
     with pytest.raises(SolverError, match="every size"):
         best(tried[3:])
-
-
-@pytest.mark.slow
-def test_the_search_returns_what_training_the_chosen_size_alone_would(bars, small) -> None:
-    study = replace(small, search_widths=(2, 12), search_depths=(1, 2), epochs=2)
-    ticks: list[int] = []
-    found = search_sizes(study, *bars, progress=ticks.append)
-    assert [entry.hidden for entry in found.candidates] == list(grid(study))
-    assert sum(ticks) == 2 * len(found.candidates)
-    assert found.study.hidden == found.candidates[best(found.candidates)].hidden
-    alone = fit(found.study, *bars)
-    assert alone.curves == found.fitted.curves
-    np.testing.assert_array_equal(alone.network.layers[-1].weight, found.fitted.network.layers[-1].weight)
 
 
 STUDY = Study(
@@ -353,34 +267,12 @@ def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store:
     assert "`youngs_modulus_mpa` | 0.31 |" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
-def test_two_trainings_write_the_same_bytes(store: Path, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        train_classifier(open_dataset(store), tmp_path / name)
-    for file in ("model.onnx", "study.toml", "card.md", "model.json"):
-        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
-
-
-@pytest.mark.parametrize("moment", ["while training", "while writing"])
-def test_ctrl_c_leaves_nothing_behind(store: Path, tmp_path: Path, monkeypatch, moment: str) -> None:
+def test_ctrl_c_leaves_nothing_behind(store: Path, tmp_path: Path) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    if moment == "while writing":
-        written: list[Path] = []
-        write = Path.write_bytes
-
-        def second_fails(path: Path, content: bytes) -> int:
-            written.append(path)
-            if len(written) == 2:
-                interrupt()
-            return write(path, content)
-
-        monkeypatch.setattr(Path, "write_bytes", second_fails)
     with pytest.raises(KeyboardInterrupt):
-        train_classifier(
-            open_dataset(store), tmp_path / "model", progress=interrupt if moment == "while training" else None
-        )
+        train_classifier(open_dataset(store), tmp_path / "model", progress=interrupt)
     assert not list(tmp_path.iterdir())
 
 
@@ -390,14 +282,6 @@ def test_an_existing_model_is_kept_and_refused_before_any_training(store: Path, 
     with pytest.raises(ModelError, match="exists already"):
         train_classifier(open_dataset(store), tmp_path / "model", progress=ticks.append)
     assert not ticks
-
-
-def test_the_command_prints_its_json(store: Path, tmp_path: Path, capsys) -> None:
-    assert run(["train", str(store), "--out", str(tmp_path / "model"), "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["epochs"] == 6
-    assert result["validation_accuracy"] == load_model(tmp_path / "model").record["metrics"]["validation_accuracy"]
-    assert result["seconds"] > 0
 
 
 def test_the_command_searches_and_shows_the_table_within_80_columns(store: Path, tmp_path: Path, capsys) -> None:

@@ -4,9 +4,7 @@ import hashlib
 import multiprocessing
 import os
 import shutil
-from contextlib import closing
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +19,7 @@ from small_models import rehash_store
 from small_recordings import calibration_text
 
 from reference_walls import cut_section
-from scleraforce.errors import DatasetError, InputError, SolverError, StudyError
+from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.learning.dataset import (
     DTYPES,
     SLICES,
@@ -32,13 +30,12 @@ from scleraforce.learning.dataset import (
     plan_dataset,
     read_population_modulus,
 )
-from scleraforce.learning.generate import _simulating, generate_dataset, library_slices, near_library
+from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.processes import work_units
 from scleraforce.study import (
     Choice,
     DatasetGroup,
@@ -94,15 +91,6 @@ def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forc
     assert not np.any(paper.framing_lateral_m)
 
 
-def test_a_seed_gives_one_plan_and_another_seed_another():
-    group = (DatasetGroup(images=400),)
-    first, again, other = (plan_dataset(with_dataset(seed=seed, group=group)) for seed in (3, 3, 4))
-    for name, values in first.columns.items():
-        np.testing.assert_array_equal(values, again.columns[name])
-    assert np.any(first.force_n != other.force_n)
-    assert np.any(first.azimuth_rad != other.azimuth_rad)
-
-
 def test_open_ranges_are_drawn_for_each_sample_and_independently():
     plan = plan_dataset(
         with_dataset(
@@ -121,22 +109,6 @@ def test_open_ranges_are_drawn_for_each_sample_and_independently():
     )
     correlation = np.corrcoef(drawn) - np.eye(len(drawn))
     assert np.abs(correlation).max() < 0.04
-
-
-def test_a_samples_seed_reproduces_its_draws(paper):
-    for sample in (0, 5000, 19199):
-        force = np.random.default_rng(paper.seed[sample]).random()
-        largest = 45e-3 if sample < 3200 else 60e-3
-        assert paper.force_n[sample] == force * largest
-
-
-def test_images_that_do_not_divide_are_spread_evenly():
-    plan = plan_dataset(with_dataset(contacts=7, group=(DatasetGroup(images=45), DatasetGroup(images=3))))
-    counts = np.bincount(plan.contact)
-    assert counts[:7].tolist() == [7, 7, 7, 6, 6, 6, 6]
-    assert counts[7:].tolist() == [1, 1, 1]
-    for group in (plan.contact < 7, plan.contact >= 7):
-        assert 0 < plan.validation[group].sum() < group.sum()
 
 
 @pytest.mark.parametrize(("contacts", "images", "whole"), [(200, 4000, True), (10, 100, True), (2, 10_000, False)])
@@ -324,19 +296,7 @@ def test_impossible_values_are_refused_even_where_the_hashes_agree(copy, name, v
         open_dataset(copy).read(name)
 
 
-def test_a_pipe_or_a_device_within_a_data_set_is_refused(copy, tmp_path):
-    for file in ("zarr.json", "slices/c/1/0/0"):
-        content = (copy / file).read_bytes()
-        (copy / file).unlink()
-        os.mkfifo(copy / file)
-        with pytest.raises(DatasetError, match=f"{file}: a named pipe"):
-            read_all(copy)
-        (copy / file).unlink()
-        (copy / file).symlink_to("/dev/zero")
-        with pytest.raises(DatasetError, match=f"{file}: a device"):
-            read_all(copy)
-        (copy / file).unlink()
-        (copy / file).write_bytes(content)
+def test_a_special_file_within_a_begun_data_set_is_refused(tmp_path):
     partial_store(tmp_path / "d")
     os.mkfifo(tmp_path / "d" / "slices" / "c")
     with pytest.raises(DatasetError, match="slices/c: neither a regular file nor a folder"):
@@ -398,28 +358,6 @@ def test_what_a_kill_leaves_is_taken_up(tmp_path):
     assert open_dataset(path).images == 465
 
 
-@pytest.mark.slow
-def test_a_fault_in_a_worker_reaches_the_caller():
-    study = small_study()
-    steep = replace(
-        study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(min=1.39, max=1.396))
-    )
-    with (
-        closing(work_units(partial(_simulating, steep, MODULUS_PA), [0], 1)) as results,
-        pytest.raises(Exception, match="over the base"),
-    ):
-        next(results)
-
-
-@pytest.mark.slow
-def test_a_worker_that_dies_is_an_error_and_not_a_hang():
-    with closing(work_units(partial(_simulating, small_study(), MODULUS_PA), [0, 1], 1)) as results:
-        next(results)
-        multiprocessing.active_children()[0].kill()
-        with pytest.raises(SolverError, match="worker ended"):
-            next(results)
-
-
 def test_a_relative_path_may_be_named_like_an_array(copy, monkeypatch):
     copy.rename(copy.with_name("slices"))
     monkeypatch.chdir(copy.parent)
@@ -477,26 +415,14 @@ def test_slices_equal_cutting_and_filling_one_by_one(study, library):
     assert np.mean(differing) < 0.4
 
 
-@pytest.mark.slow
-def test_the_store_says_finite_strain_and_is_taken_up(study, library, tmp_path):
-    def interrupt(done: int) -> None:
-        if done:
-            raise KeyboardInterrupt
-
-    whole, taken_up = tmp_path / "whole", tmp_path / "taken_up"
-    result = generate_dataset(study, whole, youngs_modulus_pa=MODULUS_PA, library=library)
-    assert (result.images, result.simulated) == (450, 450)
-    with pytest.raises(KeyboardInterrupt):
-        generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA, library=library, progress=interrupt)
-    with pytest.raises(DatasetError, match="begun with another mechanics"):
-        generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA)
-    assert generate_dataset(study, taken_up, youngs_modulus_pa=MODULUS_PA, library=library).simulated < 450
-    files = [path.relative_to(whole) for path in whole.rglob("*") if path.is_file()]
-    assert all((whole / file).read_bytes() == (taken_up / file).read_bytes() for file in files)
-    assert zarr.open_group(whole, mode="r").attrs["mechanics"] == "finite-strain"
-    dataset = open_dataset(whole)
+def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp_path):
+    result = generate_dataset(study, tmp_path / "d", youngs_modulus_pa=MODULUS_PA, library=library)
+    dataset = open_dataset(tmp_path / "d")
+    assert (result.images, result.simulated, dataset.attributes["mechanics"]) == (450, 450, "finite-strain")
     assert dataset.slices.any(axis=(1, 2)).all()
-    assert set(np.unique(dataset.slices)) == {0, 255}
+    create_dataset(tmp_path / "begun", study, MODULUS_PA, None, plan_dataset(study), "finite-strain")
+    with pytest.raises(DatasetError, match="begun with another mechanics"):
+        generate_dataset(study, tmp_path / "begun", youngs_modulus_pa=MODULUS_PA)
 
 
 def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library, tmp_path):

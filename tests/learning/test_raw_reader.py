@@ -11,16 +11,13 @@ from analytic_library import analytic_library
 
 from scleraforce.cli.main import run
 from scleraforce.known import Known, Modulus
-from scleraforce.learning.descent import drawn_ahead
 from scleraforce.learning.raw_reader import (
-    FRAMES_TOGETHER,
     RawReaderNetwork,
     RawSource,
     draw_optics,
     draw_shafts,
     fit_raw_reader,
     largest_needle_gap,
-    pair_rows,
     raw_reader_bytes,
     slice_weights,
 )
@@ -172,16 +169,6 @@ def study_with(**raw: object) -> Study:
     return replace(STUDY, raw_reader=replace(STUDY.raw_reader, **{**none, **raw}))
 
 
-@pytest.mark.slow
-def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
-    here = source.chunk(3, FRAMES_TOGETHER)
-    (there,) = drawn_ahead(source.chunk, [3], workers=1)
-    assert len(here) == FRAMES_TOGETHER
-    for name in ("frames", "boundary_rows", "given", "force_n", "modulus_pa", "lateral_m"):
-        np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
-    assert not np.array_equal(source.chunk(4, 8).frames, source.chunk(5, 8).frames)
-
-
 def test_frames_are_bright_between_their_boundaries_and_dark_above(source: RawSource) -> None:
     plain = RawSource(source.library, study_with()).chunk(1, COUNT)
     row, pairs = np.arange(80)[:, None], plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3)
@@ -245,12 +232,6 @@ def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     assert low <= min(thick) < max(thick) <= high
     everywhere = replace(study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4)))
     assert draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
-
-
-def test_boundaries_are_taken_between_two_columns_and_kept_inside() -> None:
-    window = FrameWindow(rows=8, columns=4, row_m=1e-4, column_m=1e-4)
-    rows = np.array([[[-3.0, 1.0, 2.0, np.nan], [3.0, 4.0, 20.0, 30.0]]])
-    np.testing.assert_array_equal(pair_rows(rows, window), np.array([[[0.0, np.nan], [3.5, 7.0]]], dtype=np.float32))
 
 
 @pytest.mark.slow

@@ -170,23 +170,11 @@ def test_a_library_of_another_eye_is_refused(library, tmp_path: Path) -> None:
 def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys) -> None:
     build_library(TINY, tmp_path / "library.zarr", workers=1, solve=solve_analytic)
     (tmp_path / "study.toml").write_text(format_study(replace(TINY, reader=replace(TINY.reader, epochs=1))))
-    arguments = [
-        "--study",
-        str(tmp_path / "study.toml"),
-        "--kind",
-        "reader",
-        "--out",
-        str(tmp_path / "model"),
-        "--json",
-    ]
-    assert run(["train", str(tmp_path / "library.zarr"), *arguments]) == 0
+    train = ["train", str(tmp_path / "library.zarr"), "--out", str(tmp_path / "model")]
+    assert run([*train, "--study", str(tmp_path / "study.toml"), "--kind", "reader", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert result["kind"] == "reader"
-    assert result["epochs"] == 1
-    for key in ("validation_accuracy", "mae_mn", "coverage", "seconds"):
-        assert result[key] > 0
-    assert run(["train", str(tmp_path / "library.zarr"), "--out", str(tmp_path / "other")]) == 2
-    assert "library" in capsys.readouterr().err
+    assert (result["kind"], result["epochs"]) == ("reader", 1)
+    assert all(result[key] > 0 for key in ("validation_accuracy", "mae_mn", "coverage", "seconds"))
 
 
 def test_a_reader_is_not_trained_on_a_folder_of_slices(tmp_path: Path, capsys) -> None:

@@ -1,6 +1,6 @@
 """Samples of the reader: given values mean what they say, and the slice shows its wall."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,13 +9,9 @@ from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
-from scleraforce.learning.descent import drawn_ahead
 from scleraforce.learning.samples import (
-    CHUNK,
     TISSUE,
-    ReaderSamples,
     Source,
-    concatenated,
     draw_eyes,
     draw_samples,
     library_of_tissue,
@@ -222,16 +218,6 @@ def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other() -> None:
     assert all(library_of_tissue(held, never, rng) is held for _ in range(20))
 
 
-def test_samples_are_joined_one_after_the_other(library) -> None:
-    one, other = (draw_samples(library, READER, SLICE, count, np.random.default_rng(count)) for count in (3, 5))
-    joined = concatenated([one, other])
-    assert len(joined) == 8
-    for item in fields(ReaderSamples):
-        values = getattr(joined, item.name)
-        np.testing.assert_array_equal(values[:3], getattr(one, item.name))
-        np.testing.assert_array_equal(values[3:], getattr(other, item.name))
-
-
 def test_each_part_of_a_chunk_is_of_one_tissue_and_labelled_so() -> None:
     held, count = made_up_library(), 2 * TISSUE + 50
     mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
@@ -243,23 +229,3 @@ def test_each_part_of_a_chunk_is_of_one_tissue_and_labelled_so() -> None:
     assert len(np.unique(firsts)) > 2
     assert firsts.min() == 0.0
     assert firsts.max() <= 1.0 + 1e-6
-
-
-@pytest.mark.slow
-def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library) -> None:
-    source = Source.of(library, READER, SLICE)
-    for workers in (1, 2):
-        found = list(drawn_ahead(source.chunk, range(3), workers))
-        assert [len(chunk) for chunk in found] == [CHUNK] * 3
-        for number in (0, 2):
-            again = source.chunk(number)
-            np.testing.assert_array_equal(found[number].slices, again.slices)
-            np.testing.assert_array_equal(found[number].given, again.given)
-        assert not np.array_equal(found[0].force_n, found[1].force_n)
-
-
-@pytest.mark.slow
-def test_what_raises_in_a_worker_raises_here(library) -> None:
-    source = Source.of(library, replace(READER, thickness_m=fixed(1.1e-3)), SLICE)
-    with pytest.raises(InputError, match="hardly any eye"):
-        list(drawn_ahead(source.chunk, range(2), 1))

@@ -10,7 +10,7 @@ import pytest
 import torch
 from small_models import SMALL_STUDY
 
-from scleraforce.errors import ModelError, SolverError
+from scleraforce.errors import ModelError
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.train import train_wall_finder
 from scleraforce.learning.wall_finder import (
@@ -74,14 +74,6 @@ def test_the_same_study_gives_the_same_weights_whatever_the_number_of_workers() 
         assert torch.equal(value, two.network.state_dict()[name]), name
     other = fit_wall_finder(SMALL_STUDY.scenes, replace(few, seed=1), 1)
     assert not torch.equal(one.network.boundaries.weight, other.network.boundaries.weight)
-
-
-@pytest.mark.slow
-def test_a_descent_that_diverges_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    lost = torch.tensor(float("nan"), requires_grad=True)
-    monkeypatch.setattr("scleraforce.learning.wall_finder.finder_loss", lambda *_: lost * 1.0)
-    with pytest.raises(SolverError, match=r"lower wall_finder\.learning_rate"):
-        fit_wall_finder(SMALL_STUDY.scenes, replace(FINDER, batches=3), 1)
 
 
 def test_the_graph_answers_as_the_network_does() -> None:
