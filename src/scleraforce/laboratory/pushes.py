@@ -13,7 +13,7 @@ Samples = NDArray[np.float64]
 TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Push:
     """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
 
@@ -61,13 +61,14 @@ class ForceSensor:
 
 def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.random.Generator) -> tuple[Push, ...]:
     """Draw the timing of a push for each force (at its frame), with one eye's relaxation. 0 N: the needle stays off."""
-    relaxation = [draw(values, rng) for values in (phantom.relaxation_fraction, phantom.relaxation_time_s)]
+    relaxes = {name: draw(getattr(phantom, name), rng) for name in ("relaxation_fraction", "relaxation_time_s")}
     start_s = draw(phantom.approach_s, rng)
     pushes = []
     for force_n in forces_n:
         ramp_s, hold_s, delay_s = draw(phantom.ramp_s, rng), draw(phantom.hold_s, rng), draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
-        pushes.append(Push(force_n, start_s, ramp_s, hold_s, frame_s, *relaxation))
+        times = {"start_s": start_s, "ramp_s": ramp_s, "hold_s": hold_s, "frame_s": frame_s}
+        pushes.append(Push(force_n=force_n, **times, **relaxes))
         start_s = pushes[-1].end_s + draw(phantom.rest_s, rng)
     return tuple(pushes)
 

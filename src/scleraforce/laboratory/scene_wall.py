@@ -16,7 +16,7 @@ ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, a
 BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it; points of their grid
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Window:
     """A frame and `above` more rows over it; laterals are from the frame's middle, depths from its top edge, m."""
 
@@ -59,7 +59,8 @@ def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
     depth_m = width_m * draw_even_logarithm(study.depth_share, rng)
     finest_m, coarsest_m = study.pixel_m.bounds
     rows = round(min(max(draw(study.rows, rng), depth_m / coarsest_m), depth_m / finest_m))
-    return Window(rows, round(draw(study.columns, rng)), round(ABOVE_SHARE * rows), width_m, depth_m)
+    columns, above = round(draw(study.columns, rng)), round(ABOVE_SHARE * rows)
+    return Window(rows=rows, columns=columns, above=above, width_m=width_m, depth_m=depth_m)
 
 
 def draw_even_logarithm(values: Sampled, rng: np.random.Generator) -> float:
@@ -78,7 +79,7 @@ STEEPEST_DENT = 2.0  # depth of a dent over its width, at most: its side slopes 
 CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limbus:
     """The border of cornea and sclera: `arc_m` along the surface from the apex, `spur_m` at the scleral spur.
 
@@ -162,13 +163,13 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
     """Draw the limbus; None: the eye has no cornea."""
     arc_m = draw(eye.limbus_m, rng)
     limbus = Limbus(
-        arc_m,
-        draw(eye.limbus_width_m, rng),
-        draw(eye.limbus_edge_m, rng),
-        draw(eye.limbus_slant_m, rng),
-        draw(eye.limbus_wedge_m, rng),
-        arc_m + draw(eye.spur_m, rng),
-        draw(eye.spur_bump_m, rng),
+        arc_m=arc_m,
+        width_m=draw(eye.limbus_width_m, rng),
+        edge_m=draw(eye.limbus_edge_m, rng),
+        slant_m=draw(eye.limbus_slant_m, rng),
+        wedge_m=draw(eye.limbus_wedge_m, rng),
+        spur_m=arc_m + draw(eye.spur_m, rng),
+        spur_bump_m=draw(eye.spur_bump_m, rng),
     )
     return None if rng.random() < eye.half_sphere_share else limbus
 

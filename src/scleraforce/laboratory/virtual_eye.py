@@ -136,7 +136,7 @@ FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at th
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PhantomEye:
     """One virtual eye, its contact, and the B-scan plane (see `ScanPlane`)."""
 
@@ -308,9 +308,9 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     eyes = []
     for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
         polar_rad = round(low + place * (high - low), 6)
-        eye = PhantomEye(
-            name, thickness_m, modulus_pa, study.eye.iop_pa, study.needle.gap_m, polar_rad, radians(360 * place)
-        )
+        wall = {"thickness_m": thickness_m, "youngs_modulus_pa": modulus_pa, "iop_pa": study.eye.iop_pa}
+        contact = {"gap_m": study.needle.gap_m, "polar_rad": polar_rad, "azimuth_rad": radians(360 * place)}
+        eye = PhantomEye(id=name, **wall, **contact)
         forces_n: list[float] = []
         for target, count in enumerate(trials):
             low_n, high_n = limits_n[target], limits_n[target + 1]
