@@ -66,7 +66,9 @@ class Session:
             scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3),
             model="bench", eye="",
         )  # fmt: skip
-        self.child = Child("scleraforce.service.console.server", settings, [self.ring.descriptor, listener.fileno()])
+        self.child = Child(
+            "scleraforce.service.console.server", settings, [self.ring.place.descriptor, listener.fileno()]
+        )
         listener.close()
         select.select([self.child.channel], [], [], 30)
         (listens,) = self.child.channel.receive()

@@ -64,7 +64,7 @@ class Monitor:
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
         settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=info, record=record, keep_s=10.0)
         self.channel, self.theirs = Channel.pair()
-        ring = replace(settings.ring, descriptor=os.dup(self.ring.descriptor))
+        ring = replace(settings.ring, descriptor=os.dup(self.ring.place.descriptor))
         self.box = BlackBox(self.theirs, structs.replace(settings, ring=ring))
         self.decisions = self.frames = 0
         self.at_s = 1000.0
@@ -461,7 +461,7 @@ class Process:
     def __init__(self, folder, record=None):
         self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
         settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=INFO, record=record, keep_s=10.0)
-        self.child = Child("scleraforce.service.black_box", settings, [self.ring.descriptor])
+        self.child = Child("scleraforce.service.black_box", settings, [self.ring.place.descriptor])
 
     def frames(self, numbers, state="WATCHING"):
         for number in numbers:

@@ -49,8 +49,8 @@ def test_memory_is_left_to_the_processes_beside_it(monkeypatch):
 def test_another_process_with_the_descriptor_sees_the_same_frames():
     ring = FrameRing.create(4, 3, 5)
     ring.put(1, frame(1))
-    place = replace(ring.place, descriptor=os.dup(ring.descriptor))
-    other = FrameRing.at(place)
+    place = replace(ring.place, descriptor=os.dup(ring.place.descriptor))
+    other = FrameRing(place)
     ring.put(2, frame(2))
     assert (other.get(1) == frame(1)).all()
     assert (other.get(2) == frame(2)).all()
@@ -95,12 +95,12 @@ def test_frames_of_8_bits_keep_their_values_and_a_frame_of_another_size_is_refus
 def test_a_descriptor_of_a_smaller_ring_is_refused():
     ring = FrameRing.create(2, 3, 5)
     with pytest.raises(ValueError, match="mmap"):
-        FrameRing(os.dup(ring.descriptor), 3, 3, 5)
+        FrameRing(replace(ring.place, frames=3))
 
 
 def test_all_memory_is_taken_at_once():
     ring = FrameRing.create(40, 64, 64)
-    assert os.fstat(ring.descriptor).st_blocks * 512 >= 40 * 2 * 64 * 64
+    assert os.fstat(ring.place.descriptor).st_blocks * 512 >= 40 * 2 * 64 * 64
 
 
 def test_too_little_memory_is_said_before_the_first_frame(monkeypatch):

@@ -34,7 +34,7 @@ class Reader:
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
         settings = OpinionSettings(model=model, known=KNOWN, scale=SCALE, ring=self.ring.place)
-        self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.descriptor])
+        self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
     def ask(self, number: int, order: int) -> None:
         assert self.child.channel.send(OpinionAsked(number=number, order=order))

@@ -35,7 +35,7 @@ class BlackBox:
     """Acts on the monitor's messages; `turn` is one round of its work."""
 
     def __init__(self, channel: Channel, settings: messages.BlackBoxSettings) -> None:
-        ring = FrameRing.at(settings.ring)
+        ring = FrameRing(settings.ring)
         self.ended = False
         self._channel, self._journal = channel, Journal(settings.folder, channel)
         self._recent, self._force = Recent(settings.keep_s, ring.frames), RobotForce(settings.force)

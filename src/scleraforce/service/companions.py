@@ -5,6 +5,7 @@ import socket
 import subprocess
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from types import UnionType
 
 import numpy as np
@@ -115,22 +116,26 @@ class Guard:
             self._fault = "the watchdog has died"
 
 
+@dataclass
+class _State:
+    """What is known of a companion: its own report of its `fault`, its breach of the protocol, for good (`garbled`)."""
+
+    fault: str | None = None
+    garbled: str | None = None
+    dead: bool = False
+    heard: bool = False
+    full_since_s: float | None = None
+
+
 class Companions:
     """Sends messages to the running companions, by their names, and receives theirs; never waits for one."""
 
     def __init__(self, children: dict[str, Child]) -> None:
         self._children = dict(children)
-        self._faults: dict[str, str] = {}
-        self._dead: set[str] = set()
-        self._garbled: dict[str, str] = {}
-        self._heard_of: set[str] = set()
+        self._states = {name: _State() for name in children}
         self._alive_until_s: float | None = None
-        self._full_since_s: dict[str, float] = {}
         self._waiting = deque[bytes]()
         self._outlined_s = 0.0
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._children
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._children)
@@ -141,8 +146,8 @@ class Companions:
 
     def starts(self, name: str) -> bool:
         """Return whether a companion runs that has neither given a sign of life nor failed, as far as `hear` knows."""
-        failed = name in self._faults or name in self._garbled or self.dead(name)
-        return name in self and not failed and name not in self._heard_of
+        state = self._states.get(name)
+        return state is not None and not (state.heard or state.fault or state.garbled or state.dead)
 
     def faults(self, now_s: float) -> tuple[str, ...]:
         """Return the faults of the companions that are needed; call it every few ms, after `hear`."""
@@ -153,12 +158,11 @@ class Companions:
         return tuple(f"{name}: {fault}" for name, fault in found.items() if fault)
 
     def _fault(self, name: str, now_s: float) -> str | None:
-        if name in self._garbled:
-            return self._garbled[name]
-        if name in self._faults or name in self._dead:
-            return self._faults.get(name, "it has died")
+        state = self._states[name]
+        if state.garbled or state.fault or state.dead:
+            return state.garbled or state.fault or "it has died"
         full = name == BLACK_BOX and len(self._waiting) >= MOST_WAITING
-        if full or now_s - self._full_since_s.get(name, now_s) > KEEPS_UP_S:
+        if full or (state.full_since_s is not None and now_s - state.full_since_s > KEEPS_UP_S):
             return "it does not keep up"
         silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
         return "it does not answer" if silent else None
@@ -192,48 +196,45 @@ class Companions:
 
     def _send(self, name: str, data: bytes, now_s: float) -> bool:
         """Send a message to a companion; return whether it was taken."""
-        child = self._children.get(name)
-        if child is None or self.dead(name):
+        state = self._states.get(name)
+        if state is None or state.dead:
             return False
         try:
-            if child.channel.send_encoded(data):
-                self._full_since_s.pop(name, None)
-                return True
-            self._full_since_s.setdefault(name, now_s)
+            taken = self.channel(name).send_encoded(data)
         except ChannelClosedError:
-            self._dead.add(name)
-        return False
+            state.dead = True
+            return False
+        state.full_since_s = None if taken else now_s if state.full_since_s is None else state.full_since_s
+        return taken
 
     def hear(self, name: str, now_s: float) -> Iterator[messages.CompanionMessage]:
         """Yield a companion's messages, except on its own state; one that sends something else has failed for good."""
+        state = self._states[name]
         try:
-            for message in self._children[name].channel.receive():
+            for message in self.channel(name).receive():
                 match message:
                     case messages.SelfReport(detail=detail):
-                        self._faults[name] = detail
+                        state.fault = detail
                     case messages.Alive(faults=faults):
-                        self._heard_of.add(name)
+                        state.heard, state.fault = True, "; ".join(faults) or None
                         if name == BLACK_BOX:
                             self._alive_until_s = now_s + SILENT_S
-                        self._faults.pop(name, None)
-                        if faults:
-                            self._faults[name] = "; ".join(faults)
                     case _ if isinstance(message, SENDS[name]):
                         yield message
                     case _:
                         raise MessageError(f"a {type(message).__name__} is not its to send")
         except MessageError as fault:
-            self._garbled.setdefault(name, f"it does not keep to the protocol: {fault}")
+            state.garbled = state.garbled or f"it does not keep to the protocol: {fault}"
         except ChannelClosedError:
-            self._dead.add(name)
+            state.dead = True
 
     def dead(self, name: str) -> bool:
         """Return whether a companion has ended, which closes its channel."""
-        return name in self._dead
+        return self._states[name].dead
 
     def last_words(self, name: str) -> str:
         """Return a companion's fault, after a colon; "" if it is unknown."""
-        detail = self._garbled.get(name) or self._faults.get(name)
+        detail = self._states[name].garbled or self._states[name].fault
         return f": {detail}" if detail else ""
 
     def end(self) -> None:

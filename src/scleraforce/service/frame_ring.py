@@ -70,17 +70,16 @@ class FrameRing:
     a part of another one.
     """
 
-    def __init__(self, descriptor: int, frames: int, rows: int, columns: int, *, prepared: bool = False) -> None:
-        self.descriptor, self.frames, self.shape = descriptor, frames, (rows, columns)
+    def __init__(self, place: RingPlace, *, prepared: bool = False) -> None:
+        self.place, self.frames, self.shape = place, place.frames, (place.rows, place.columns)
         how = mmap.MAP_SHARED | (mmap.MAP_POPULATE if prepared else 0)
-        memory = mmap.mmap(descriptor, _size(frames, rows, columns), how)
-        self._numbers = np.frombuffer(memory, dtype=np.int64, count=frames)
-        pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * frames)
-        self._pixels = pixels.reshape(frames, rows, columns)
+        memory = mmap.mmap(place.descriptor, _size(place.frames, place.rows, place.columns), how)
+        self._numbers = np.frombuffer(memory, dtype=np.int64, count=place.frames)
+        self._pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * place.frames).reshape(-1, *self.shape)
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new ring, for `FrameRing.at(ring.place)` in another process; raise InputError if memory is short."""
+        """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
         size, available = _size(frames, rows, columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
@@ -97,18 +96,7 @@ class FrameRing:
                 f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
                 f"{from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
-        return cls(descriptor, frames, rows, columns, prepared=True)
-
-    @classmethod
-    def at(cls, place: RingPlace) -> Self:
-        """Open the ring of another process, which passed on its descriptor."""
-        return cls(place.descriptor, place.frames, place.rows, place.columns)
-
-    @property
-    def place(self) -> RingPlace:
-        """The place of the ring, for a child that inherits the descriptor."""
-        rows, columns = self.shape
-        return RingPlace(descriptor=self.descriptor, frames=self.frames, rows=rows, columns=columns)
+        return cls(RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns), prepared=True)
 
     def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Keep a frame (row, column) in place of the oldest one."""

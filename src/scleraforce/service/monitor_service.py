@@ -130,7 +130,7 @@ def monitor_service(
 
 
 def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
-    return Child(f"scleraforce.service.{module}", settings, [ring.descriptor, *descriptors])
+    return Child(f"scleraforce.service.{module}", settings, [ring.place.descriptor, *descriptors])
 
 
 def _listen_for_pages(address: Address) -> socket.socket:

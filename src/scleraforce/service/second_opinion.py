@@ -23,7 +23,7 @@ LEAST_S = 0.02  # from frame to frame
 
 def serve(channel: Channel, settings: OpinionSettings) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    reader, ring = load_model(settings.model), FrameRing.at(settings.ring)
+    reader, ring = load_model(settings.model), FrameRing(settings.ring)
     frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
     reader.read(frame, settings.scale, settings.known)
     run_in_real_time(OPINION_PRIORITY)  # not before: Linux pauses what leaves a core nothing for a second

@@ -183,7 +183,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
     def end() -> None:
         loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
 
-    hub = Hub(channel, Pictures(FrameRing.at(settings.ring)), ResetToken(settings.token_digest), end)
+    hub = Hub(channel, Pictures(FrameRing(settings.ring)), ResetToken(settings.token_digest), end)
     server = uvicorn.Server(
         uvicorn.Config(
             console_app(hub, settings),
