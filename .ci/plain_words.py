@@ -26,7 +26,7 @@ CLEAN = (
     *("src/scleraforce/processes.py", "src/scleraforce/units.py", "src/scleraforce/whole_files.py"),
     *("src/scleraforce/__init__.py", "src/scleraforce/cli", "src/scleraforce/notebook", "src/scleraforce/replay"),
     *("src/scleraforce/service", "src/scleraforce/monitor", "src/scleraforce/openigtlink"),
-    *("tests/notebook", "tests/replay"),
+    *("tests/notebook", "tests/replay", "tests/service", "tests/monitor", "tests/openigtlink"),
     *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library/store.py"),
     *("src/scleraforce/library/files.py", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
 )

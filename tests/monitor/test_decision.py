@@ -128,10 +128,10 @@ ALARMS: list[tuple[MonitorEvent, Cause]] = [
     (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
     (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
     (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
-    (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
+    (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
     (frame(6, at_s=NAN), Cause.NO_NUMBER),
     (Tick(NAN), Cause.NO_NUMBER),
-    ("nonsense", Cause.EXCEPTION),  # type: ignore[list-item]
+    ("nonsense", Cause.EXCEPTION),
     (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
     (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
     (opinion(5, at_s=NAN), Cause.NO_NUMBER),
@@ -339,7 +339,7 @@ def test_a_refused_reset_names_what_is_wrong_now_and_not_the_first_cause() -> No
     assert "0 of 5 came" in refused.message
 
 
-def test_what_is_wrong_now_stands_beside_the_first_cause() -> None:
+def test_the_present_cause_is_given_beside_the_first_one() -> None:
     state = play([Tick(0.2)], watching())
     assert (state.cause, state.present_cause) == (Cause.SILENCE, Cause.SILENCE)
     state, decision = decide(play([frame(20, 0.039)], state), frame(21, 0.039), LIMITS)
@@ -440,7 +440,7 @@ def test_an_overtaken_frame_withdraws_at_once_in_every_state() -> None:
             assert before is withdrawn or "frame 4, overtaken" in decision.message
 
 
-def test_an_overtaken_frame_that_cannot_be_judged_counts_with_those_that_were_answered() -> None:
+def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones() -> None:
     late = OvertakenRead(0.0755, unusable(4))
     twice = replace(LIMITS, unusable_frames=2)
     assert play([late], watching()).cause is Cause.UNUSABLE
@@ -496,7 +496,7 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
 
 
 def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
-    """The last frame before the pause got none: that is no cause, but nothing is OK before the next opinion."""
+    """The last frame before the pause got none: that is not a cause, but nothing is OK before the next opinion."""
     before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
     assert before.state is State.NOT_READY
     after: list[MonitorEvent] = [frame(n) for n in range(1000, 1005)]
@@ -735,7 +735,7 @@ def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_n
         assert risen_force(tuple(wild), 0.05, 0.0, 10) == pytest.approx(0.034, abs=0.3e-3)
 
 
-def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_before_were_rough() -> None:
+def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -> None:
     rng = np.random.default_rng(0)
     line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
     rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
@@ -762,7 +762,7 @@ def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
         ("size", (0, 512)),
     ):
         with pytest.raises(InputError, match=r"monitor: "):
-            MonitorLimits(**{field: value})  # type: ignore[arg-type]
+            MonitorLimits(**{field: value})
 
 
 def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:

@@ -73,14 +73,14 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data() -> None:
         for version in VERSIONS:
             more = {} if version == 1 else {"message_id": 77, "metadata": {"eye": "left", "µ": ""}}
             time_s = 1.7e9 + 0.25
-            data = encode(message, "Scanner", version=version, time_s=time_s, **more)  # type: ignore[arg-type]
+            data = encode(message, "Scanner", version=version, time_s=time_s, **more)
             next_one = encode(Text("next"), "Scanner")
             whole = Decoder().feed(data)
             bytewise = Decoder()
             split = [event for byte in data for event in bytewise.feed(bytes([byte]))]
             trailing = Decoder()
             two = trailing.feed(data + next_one[:60])
-            assert trailing.feed(next_one[60:])[0].message == Text("next")  # type: ignore[union-attr]
+            assert trailing.feed(next_one[60:])[0].message == Text("next")
             for events in (whole, split, two):
                 (event,) = events
                 assert isinstance(event, Received)
@@ -113,8 +113,8 @@ def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[
     return events
 
 
-def told(events: Iterable[PeerEvent]) -> list[object]:
-    """What can be compared of events: an image as its bytes and its place."""
+def comparable(events: Iterable[PeerEvent]) -> list[object]:
+    """Return events for comparison: an image as its bytes and its place."""
     return [
         (type(e), {**vars(e), "message": (m.pixels.tobytes(), m.pixels.dtype, *list(vars(m).values())[1:])})
         if isinstance(e, Received) and isinstance(m := e.message, Image)
@@ -142,7 +142,7 @@ def test_pixels_at_an_odd_place_are_aligned() -> None:
     (event,) = Decoder().feed(raw("IMAGE", struct.pack(">HHII", 13, 0, 0, 0) + b"\0" + content, version=2))
     assert isinstance(event, Received)
     assert same(event.message, Image(PIXELS[np.uint16]))
-    assert event.message.pixels.flags.aligned  # type: ignore[union-attr]
+    assert event.message.pixels.flags.aligned
 
 
 def test_received_takes_no_more_than_was_lent() -> None:
@@ -180,7 +180,7 @@ def test_the_cap_may_be_lowered_between_messages() -> None:
     data = encode(Text("x" * 100), "peer")
     assert decoder.feed(data[:-1]) == ()
     decoder.max_body_bytes = 103
-    (received,) = decoder.feed(data[-1:])  # its header came before
+    (received,) = decoder.feed(data[-1:])  # its header arrived earlier
     assert isinstance(received, Received)
     (broken,) = decoder.feed(data)
     assert isinstance(broken, Broken)
@@ -197,7 +197,7 @@ def test_a_query_names_the_type_that_is_asked_for() -> None:
         assert isinstance(event, Unknown)
 
 
-def test_a_wrong_checksum_is_an_event_and_the_stream_goes_on() -> None:
+def test_a_wrong_checksum_is_an_event_and_the_stream_continues() -> None:
     data = bytearray(encode(Text("force"), "peer"))
     data[-1] ^= 4
     first, second = Decoder().feed(bytes(data) + encode(Text("next"), "peer"))
@@ -311,13 +311,13 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     data = bytes(changed[:end])
     at_once, lent, pieces = Decoder(4096), Decoder(4096), Decoder(4096)
     events = at_once.feed(data)
-    assert told(read_through_spaces(data, cuts, lent)) == told(events)
+    assert comparable(read_through_spaces(data, cuts, lent)) == comparable(events)
     fed, place = [], 0
     while place < end and not pieces.broken:
         step = cuts[len(fed) % len(cuts)]
         fed.append(pieces.feed(data[place : place + step]))
         place += step
-    assert told(event for some in fed for event in some) == told(events)
+    assert comparable(event for some in fed for event in some) == comparable(events)
     assert lent.state is pieces.state is at_once.state
 
 
@@ -383,7 +383,7 @@ def test_what_a_header_cannot_carry_is_refused() -> None:
         {"time_s": float("nan")},
     ):
         with pytest.raises(ProtocolError):
-            encode(Text("force"), "peer", **options)  # type: ignore[arg-type]
+            encode(Text("force"), "peer", **options)
         with pytest.raises(ProtocolError):
             encode(Text("force"), "a device's name that is too long")
 

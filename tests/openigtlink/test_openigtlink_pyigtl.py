@@ -13,7 +13,7 @@ VERSIONS = [1, 2]
 MATRIX = np.array([[0.0, -2.0, 0.0, 5.0], [1.0, 0.0, 0.0, -3.0], [0.0, 0.0, 4.0, 0.5], [0.0, 0.0, 0.0, 1.0]])
 
 
-def read_by_pyigtl(data: bytes):  # type: ignore[no-untyped-def]
+def read_by_pyigtl(data: bytes):
     fields = messages.MessageBase.parse_header(data[:58])
     message = messages.MessageBase.create_message(fields["message_type"])
     assert fields["body_size"] == len(data) - 58
@@ -21,7 +21,7 @@ def read_by_pyigtl(data: bytes):  # type: ignore[no-untyped-def]
     return message
 
 
-def written_by_pyigtl(message, version: int) -> Received:  # type: ignore[no-untyped-def]
+def written_by_pyigtl(message, version: int) -> Received:
     message.header_version = version
     if version > 1:
         message.message_id, message.metadata = 9, {"eye": "left", "probe": "b"}
@@ -35,7 +35,7 @@ def written_by_pyigtl(message, version: int) -> Received:  # type: ignore[no-unt
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int16, np.uint16])
-def test_images_go_both_ways(dtype: np.dtype, version: int) -> None:
+def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
     pixels = np.arange(60).reshape(1, 6, 10).astype(dtype)
     event = written_by_pyigtl(pyigtl.ImageMessage(pixels, timestamp=1234.5, device_name="Scanner"), version)
     assert isinstance(event.message, Image)
@@ -62,7 +62,7 @@ def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_strings_and_transforms_go_both_ways(version: int) -> None:
+def test_strings_and_transforms_are_read_and_written(version: int) -> None:
     assert written_by_pyigtl(pyigtl.StringMessage("force", timestamp=1234.5), version).message == Text("force")
     assert read_by_pyigtl(encode(Text("force"), "M", version=version)).string == "force"
     found = written_by_pyigtl(pyigtl.TransformMessage(MATRIX, timestamp=1234.5), version).message

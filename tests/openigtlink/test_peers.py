@@ -43,7 +43,7 @@ def build(tmp_path_factory):
 
 @compiled
 @pytest.mark.slow
-def test_a_scanner_in_cpp_is_answered_frame_by_frame_and_told_to_withdraw(build) -> None:
+def test_a_scanner_in_cpp_is_answered_frame_by_frame_up_to_the_withdrawal(build) -> None:
     with serving() as port:
         size = [str(COLUMNS), str(ROWS), str(SCALE_M[0] * 1e3), str(SCALE_M[1] * 1e3)]
         forces_un = ["10000"] * 11 + ["45000"]

@@ -58,7 +58,7 @@ def numbers_in(folder):
 
 
 class Monitor:
-    """What the monitor does, on a clock of its own: a frame and a tick each 10 ms; `box` is the other end."""
+    """Does as the monitor does, on a clock of its own: a frame and a tick each 10 ms; `box` is the other end."""
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
@@ -242,7 +242,7 @@ def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_b
     assert [trial.measured_force_n for trial in trials] == pytest.approx([0.02] * len(trials), abs=1e-6)
 
 
-def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path):
+def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tmp_path):
     monitor = Monitor(tmp_path)
     for number in range(200):
         if number % 10 == 0:
@@ -254,7 +254,7 @@ def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_
     assert read_recording(folder).forces is None
     lines = (folder / "robot_forces.csv").read_text().splitlines()
     assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
-    assert len(lines) == 1 + 19  # the last step may go on
+    assert len(lines) == 1 + 19  # the last step may not be complete
     assert float(lines[1].split(",")[1]) == -0.001  # positive along the needle; contact_sign is -1
     assert "fewer than 20 samples" in monitor.notes()[-1]
 
@@ -273,7 +273,7 @@ def test_a_force_log_that_begins_late_labels_the_frames_that_it_covers(tmp_path)
     assert not any(labelled[:90])
 
 
-def test_forces_of_another_device_or_count_or_that_are_no_numbers_are_noted_once_and_left_out(tmp_path):
+def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
     for _ in range(100):
@@ -360,7 +360,7 @@ def test_a_folder_that_exists_is_never_written_into(tmp_path):
     assert [path.name for path in (tmp_path / "rec").iterdir()] == ["mine"]
 
 
-def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_on(tmp_path, monkeypatch):
+def test_below_a_gigabyte_nothing_is_kept_the_monitor_hears_it_and_the_log_continues(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide(times=10)
     usage = shutil.disk_usage(tmp_path)
@@ -377,7 +377,7 @@ def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_o
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 21
 
 
-def test_a_disk_that_fills_while_a_withdrawal_is_written_leaves_nothing_half_and_is_told(tmp_path, monkeypatch):
+def test_a_disk_that_fills_while_a_withdrawal_is_written_is_reported_and_leaves_nothing_half(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path)
     monitor.decide(times=20)
     monitor.decide("WITHDRAW", turns=5)
@@ -396,7 +396,7 @@ def test_a_disk_that_fills_while_a_withdrawal_is_written_leaves_nothing_half_and
     assert [path for path in (tmp_path / "box" / "withdrawals").iterdir() if path.name.startswith(".")] == []
 
 
-def test_a_log_that_cannot_be_written_is_told_once_until_it_can(tmp_path, monkeypatch):
+def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(tmp_path, monkeypatch):
     monitor = Monitor(tmp_path)
     for _ in range(2):
         with monkeypatch.context() as disk:
@@ -434,15 +434,15 @@ def test_a_log_whose_folder_is_gone_is_reported(tmp_path, monkeypatch):
     monitor.end()
 
 
-def test_what_is_no_message_or_not_for_it_is_told_for_good_and_the_log_goes_on(tmp_path):
+def test_a_wrong_message_is_reported_for_good_and_the_log_continues(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
     assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
     assert monitor.channel.send(OpinionAsked(number=1, order=1))
     monitor.decide(times=3)
-    (told,) = monitor.heard(SelfReport)
-    assert told.detail.startswith("message: not a message: ")
-    assert monitor.heard(Alive)[-1].faults == (told.detail,)
+    (report,) = monitor.heard(SelfReport)
+    assert report.detail.startswith("message: not a message: ")
+    assert monitor.heard(Alive)[-1].faults == (report.detail,)
     monitor.end()
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 4
 
@@ -480,7 +480,7 @@ class Process:
         raise AssertionError(f"no {kind.__name__} came")
 
 
-def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_path):
+def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_with_the_monitor(tmp_path):
     process = Process(tmp_path)
     process.wait_for(Alive)
     os.kill(process.child.process.pid, signal.SIGTERM)
@@ -559,7 +559,7 @@ def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
 FORCE_INFO = ForceInfo("fy", -1)
 
 
-def test_samples_are_the_means_of_what_came_in_each_hundredth_of_a_second():
+def test_samples_are_the_means_over_each_hundredth_of_a_second():
     for rate_hz in (30.0, 100.0, 731.0):
         rng = np.random.default_rng(0)
         at_s = 50.0 + np.cumsum(rng.exponential(1 / rate_hz, 500))
@@ -574,7 +574,7 @@ def test_samples_are_the_means_of_what_came_in_each_hundredth_of_a_second():
         assert force.columns == ("fx_n", "fy_n", "fz_n")
 
 
-def test_a_clock_that_stands_or_runs_back_makes_no_sample_twice():
+def test_a_clock_that_stops_or_runs_back_makes_no_sample_twice():
     force = RobotForce(FORCE_INFO)
     for at_s in (1.001, 1.011, 1.005, 1.011, 0.5, 1.021):
         force.add(at_s, [1.0], "robot")
@@ -592,7 +592,7 @@ def test_one_number_is_the_axis_with_its_sign_and_six_have_torques():
     assert force.add(2.0, [0.0] * 6, "robot")[1] == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
 
-def test_what_is_no_force_is_refused_and_does_not_choose_the_source():
+def test_a_wrong_force_is_refused_and_does_not_choose_the_source():
     for values in ([], [1.0, 2.0], [1.0] * 4, [float("nan")], [float("inf"), 0.0, 0.0]):
         force = RobotForce(FORCE_INFO)
         assert force.add(1.0, values, "other") is None

@@ -141,9 +141,9 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(
 
 
 def test_other_values_and_large_messages_are_not_sent() -> None:
-    for wrong in (object(), messages.Note(time_s=1.0, text=object()), messages.WrongTokens(count=10**30)):  # type: ignore[arg-type]
+    for wrong in (object(), messages.Note(time_s=1.0, text=object()), messages.WrongTokens(count=10**30)):
         with pytest.raises(MessageError):
-            encode_message(wrong)  # type: ignore[arg-type]
+            encode_message(wrong)
     with pytest.raises(MessageError, match="131072"):
         encode_message(messages.Note(time_s=1.0, text="x" * MESSAGE_BYTES))
 
@@ -164,7 +164,7 @@ def ends():
     theirs.close()
 
 
-def test_messages_arrive_whole_and_in_order_both_ways(ends):
+def test_messages_arrive_whole_and_in_order_at_either_end(ends):
     for sender, receiver in (ends, ends[::-1]):
         sent = [note(number, "é\n" * number) for number in range(50)]
         assert all(sender.send(message) for message in sent)
@@ -235,7 +235,7 @@ def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_afte
         theirs.receive()
 
 
-def test_after_what_is_no_message_the_next_ones_can_be_read(ends):
+def test_after_a_wrong_message_the_next_ones_can_be_read(ends):
     ours, theirs = ends
     ours.send_encoded(b"\xff")
     ours.send(note(1))
@@ -332,7 +332,7 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
 
 @pytest.mark.usefixtures("module")
 def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
-    """Those of PYTHONPATH do, as in the process that starts it."""
+    """Modules of PYTHONPATH do, as in the process that starts it."""
     here = tmp_path / "here"
     here.mkdir()
     for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):

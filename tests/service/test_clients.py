@@ -23,7 +23,7 @@ def listener() -> Iterator[socket.socket]:
 
 
 def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[bytes]:
-    """Read until nothing of what was sent is on its way."""
+    """Read until nothing is on its way any more."""
     peer.setblocking(False)
     while True:
         on_its_way = connection._forget_taken() > 0
@@ -93,7 +93,7 @@ def unread(listener: socket.socket, clients: Clients) -> tuple[socket.socket, Co
 @pytest.fixture
 def clients(listener: socket.socket) -> Iterator[tuple[Clients, list[str]]]:
     notes: list[str] = []
-    clients = Clients(listener, ServerSettings("token", clients=10), NoGuard(), notes.append)  # type: ignore[arg-type]  # a stand-in
+    clients = Clients(listener, ServerSettings("token", clients=10), NoGuard(), notes.append)
     yield clients, notes
     clients.close()
 

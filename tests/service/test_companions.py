@@ -35,7 +35,7 @@ def children() -> Iterator[dict[str, FakeCompanion]]:
 
 @pytest.fixture
 def companions(children: dict[str, FakeCompanion]) -> Companions:
-    return Companions(children)  # type: ignore[arg-type]  # a stand-in
+    return Companions(children)
 
 
 def hear(companions: Companions, name: str, now_s: float) -> list[CompanionMessage]:
@@ -102,7 +102,7 @@ def test_one_that_is_needed_and_dies_is_at_fault_for_ever_by_its_last_words(comp
     assert companions.faults(1.1) == (f"{name}: no model",)
 
 
-def test_a_console_that_dies_is_no_fault(companions, children):
+def test_the_death_of_a_console_is_not_a_fault(companions, children):
     children[CONSOLE].theirs.close()
     hear(companions, CONSOLE, 1.0)
     assert companions.dead(CONSOLE)
@@ -180,7 +180,7 @@ def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions,
     assert not companions.dead(name)
 
 
-def test_a_console_that_does_not_keep_to_the_protocol_is_no_fault(companions, children):
+def test_the_breach_of_a_console_is_not_a_fault(companions, children):
     children[CONSOLE].theirs.send_encoded(b"{}")
     assert hear(companions, CONSOLE, 1.0) == []
     assert companions.faults(1.0) == ()

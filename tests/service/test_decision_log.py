@@ -70,7 +70,7 @@ def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_t
         assert b"".join(torn(log)) == whole[begin:length]
 
 
-def test_a_log_that_was_cut_at_any_byte_goes_on_and_what_stood_there_stays(log, monkeypatch):
+def test_a_log_that_was_cut_at_any_byte_continues_and_keeps_its_bytes(log, monkeypatch):
     for wait in ("fsync", "fdatasync"):
         monkeypatch.setattr(os, wait, lambda _: None)
     whole, ends = log.read_bytes(), ends_of_records(log)
@@ -85,7 +85,7 @@ def test_a_log_that_was_cut_at_any_byte_goes_on_and_what_stood_there_stays(log, 
         assert log.read_bytes().startswith(whole[:length])
 
 
-def test_a_changed_byte_costs_the_record_that_it_stands_in_and_no_other_one(log):
+def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
     whole, ends, file = log.read_bytes(), ends_of_records(log), os.open(log, os.O_WRONLY)
     for place, byte in enumerate(whole):
         record = sum(end <= place for end in ends)
@@ -94,7 +94,7 @@ def test_a_changed_byte_costs_the_record_that_it_stands_in_and_no_other_one(log)
             os.pwrite(file, bytes([changed]), place)
             found = records(log)
             assert found in (others, RECORDS)
-            assert (found == RECORDS) == (place + 1 in ends)  # the end of a line is none of the record's bytes
+            assert (found == RECORDS) == (place + 1 in ends)  # the end of a line is outside the record's bytes
             assert torn(log)
         os.pwrite(file, bytes([byte]), place)
     os.close(file)
@@ -120,7 +120,7 @@ def test_files_are_numbered_and_the_oldest_go_but_never_the_newest(tmp_path):
     assert records(tmp_path / "tiny") == [{"number": 4}]
 
 
-def test_a_log_goes_on_in_its_newest_file_beyond_number_999999(tmp_path):
+def test_a_log_continues_in_its_newest_file_beyond_number_999999(tmp_path):
     for number in (999_999, 1_000_000, 42):
         (tmp_path / f"decisions-{number:06d}.jsonl").touch()
     log = DecisionLog(tmp_path)

@@ -65,7 +65,7 @@ def test_a_frame_is_a_copy_that_later_frames_do_not_change():
     assert (found == frame(1)).all()
 
 
-def test_a_frame_that_is_overwritten_while_it_is_copied_is_none():
+def test_a_frame_that_is_overwritten_during_its_copy_is_gone():
     ring = FrameRing.create(2, 3, 5)
     ring.put(1, frame(1))
 

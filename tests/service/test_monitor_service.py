@@ -44,7 +44,7 @@ CALIBRATED = KnownGlobe(
 )
 
 
-def test_a_recording_states_what_was_told_of_the_globe() -> None:
+def test_a_recording_states_the_declared_globe() -> None:
     for known, stated in (
         (None, None),
         (UNKNOWN, None),
@@ -56,7 +56,7 @@ def test_a_recording_states_what_was_told_of_the_globe() -> None:
         assert stated_globe(stated_eye("mine", Known(globe=known))) == stated
 
 
-def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are() -> None:
+def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
     settings = MonitorSettings(
         eye="mine", known=known, limits=MonitorLimits(size=(400, 500), scale_m=(20e-6, 5e-6)), refractive_index=1.38,
@@ -67,9 +67,9 @@ def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are
     assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
     assert info.oct.refractive_index == 1.38
     assert info.force == ForceInfo("fz", 1, 0.2)
-    untold = _recording_info(replace(settings, known=Known()), Study())
-    assert (untold.oct.plane_direction_rad, untold.needle.polar_angle_rad) == (None, None)
-    assert untold.needle.slice_gap_m == Study().needle.gap_m
+    unstated = _recording_info(replace(settings, known=Known()), Study())
+    assert (unstated.oct.plane_direction_rad, unstated.needle.polar_angle_rad) == (None, None)
+    assert unstated.needle.slice_gap_m == Study().needle.gap_m
 
 
 @pytest.fixture
@@ -83,9 +83,9 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
     opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(monitor_service, "NOTED_S", 0.0)
-    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+    companions, notes = Companions({OPINION: opinion}), list[str]()
 
-    def note(text: str) -> None:  # it is told while it waits
+    def note(text: str) -> None:  # which comes while it waits
         notes.append(text)
         assert companions.starts(OPINION)
         opinion.says(Alive(faults=()))
@@ -96,7 +96,7 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
 
 
 def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(opinion: FakeCompanion) -> None:
-    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+    companions, notes = Companions({OPINION: opinion}), list[str]()
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
     monitor_service._wait_for_opinion(companions, notes.append)
@@ -108,13 +108,13 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(monitor_service, "READY_S", 0.3)
-    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+    companions, notes = Companions({OPINION: opinion}), list[str]()
     monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
     assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]
 
 
-def test_a_host_that_is_no_address_of_this_machine_is_refused_in_one_line() -> None:
+def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() -> None:
     for host in ("", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"):
         with pytest.raises(InputError) as refused:
             listen(host, 0)

@@ -58,7 +58,7 @@ def test_a_token_has_128_bits_and_is_never_the_same() -> None:
     assert {len(bytes.fromhex(token)) for token in tokens} == {16}
 
 
-def test_so_many_wrong_tokens_are_answered_in_so_many_seconds_and_the_right_one_is_known_meanwhile() -> None:
+def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> None:
     token = ResetToken(token_digest("right"))
     answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
     assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED

@@ -1,4 +1,4 @@
-"""The reference client for robots: every doubt is a withdrawal, and OK is none."""
+"""The reference client for robots: every doubt is a withdrawal, and OK is not."""
 
 import importlib.util
 import random
@@ -40,33 +40,33 @@ def _patient(monkeypatch) -> None:
 
 
 class Robot:
-    """Runs the client in a thread; `told` has what it was told, in order."""
+    """Runs the client in a thread; `orders` has its orders, in order of arrival."""
 
     def __init__(self, port: int) -> None:
-        self.told: list[tuple[bool, str]] = []
+        self.orders: list[tuple[bool, str]] = []
         self.ended = threading.Thread(target=robot_client.watch, args=("127.0.0.1", port, self._tell), daemon=True)
         self.ended.start()
 
     def _tell(self, go_on: bool, why: str) -> None:
-        self.told.append((go_on, why))
+        self.orders.append((go_on, why))
 
     def wait(self, count: int) -> tuple[bool, str]:
         end_s = time.monotonic() + FUSE_S
-        while len(self.told) < count:
-            assert time.monotonic() < end_s, self.told
+        while len(self.orders) < count:
+            assert time.monotonic() < end_s, self.orders
             time.sleep(0.001)
-        return self.told[count - 1]
+        return self.orders[count - 1]
 
 
 def ready(monitor: FakeMonitor) -> Robot:
-    """A robot that was told to go on."""
+    """A robot that may continue."""
     monitor.status = OK
     robot = Robot(monitor.port)
     assert robot.wait(1) == (True, "code 1, sub-code 0: WATCHING: class 0")
     return robot
 
 
-def test_ok_goes_on_through_heartbeats_and_other_messages() -> None:
+def test_ok_stays_through_heartbeats_and_other_messages() -> None:
     with fake_monitor() as monitor:
         robot = ready(monitor)
         for message in (Text('{"frame": 1}'), Sensor((float("nan"),) * 10)):
@@ -75,7 +75,7 @@ def test_ok_goes_on_through_heartbeats_and_other_messages() -> None:
         for _ in range(3):
             monitor.say(OK)
         monitor.say(EMERGENCY)
-        assert robot.wait(2) == (False, "code 3, sub-code 102: WITHDRAW: up to 31 mN")  # nothing was told in between
+        assert robot.wait(2) == (False, "code 3, sub-code 102: WITHDRAW: up to 31 mN")  # and nothing in between
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def ends_with(robot: Robot, *words: str) -> None:
     """Its last word is a withdrawal, for one of these reasons."""
     robot.ended.join(FUSE_S)
     assert not robot.ended.is_alive()
-    go_on, why = robot.told[-1]
+    go_on, why = robot.orders[-1]
     assert not go_on
     assert any(reason in why for reason in words), why
 
@@ -193,16 +193,16 @@ START_S = 1000.0
 
 @pytest.fixture
 def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
-    """Let a robot hear messages, each after a pause; gives what it was told."""
+    """Let a robot hear messages, each after a pause; return its orders."""
     client = load()
 
     def run(messages: list[tuple[float, bytes]]) -> list[tuple[bool, str]]:
-        link, told = ClockedLink(messages), list[tuple[bool, str]]()
+        link, orders = ClockedLink(messages), list[tuple[bool, str]]()
         clock = SimpleNamespace(monotonic=lambda: link.now_s, time=lambda: link.now_s)
         monkeypatch.setattr(client, "time", clock)
         monkeypatch.setattr(client.socket, "create_connection", lambda *_, **__: link)
-        client.watch("monitor", 18944, lambda go_on, why: told.append((go_on, why)))
-        return told
+        client.watch("monitor", 18944, lambda go_on, why: orders.append((go_on, why)))
+        return orders
 
     return run
 
@@ -219,12 +219,12 @@ GO_ON = (True, "code 1, sub-code 0: WATCHING: class 0")
 def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(watched: Watched, pause_s: float, oks: int) -> None:
     times_s = [0.01, 0.01 + pause_s, 0.01 + 2 * pause_s]
     oks_said = [said(Status(1, number, "OK"), START_S + at_s) for number, at_s in enumerate(times_s)]
-    told = watched([(0.01, oks_said[0]), (pause_s, oks_said[1]), (pause_s, oks_said[2])])
-    assert [go_on for go_on, _ in told] == [True] * oks + [False]
-    assert told[-1] == SILENT
+    orders = watched([(0.01, oks_said[0]), (pause_s, oks_said[1]), (pause_s, oks_said[2])])
+    assert [go_on for go_on, _ in orders] == [True] * oks + [False]
+    assert orders[-1] == SILENT
 
 
-def test_messages_that_are_no_status_do_not_break_the_silence(watched: Watched) -> None:
+def test_messages_other_than_a_status_do_not_break_the_silence(watched: Watched) -> None:
     other = encode(Text("alive"), "ForceMonitor") + encode(Status(1), "Other")
     assert watched([(0.01, said(OK))] + [(0.02, other)] * 100) == [GO_ON, SILENT]
 
@@ -233,7 +233,7 @@ def test_half_a_status_does_not_break_the_silence(watched: Watched) -> None:
     assert watched([(0.01, said(OK)), (0.14, said(OK)[:70])]) == [GO_ON, SILENT]
 
 
-def test_an_ok_that_has_waited_is_no_news_and_a_withdrawal_is(watched: Watched) -> None:
+def test_an_ok_that_has_waited_does_not_count_and_a_withdrawal_does(watched: Watched) -> None:
     messages = [(0.01, said(OK, START_S + 0.01)), (0.01, said(EMERGENCY, START_S - 10.0))]
     messages += [(0.01, said(OK, START_S - 0.02))]  # 50 ms old
     messages += [(0.02, said(OK, START_S + 0.03 + 0.02 * number - 0.3)) for number in range(1, 100)]

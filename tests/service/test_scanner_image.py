@@ -1,4 +1,4 @@
-"""What a scanner's images count and measure; parts against the whole they were cut from; images that are no B-scan."""
+"""The counts and scales of a scanner's images; parts against their whole image; images other than a B-scan."""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -20,7 +20,7 @@ MATRIX = (0.003, 0.0, 0.004, 0.0, -0.008, 0.015, 1.0, 0.0, 0.0, 7.0, 8.0, 9.0)
 
 
 def image(counts: np.ndarray = COUNTS, **changes: object) -> Image:
-    return replace(Image(counts[np.newaxis], MATRIX), **changes)  # type: ignore[arg-type]
+    return replace(Image(counts[np.newaxis], MATRIX), **changes)
 
 
 def part(rows: slice, columns: slice = slice(0, 9), counts: np.ndarray = COUNTS, **changes: object) -> Image:
@@ -60,7 +60,7 @@ def test_a_whole_image_is_not_copied() -> None:
         assert np.shares_memory(frame_of(FrameAssembler().add(stated)).pixels, sent)
 
 
-def test_an_image_that_is_no_b_scan_is_refused_in_one_line() -> None:
+def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
     for wrong, says in (
         (image(COUNTS.astype(np.int16) - np.int16(4000)), "negative"),
         (image(np.array([[0, -1]], dtype=np.int8)), "int8 pixels down to -1"),
@@ -87,7 +87,7 @@ def test_an_image_that_is_no_b_scan_is_refused_in_one_line() -> None:
     st.randoms(use_true_random=False),
     st.sampled_from(["uint8", "int16", "uint16"]),
 )
-def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(rows, columns, random, dtype) -> None:  # type: ignore[no-untyped-def]
+def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(rows, columns, random, dtype) -> None:
     counts = (COUNTS % 120).astype(dtype)
     cut = [[slice(*ends) for ends in pairwise([0, *sorted(at), end])] for at, end in ((rows, 6), (columns, 9))]
     first, *others = [part(r, c, counts) for r, c in product(*cut)]

@@ -80,8 +80,8 @@ def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the
     class Counted:
         study = STUDY
 
-        def read(self, *told: object) -> None:
-            read.append(told)
+        def read(self, *given: object) -> None:
+            read.append(given)
 
     ours, theirs = Channel.pair()
     ring = FrameRing.create(4, 300, 200)
@@ -95,7 +95,7 @@ def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the
     assert (frame.shape, scale, known) == ((300, 200), SCALE, KNOWN)  # as the frames that will come
 
 
-def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
+def test_noise_cannot_be_judged(reader: Reader) -> None:
     noise = np.random.default_rng(0).integers(0, 1500, reader.ring.shape).astype(np.uint16)
     reader.ring.put(2, noise)
     reader.ask(2, 72)
@@ -107,7 +107,7 @@ def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:
     for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
-    reader.ask(1, 80)  # gone: frame 5 stands in its place
+    reader.ask(1, 80)  # gone: frame 5 took its place
     reader.ask(5, 85)
     assert reader.opinion().order == 85
 
@@ -123,7 +123,7 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
 
 
 @pytest.mark.slow
-def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> None:
+def test_a_wrong_message_ends_the_process_with_a_report(tmp_path: Path) -> None:
     model = tmp_path / "reader"
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
     other = Reader(model)

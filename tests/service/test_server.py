@@ -74,8 +74,8 @@ def reset(port: int, token: str = TOKEN) -> tuple[bool, str]:
 
 
 def test_before_a_good_frame_the_answer_is_not_ready_again_and_again(scanner: Peer, clock: TurnedClock) -> None:
-    for told in range(1, 7):
-        scanner.hear(lambda peer: len(peer.statuses()) >= told)  # noqa: B023 - called at once
+    for heard in range(1, 7):
+        scanner.hear(lambda peer: len(peer.statuses()) >= heard)  # noqa: B023 - called at once
         clock.turn(HEARTBEAT_S)
     assert {status.code for status in scanner.statuses()} == {13}
 
@@ -291,7 +291,7 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
 
 
 def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(monkeypatch) -> None:
-    server, port = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type]  # a stand-in
+    server, port = small_server(NoGuard(), Companions({}))
     heard, now_s, hear = [], count(10.0, 1.1e-3), server._hear
     monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
     monkeypatch.setattr(server, "_hear", lambda client: (heard.append(client.number), hear(client)))
@@ -308,7 +308,7 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
 
 
 def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(monkeypatch) -> None:
-    server, _ = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type]  # a stand-in
+    server, _ = small_server(NoGuard(), Companions({}))
     now_s, rests, waits_s = [10.0], list[float](), [0.0]
 
     def pass_time(for_s: float) -> None:
@@ -414,9 +414,9 @@ def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(death: str)
             for peer in (robot, scanner):
                 status = peer.wait_for_code(3)
                 assert (status.subcode, status.name) == (Cause.WATCHDOG.value, "WATCHDOG")
-            told = len(robot.statuses())
-            robot.hear(lambda peer: len(peer.statuses()) == told + 5)
-            assert {status.code for status in robot.statuses()[told:]} == {3}  # never OK again
+            heard = len(robot.statuses())
+            robot.hear(lambda peer: len(peer.statuses()) == heard + 5)
+            assert {status.code for status in robot.statuses()[heard:]} == {3}  # never OK again
             assert robot.versions == {1, 2}
         wait_until(lambda: not alive(running.watchdog_pid))  # it ends when the last client has left
         assert running.process.wait(FUSE_S) == -signal.SIGKILL
@@ -464,7 +464,7 @@ def alive(pid: int) -> bool:
         return False
 
 
-def test_the_operator_is_told_of_each_change_of_state_once(clock: TurnedClock) -> None:
+def test_the_operator_hears_of_each_change_of_state_once(clock: TurnedClock) -> None:
     lines: list[str] = []
     with serving(note=lines.append, clock=clock) as port, Peer(port, clock=clock) as scanner:
         scanner.watch()
@@ -479,7 +479,7 @@ def test_the_operator_is_told_of_each_change_of_state_once(clock: TurnedClock) -
 def beside(clock: TurnedClock, *names: str) -> Iterator[tuple[int, Peer, dict[str, FakeCompanion]]]:
     """Run a server beside companions of these names; gives its port, a scanner that it watches, and the companions."""
     companions = {name: FakeCompanion() for name in names}
-    with serving(Companions(companions), clock=clock) as port, Peer(port, clock=clock) as scanner:  # type: ignore[arg-type]  # stand-ins
+    with serving(Companions(companions), clock=clock) as port, Peer(port, clock=clock) as scanner:
         scanner.watch()
         yield port, scanner, companions
     for companion in companions.values():
@@ -541,7 +541,7 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
 
 
 @pytest.mark.slow
-def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps(clock: TurnedClock) -> None:
+def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_no_gaps(clock: TurnedClock) -> None:
     logged, shown = list[Entry](), list[Entry]()
     with beside(clock, BLACK_BOX, CONSOLE) as (_, _, companions):
 
@@ -555,6 +555,6 @@ def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_ha
         wait_until(withdrawn_and_repeated)
     assert [entry.number for entry in logged] == list(range(1, len(logged) + 1))
     assert logged[-1].state == "WITHDRAW"
-    assert sum(entry.event == "tick" for entry in logged) == 1  # a silence is told once, however long it lasts
+    assert sum(entry.event == "tick" for entry in logged) == 1  # a silence is logged once, however long it lasts
     again = [entry for entry in shown if entry.event == "again"]
     assert (again[-1].state, again[-1].number, again[-1].frame) == ("WITHDRAW", logged[-1].number, None)

@@ -92,7 +92,7 @@ def test_a_frame_of_another_size_is_not_read() -> None:
         raise AssertionError
 
     clock = Clock()
-    session = Session(never, LIMITS, clock, clock)  # type: ignore[arg-type]
+    session = Session(never, LIMITS, clock, clock)
     image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), **SCALE)
     session.take_frame(session.frame(image, 1, 1, 100.01))
     assert session.decision.cause.name == "SIZE"
@@ -168,7 +168,7 @@ def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
                  shown_back=0, misfit=False, sent_s=None)  # fmt: skip
 
 
-def test_a_flood_is_a_loss_also_where_every_frame_is_read_at_once_and_a_steady_stream_is_none() -> None:
+def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stream_is_not() -> None:
     flood, steady = DeferredFrames(0.1), DeferredFrames(0.1)
     lost = []
     for number in range(30):
@@ -216,17 +216,17 @@ def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers()
 
 
 def test_arrivals_tell_the_interval_of_all_later_frames_whatever_their_headers_say() -> None:
-    told, untold = FramePace(0.1), FramePace(0.1)
+    stated, unstated = FramePace(0.1), FramePace(0.1)
     for n in range(101):
-        assert told.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(0.05 if n > 1 else 0.01)
-        assert untold.arrived(2e-3 * n) == pytest.approx(2e-3 if n > 10 else 0.01)
+        assert stated.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(0.05 if n > 1 else 0.01)
+        assert unstated.arrived(2e-3 * n) == pytest.approx(2e-3 if n > 10 else 0.01)
     for n in range(101, 500):
-        assert told.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(2e-3)
-    assert len(told._sent_gaps_s) < 120  # a session may last for days
+        assert stated.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(2e-3)
+    assert len(stated._sent_gaps_s) < 120  # a session may last for days
 
 
 def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:
-    """Ten frames of a scanner of 1000 Hz are 10 ms, and not the 100 ms that those of an unknown one might be."""
+    """Ten frames of a scanner of 1000 Hz are 10 ms, and not the 100 ms of an unknown scanner."""
     lost_s = []
     for sent_s in ([100.0 + 1e-3 * n for n in range(10)], [None] * 10):
         clock = Clock()
@@ -248,13 +248,13 @@ def test_an_entry_has_the_reading_of_its_frame_only() -> None:
     clock.now_s += 0.01
     frame = session.frame(ScannerFrame(frame_of(10_000, 1), **SCALE), 9, 1, clock.now_s)
     session.take_frame(frame)
-    told = session.entry("frame", clock.now_s, frame, 0.002)
-    assert (told.number, told.frame, told.frame_id, told.force_mn, told.latency_ms) == (1, 1, 9, 10.0, 2.0)
+    stated = session.entry("frame", clock.now_s, frame, 0.002)
+    assert (stated.number, stated.frame, stated.frame_id, stated.force_mn, stated.latency_ms) == (1, 1, 9, 10.0, 2.0)
     later = session.entry("tick", clock.now_s)
     assert later == replace(later, number=2, frame=None, verdict=None)
 
 
-def test_what_is_told_again_has_no_number_of_its_own_and_no_frame() -> None:
+def test_a_repeated_decision_has_no_number_of_its_own_and_no_frame() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
@@ -274,7 +274,7 @@ def test_an_entry_reads_as_json_with_its_own_names_but_class():
     assert record["message"] == READ_ENTRY.message
 
 
-def test_what_is_no_number_is_null_wherever_it_stands():
+def test_nan_and_infinity_are_null_everywhere():
     nan, inf = float("nan"), float("inf")
     entry = replace(READ_ENTRY, verdict=verdict(nan, (-inf, 13.5), probabilities=(nan, inf, 0.5)), latency_ms=inf)
     record = json.loads(json.dumps(entry.as_json()), parse_constant=pytest.fail)  # NaN and Infinity are not JSON

@@ -22,7 +22,7 @@ def speckle(rng: np.random.Generator, size: tuple[int, int] = SIZE) -> NDArray[n
 
 @cache
 def speckled(count: int) -> tuple[NDArray[np.uint16], ...]:
-    """So many pictures of a scanner, one like no other."""
+    """Return pictures of a scanner, each different."""
     rng = np.random.default_rng(0)
     return tuple(speckle(rng) for _ in range(count))
 

@@ -147,7 +147,7 @@ def spoil(how: str, ours: int, theirs: int) -> None:
 
 
 @pytest.mark.parametrize("how", ["closed", *(pytest.param(how, marks=pytest.mark.slow) for how in ("stopped", "full"))])
-def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> None:
+def test_the_emergency_continues_whatever_becomes_of_the_terminal(how: str) -> None:
     ours, theirs = pty.openpty()
     with small_monitor(errors=theirs) as running, Peer(running.port) as robot:
         robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
@@ -161,7 +161,7 @@ def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> Non
 
 
 def emergencies(peer: Peer) -> int:
-    """How many the watchdog sent."""
+    """Return the number of emergencies that the watchdog sent."""
     return sum(status.subcode == Cause.WATCHDOG.value for status in peer.statuses())
 
 

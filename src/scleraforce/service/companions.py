@@ -118,7 +118,7 @@ class Guard:
 
 @dataclass
 class _State:
-    """What is known of a companion: its own report of its `fault`, its breach of the protocol, for good (`garbled`)."""
+    """The known state of a companion: its reported `fault`, and its breach of the protocol, for good (`garbled`)."""
 
     fault: str | None = None
     garbled: str | None = None

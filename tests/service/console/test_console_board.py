@@ -37,7 +37,7 @@ def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None
     assert set(SENTENCES) == {cause.name for cause in Cause}
 
 
-def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it() -> None:
+def test_the_shown_reason_lacks_the_state_before_and_the_reading_after_it() -> None:
     for message, detail in (
         ("WITHDRAW: no frame for 120 ms; class 1; 11.0 mN", "no frame for 120 ms"),
         ("WITHDRAW: a; b; class 2", "a; b"),
@@ -49,7 +49,7 @@ def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it() 
         assert detail_of(message, "WITHDRAW") == detail
 
 
-def test_what_is_true_now_stands_beside_the_first_cause_and_its_time() -> None:
+def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
     present = {"present_cause": "BOUND", "present": "up to 40.5 mN"}
     held = entry(1.0, "WITHDRAW", "SILENCE", frame=7, withdrawn_s=1.8e9, **present, **reading(39.0))
     shown = board_with((1.0, held)).as_json(1.0, 0)
@@ -103,17 +103,17 @@ def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
     assert board.picture() == (6, None)
 
 
-def test_steps_of_the_history_hold_the_worst_of_what_came() -> None:
+def test_steps_of_the_history_hold_their_worst_entries() -> None:
     """Against all entries of a step, looked at one by one."""
     rng = np.random.default_rng(0)
-    history, told = History(), []
+    history, entries = History(), []
     for at_s in np.cumsum(rng.exponential(0.016, 2500)):
         state = str(rng.choice(["WATCHING", "NOT_READY", "WITHDRAW"], p=[0.9, 0.09, 0.01]))
         said = reading(float(rng.uniform(0, 40))) if rng.random() < 0.8 else {"usable": False}
-        told.append(entry(float(at_s), state, frame=1, **said))
-        history.take(told[-1])
+        entries.append(entry(float(at_s), state, frame=1, **said))
+        history.take(entries[-1])
     by_step: dict[int, list[Entry]] = {}
-    for one in told:
+    for one in entries:
         by_step.setdefault(int(one.at_s / STEP_S), []).append(one)
     last = max(by_step)
     assert history.since(0)[0].number >= last - HISTORY_S / STEP_S
@@ -129,7 +129,7 @@ def test_steps_of_the_history_hold_the_worst_of_what_came() -> None:
     assert [step.number for step in history.since(last)] == [last]
 
 
-def test_what_is_no_number_changes_no_step_of_the_history() -> None:
+def test_nan_changes_no_step_of_the_history() -> None:
     history = History()
     for low_mn, force_mn, high_mn in ((1.0, 2.0, 3.0), (float("nan"), None, 9.0), (0.5, 7.0, float("inf"))):
         history.take(entry(0.01, frame=1, usable=True, predicted=1, force_mn=force_mn, interval_mn=(low_mn, high_mn)))
@@ -180,7 +180,7 @@ def test_what_writes_must_come_from_the_consoles_own_page() -> None:
         assert refusal("http", "GET", [(b"host", b"localhost"), second], "localhost") is not None
 
 
-def test_a_body_whose_length_is_not_told_or_too_large_is_refused() -> None:
+def test_a_body_of_an_unknown_or_too_large_length_is_refused() -> None:
     for length in (None, "4097", "99999999999999999999", "-1", "²", ""):
         headers = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
         if length is not None:
@@ -223,7 +223,7 @@ def test_three_signs_within_a_second_are_less_and_two_are_not() -> None:
         assert short.share(11.2).level == 1
 
 
-def test_frames_that_were_overtaken_once_are_one_sign_however_often_they_are_told() -> None:
+def test_frames_that_were_overtaken_once_are_one_sign_however_often_they_are_reported() -> None:
     thrift = Thrift()
     for n in range(50):
         thrift.answered(2.4, 5, 10.0 + 0.01 * n)

@@ -56,7 +56,7 @@ class Opened:
         return str(self.page.evaluate("document.body.dataset.view"))
 
     def looks_live(self) -> bool:
-        """Whether anything could be taken for a live value: a number, a lit lamp, a picture without its stamp."""
+        """Return whether anything looks like a live value: a number, a lit lamp, a picture without its stamp."""
         return bool(
             self.page.evaluate(
                 """() => {
@@ -196,7 +196,7 @@ def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(open
         assert found.complaints == []
 
 
-def test_a_server_that_hangs_is_told_within_the_half_second_and_comes_back_by_itself(opened: Any) -> None:
+def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(opened: Any) -> None:
     """Stopped, the server leaves its connections open: only silence tells."""
     with ConsoleMonitor() as monitor:
         found = opened(monitor.address)
@@ -333,7 +333,7 @@ def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(open
 
 
 def fits(page: Page) -> bool:
-    """Whether on every screen the word of the state is within its box, and the page as wide as its window."""
+    """Return whether on every screen the word of the state is within its box, and the page as wide as its window."""
     script = """() => {
       const range = document.createRange();
       range.selectNodeContents(document.getElementById("word"));

@@ -47,9 +47,9 @@ def ask(
 
 @contextmanager
 def page(monitor: ConsoleMonitor, origin: str | None = "") -> Iterator[ClientConnection]:
-    """What a browser's page does, without the browser; "" stands for the console's own origin."""
+    """Do as a browser's page does, without the browser; "" is the console's own origin."""
     own = monitor.address.rstrip("/") if origin == "" else origin
-    with connect(f"ws://127.0.0.1:{monitor.port}/live", origin=own, compression=None, open_timeout=FUSE_S) as link:  # type: ignore[arg-type]
+    with connect(f"ws://127.0.0.1:{monitor.port}/live", origin=own, compression=None, open_timeout=FUSE_S) as link:
         yield link
 
 
@@ -86,7 +86,7 @@ def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
 
 
 def close_of(link: ClientConnection) -> Close | None:
-    """How the console closes a socket, when it does."""
+    """Return the close frame of the console."""
     try:
         while True:
             link.recv(timeout=FUSE_S)
@@ -153,7 +153,7 @@ def test_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
         assert refused.value.response.status_code == 403
 
 
-def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
+def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
     with page(monitor) as link:
         hello = json.loads(link.recv())
         assert (hello["model"], hello["eye"], hello["bound_mn"]) == ("reader", "eye-a", 30.0)
@@ -182,7 +182,7 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
 
 
 @pytest.mark.slow
-def test_a_page_is_told_less_while_answers_are_slow_and_a_withdrawal_at_once_all_the_same() -> None:
+def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> None:
     rows, columns = 512, 400
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
         for _ in range(3):
@@ -229,7 +229,7 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: Console
             monitor.frame(FRAME, "WATCHING", **reading(12.0))
             monitor.tell(Outline(frame=monitor.frames, step=4, outer=(), inner=()))
             monitor.rates(lost=lost)
-            state_of(lively, lost=lost)  # as one that is told more often than the stalled one
+            state_of(lively, lost=lost)  # which gets more than the stalled one
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
         state_of(lively, "WITHDRAW")
         waiting = list(what_waits(stalled))
@@ -264,7 +264,7 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monito
 
 
 @pytest.mark.slow
-def test_when_the_monitor_dies_pages_are_told_and_the_console_ends() -> None:
+def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
     program = (
         "import time; from console_monitor import ConsoleMonitor; started = ConsoleMonitor();"
@@ -279,7 +279,7 @@ def test_when_the_monitor_dies_pages_are_told_and_the_console_ends() -> None:
     )
     assert killed.stdout is not None
     port, pid = (int(word) for word in killed.stdout.readline().split())
-    with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:  # type: ignore[arg-type]
+    with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:
         assert state_of(link)["state"] == "WATCHING"
         killed.send_signal(signal.SIGKILL)
         killed.wait()
@@ -313,7 +313,7 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
             counted += monitor.hear(WrongTokens).count
         assert counted == 60
         more = [stack.enter_context(closing(post(monitor, "wrong"))) for _ in range(20)]
-        operator_resets(monitor)  # while those wait for their answers: nothing of them came before
+        operator_resets(monitor)  # while the others wait for their answers
         assert more
 
 
