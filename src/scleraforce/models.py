@@ -191,12 +191,18 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
         raise ModelError(f"{place}: not a network that ONNX Runtime reads: {fault}") from fault
 
 
-def check_provenance(folder: ModelFolder, session: "InferenceSession") -> None:
-    """Check that the network was made with the study beside it; raises `ModelError`."""
+def network_metadata(session: "InferenceSession", place: str) -> dict[str, str]:
+    """Return the metadata of a network; raises `ModelError`."""
     try:
-        stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
+        metadata: dict[str, str] = session.get_modelmeta().custom_metadata_map
     except ValueError as fault:  # names that are no text
-        raise ModelError(f"{folder.path / NETWORK_FILE}: metadata: {fault}") from fault
+        raise ModelError(f"{place}: metadata: {fault}") from fault
+    return metadata
+
+
+def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
+    """Check that the network was made with the study beside it; raises `ModelError`."""
+    stated = metadata.get("study_sha256")
     if stated != sha256(folder.files[STUDY_FILE]):
         place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")

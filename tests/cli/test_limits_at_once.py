@@ -57,7 +57,7 @@ def test_another_model_has_other_limits(tmp_path: Path, capsys: pytest.CaptureFi
     info.write_text(info.read_text().replace("slice_gap_m = 5e-4", "slice_gap_m = 8e-4"))
     assert notes(capsys, "show", tmp_path / "r") == []
     (found,) = notes(capsys, "show", tmp_path / "r", "--model", "paper")
-    assert found.startswith("outside of what paper reads: gap ")
+    assert found.startswith("outside the range of paper: gap ")
     again = ["import", tmp_path / "r" / "frames", "--like", tmp_path / "r", "--eye", "a", "--out", tmp_path / "i"]
     assert found in notes(capsys, *again, "--model", "paper")
 

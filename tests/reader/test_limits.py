@@ -122,7 +122,7 @@ def test_a_recording_inside_of_all_ranges_has_no_limits() -> None:
 def test_each_quantity_that_is_outside_has_a_sentence_of_its_own() -> None:
     for words, info in OUTSIDE.items():
         (found,) = limit_notes(Path("default"), info)
-        assert found.startswith("outside of what default reads: ")
+        assert found.startswith("outside the range of default: ")
         assert words in found
 
 

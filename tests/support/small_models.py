@@ -15,7 +15,7 @@ from scleraforce.known import Known
 from scleraforce.library import Library, save_library
 from scleraforce.models import LIBRARY_FILE, write_folder
 from scleraforce.reader.answer import Reading
-from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.kinds import ForceReader, TrainedModel
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
 from scleraforce.study import RawReaderStudy, ReaderStudy, ScenesStudy, Study, WallFinderStudy, format_study, study_hash
@@ -99,8 +99,6 @@ FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.00
 class FixedNetwork:
     """Reads the same whatever it sees, and keeps what it was shown."""
 
-    provenance: dict[str, str] = {}  # noqa: RUF012 - a mock
-
     def __init__(self, reading: Reading) -> None:
         self.reading = reading
         self.shown: list[tuple[np.ndarray, Known]] = []
@@ -111,7 +109,7 @@ class FixedNetwork:
 
 
 def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReader:
-    return ForceReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
+    return ForceReader(TrainedModel(Path("model"), STUDY), FixedNetwork(reading), LIBRARY, default)
 
 
 RAW_STUDY = replace(

@@ -3,7 +3,7 @@
 A frame that cannot be judged is of class 2 (withdraw).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import hypot, isfinite
 from typing import Any
 
@@ -86,7 +86,7 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
 
 
 def spanned_interval(answer: Reading, check: Reading) -> tuple[float, float]:
-    """Return the interval that spans those of both readings; a check that is not finite adds nothing.
+    """Return the interval that spans the intervals of both readings; a check that is not finite adds nothing.
 
     >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
     >>> far = Reading(probabilities=(0, 1, 0), force_n=0.013, interval_n=(0.012, 0.015), contact_m=0.0)
@@ -103,9 +103,9 @@ def spanned_interval(answer: Reading, check: Reading) -> tuple[float, float]:
 class Answer:
     """The answer of a model to a frame.
 
-    If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason` says why, and the readings are
-    None. `force_n`, its 90 % `interval_n` and the contact's lateral place `contact_m`, from the frame's middle, are
-    None with a classifier. `warnings` are sentences that limit the answer; `can_calibrate`: enough of the wall is in
+    If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason` says why, and there is no
+    reading. A classifier has no `force_n`, no 90 % `interval_n` and no lateral place of the contact from the frame's
+    middle, `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough of the wall is in
     view to calibrate on the frame. `readings` holds the reading of each method by its name, and `fit` the wall of the
     library that fits the frame best. `segmentation` is the wall that was read.
     """
@@ -126,14 +126,7 @@ class Answer:
     @property
     def verdict(self) -> Verdict:
         """The part that the monitor decides on, sends and logs."""
-        return Verdict(
-            predicted=self.predicted,
-            probabilities=self.probabilities,
-            usable=self.usable,
-            reason=self.reason,
-            force_n=self.force_n,
-            interval_n=self.interval_n,
-        )
+        return Verdict(**{item.name: getattr(self, item.name) for item in fields(Verdict)})
 
     @property
     def iop_at_dent_pa(self) -> float | None:
@@ -151,7 +144,7 @@ class Answer:
         return None if self.segmentation is None else self.segmentation.conjunctiva_m
 
     def as_json(self) -> dict[str, Any]:
-        """Return the answer as it stands in `read --json` and `evaluate --json`."""
+        """Return the answer's keys in `read --json` and `evaluate --json`."""
         return {
             "predicted": self.predicted,
             "probabilities": self.probabilities,

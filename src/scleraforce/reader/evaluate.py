@@ -31,19 +31,21 @@ from scleraforce.reader.metrics import (
     precision,
     recall,
 )
-from scleraforce.recording.folder import Recording, RecordingInfo, frame_digest, read_recording, true_forces
+from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
-from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.units import from_si
+
+Progress = Callable[[int], object] | None  # called with 1 after each frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAnswer:
     """One frame: the measured force, and the answer of the model.
 
-    `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None without a force
-    log; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n` is that of
-    a virtual eye's `truth.json`, for comparison only. `excluded` says why a trial is left out of the metrics although
+    `recording` is the path as given, `file` the frame's name. Without a force log there is no `measured_force_n` and no
+    `target`; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n`, of a
+    virtual eye's `truth.json`, is for comparison only. `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or above the study's largest force); `calibration` marks a frame that Young's modulus was
     fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`.
     """
@@ -72,7 +74,7 @@ class FrameAnswer:
         return self.target is not None and self.answer.predicted != self.target
 
     def as_json(self) -> dict[str, Any]:
-        """Return the frame as it stands in `evaluate --json`."""
+        """Return the frame's keys in `evaluate --json`."""
         return {
             "recording": self.recording,
             "eye": self.eye,
@@ -91,7 +93,7 @@ class FrameAnswer:
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """The answers of a model to the frames of one or more recordings, and the metrics over those that count.
+    """The answers of a model to the frames of one or more recordings, and the metrics over the frames that count.
 
     `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences that
     limit the result (a gap outside the training, frames without labels). `kind` is the model's.
@@ -228,16 +230,12 @@ def evaluate_recordings(
     reader: Reader,
     recordings: Sequence[Recording | str | PathLike[str]],
     calibration: CalibrationSummary | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = None,
 ) -> Evaluation:
     """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
 
-    Args:
-        reader: the model.
-        recordings: recordings, or their folders; each once.
-        calibration: of the eyes; frames that it used are marked and not scored. A reader reads an eye of the
-            calibration with its own modulus, others with the population's.
-        progress: called with 1 after each frame.
+    Recordings, or their folders, are given once each. Frames of the `calibration` are marked and not scored; a reader
+    reads an eye of it with its own modulus, others with the population's. `progress` is called with 1 after each frame.
 
     Raises:
         RecordingError: a recording cannot be used, or is given twice.
@@ -254,14 +252,18 @@ def evaluate_recordings(
             "--mechanics finite-strain"
         )
     opened = [entry if isinstance(entry, Recording) else read_recording(entry) for entry in recordings]
-    frames: list[FrameAnswer] = []
-    notes = list(_notes(reader, opened, calibration))
+    frames, notes, later = list[FrameAnswer](), list[str](), list[str]()
     study = reader.study
+    if calibration is not None and reader.fixed_modulus_pa is not None:
+        notes.append(
+            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
+            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {calibration.path} only marks frames"
+        )
     for recording in opened:
-        trials = label_frames(recording, study.classes, study.needle.max_force_n)
-        answers = tuple(_answers(reader, recording, trials, calibration, progress))
-        doubts = (*label_notes(recording, trials), *_doubts(reader, recording, answers))
-        notes += (f"{recording.path}: {doubt}" for doubt in doubts)
+        session = _Session(reader, recording, calibration)
+        answers = tuple(session.answers(progress))
+        notes += (f"{recording.path}: {note}" for note in session.notes())
+        later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
         frames += answers
     return Evaluation(
         model=model_name(reader.path),
@@ -269,111 +271,113 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=tuple(notes),
+        notes=(*notes, *later),
         kind=reader.kind,
     )
 
 
-def _doubts(reader: Reader, recording: Recording, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-    """Return sentences on a force log that contradicts the answers."""
-    classes = reader.study.classes
-    if reader.reads_force:
-        return log_doubts(recording, classes, [frame.answer.force_n for frame in answers], in_newtons=True)
-    read = [frame.answer.predicted if frame.answer.usable else None for frame in answers]
-    return log_doubts(recording, classes, read)
-
-
-def _notes(reader: Reader, recordings: Sequence[Recording], summary: CalibrationSummary | None) -> Iterator[str]:
-    if summary is not None and reader.fixed_modulus_pa is not None:
-        yield (
-            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
-        )
-    for recording in recordings:
-        info = recording.info
-        for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
-            yield f"{recording.path}: {sentence}"
-        if recording.forces is None:
-            yield f"{recording.path}: no forces.csv: its frames are read, but not scored"
-        foreign = _foreign(reader, recording, summary)
-        if foreign:
-            yield f"{recording.path}: {foreign}"
-
-
-def _foreign(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
-    """Return a sentence if an eye is read with the modulus of others although a calibration is given."""
-    if summary is None or reader.fixed_modulus_pa is not None:
-        return None
-    return foreign_modulus(summary, recording.info.eye.id)
-
-
-def _answers(
-    reader: Reader,
-    recording: Recording,
-    trials: Sequence[Trial],
-    summary: CalibrationSummary | None,
-    progress: Callable[[int], object] | None,
-) -> Iterator[FrameAnswer]:
-    """Answer each frame of a recording, in its order."""
-    eye = recording.info.eye.id
-    scale = PixelScale.of(recording.info.oct)
-    known = _known(recording.info, summary)
-    modulus = (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
-    modulus_pa, source = modulus if reader.fixed_modulus_pa is None else (reader.fixed_modulus_pa, "trained")
-    digests = frozenset[str]() if summary is None else summary.digests
-    doubts = FOREIGN if _foreign(reader, recording, summary) else ()
-    sds_n = label_sds(recording, trials)
-    true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
-    for entry, trial, sd_n in zip(recording.frames, trials, sds_n, strict=True):
-        pixels = recording.frame(entry)
-        answer = reader.read(pixels, scale, known)
-        yield FrameAnswer(
-            recording=str(recording.path),
-            eye=eye,
-            file=entry.file,
-            measured_force_n=trial.measured_force_n,
-            measured_force_sd_n=sd_n,
-            true_force_n=true_n.get(entry.file),
-            target=trial.target,
-            calibration=frame_digest(pixels) in digests,
-            excluded=trial.excluded,
-            youngs_modulus_pa=modulus_pa,
-            modulus_source=source,
-            answer=replace(answer, warnings=(*answer.warnings, *doubts)),
-        )
-        if progress:
-            progress(1)
-
-
-def _known(info: RecordingInfo, summary: CalibrationSummary | None) -> Known:
-    known = known_of_recording(info)
-    return known if summary is None else known_of_eye(known, summary, info.eye.id)
-
-
 def recording_scores(
-    reader: Reader,
-    recording: Recording,
-    summary: CalibrationSummary,
-    progress: Callable[[int], object] | None = None,
+    reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
 ) -> Iterator[Score]:
     """Score both methods' readings of the frames of a recording that its eye was not calibrated on.
 
-    Scores refer to the reader's present intervals. `progress` is called with 1 after each frame.
+    Scores refer to the reader's present intervals.
 
     Raises:
         FrameError: a frame cannot be read.
     """
-    study, eye = reader.study, recording.info.eye.id
-    known = _known(recording.info, summary)
-    scale = PixelScale.of(recording.info.oct)
-    trials = label_frames(recording, study.classes, study.needle.max_force_n)
-    for entry, trial in zip(recording.frames, trials, strict=True):
-        pixels = recording.frame(entry)
-        force_n = trial.measured_force_n if trial.excluded is None else None
-        if force_n is not None and frame_digest(pixels) not in summary.digests:
-            answer = reader.read(pixels, scale, known)
+    return _Session(reader, recording, summary).scores(progress)
+
+
+@dataclass(frozen=True, eq=False)
+class _Session:
+    """A recording, its reader, and the calibration of the eyes, if there is one."""
+
+    reader: Reader
+    recording: Recording
+    summary: CalibrationSummary | None
+
+    @cached_property
+    def known(self) -> Known:
+        """Known values of the eye."""
+        known, info = known_of_recording(self.recording.info), self.recording.info
+        return known if self.summary is None else known_of_eye(known, self.summary, info.eye.id)
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        """Labels of the frames."""
+        study = self.reader.study
+        return label_frames(self.recording, study.classes, study.needle.max_force_n)
+
+    @property
+    def foreign(self) -> str | None:
+        """A sentence if the eye is read with the modulus of others although a calibration is given."""
+        if self.summary is None or self.reader.fixed_modulus_pa is not None:
+            return None
+        return foreign_modulus(self.summary, self.recording.info.eye.id)
+
+    def notes(self) -> Iterator[str]:
+        """Yield sentences on the eye, its B-scans and its needle."""
+        info = self.recording.info
+        yield from self.reader.limits(self.known, info.oct, info.needle.gauge)
+        if self.recording.forces is None:
+            yield "no forces.csv: its frames are read, but not scored"
+        if self.foreign:
+            yield self.foreign
+
+    def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
+        """Return sentences on labels that are missing, and on a force log that contradicts the answers."""
+        classes, in_newtons = self.reader.study.classes, self.reader.reads_force
+        if in_newtons:
+            read = [frame.answer.force_n for frame in answers]
+        else:
+            read = [float(frame.answer.predicted) if frame.answer.usable else None for frame in answers]
+        log = log_doubts(self.recording, classes, read, in_newtons=in_newtons)
+        return (*label_notes(self.recording, self.trials), *log)
+
+    def frames(self, progress: Progress) -> Iterator[tuple[str, Trial, Pixels, bool]]:
+        """Yield name, label and pixels of each frame, and whether Young's modulus was fitted on it."""
+        for entry, trial in zip(self.recording.frames, self.trials, strict=True):
+            pixels = self.recording.frame(entry)
+            yield entry.file, trial, pixels, self.summary is not None and frame_digest(pixels) in self.summary.digests
+            if progress:
+                progress(1)
+
+    def read(self, pixels: Pixels) -> Answer:
+        """Read a frame."""
+        return self.reader.read(pixels, PixelScale.of(self.recording.info.oct), self.known)
+
+    def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
+        """Answer each frame, in the recording's order."""
+        recording, fixed_pa, modulus = self.recording, self.reader.fixed_modulus_pa, self.known.modulus
+        used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
+        modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
+        doubts = FOREIGN if self.foreign else ()
+        true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
+        sds_n = label_sds(recording, self.trials)
+        for sd_n, (file, trial, pixels, calibrates) in zip(sds_n, self.frames(progress), strict=True):
+            answer = self.read(pixels)
+            yield FrameAnswer(
+                recording=str(recording.path),
+                eye=recording.info.eye.id,
+                file=file,
+                measured_force_n=trial.measured_force_n,
+                measured_force_sd_n=sd_n,
+                true_force_n=true_n.get(file),
+                target=trial.target,
+                calibration=calibrates,
+                excluded=trial.excluded,
+                youngs_modulus_pa=modulus_pa,
+                modulus_source=source,
+                answer=replace(answer, warnings=(*answer.warnings, *doubts)),
+            )
+
+    def scores(self, progress: Progress) -> Iterator[Score]:
+        """Score the readings of both methods."""
+        for _, trial, pixels, calibrates in self.frames(progress):
+            if trial.measured_force_n is None or trial.excluded is not None or calibrates:
+                continue
+            answer = self.read(pixels)
             for method, reading in answer.readings if answer.usable else ():
-                traits = traits_of(known, reading.force_n, answer.fit if method == "fit" else None)
-                yield Score(method, traits, eye, score(reading, force_n))
-        if progress:
-            progress(1)
+                traits = traits_of(self.known, reading.force_n, answer.fit if method == "fit" else None)
+                yield Score(method, traits, self.recording.info.eye.id, score(reading, trial.measured_force_n))

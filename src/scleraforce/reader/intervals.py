@@ -5,9 +5,9 @@ are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Al
 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading has a
 factor, and the factors of its traits are multiplied. Traits are the causes of errors: if E was found on frames of the
 eye; the knowledge of the globe, or a pressure under the needle so high that the dent of a sealed globe says little; an
-uneven wall; a force so light that errors of the boundaries count; a force beyond those that the eye was calibrated on,
-or wide gaps between these. `model.json` keeps the factors; without them intervals are those of the methods. In
-addition, an eye whose frames of known force scatter after calibration has wider intervals (`Known.scatter`).
+uneven wall; a force so light that errors of the boundaries count; a force beyond the eye's
+calibration, or wide gaps within it. `model.json` keeps the factors; without them intervals are not stretched. An eye
+whose frames of known force scatter after calibration has wider intervals, too (`Known.scatter`).
 
 The score of a reading is the distance of the force from the median, over that of the interval's end on that side. The
 score below which 90 % of the readings lie, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
@@ -45,7 +45,7 @@ FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
     OWN: (*GLOBE_TRAITS, UNEVEN, LIGHT, *OF_CALIBRATION),
     OTHER: (*GLOBE_TRAITS, UNEVEN, LIGHT),
 }
-# Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
+# Of the fit: frames of even walls lie nearer to an even wall of the library, frames of uneven walls farther from it.
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
 # Of 140 virtual eyes of the library that were not declared open, calibrated on frames of their own, 90 % of the scores
 # of even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
@@ -55,7 +55,7 @@ LIGHTEST_N = 10e-3  # of other readings
 # on three forces of up to 15 to 60 mN, stayed below 1.2, up to twice it below 1.3, beyond below 1.6 to 2.6.
 BEYOND_FROM = 1.2, 2.0
 # As a share of the largest force. Even shares of three leave 0.33; with three forces at random 0.98 of the intervals of
-# eight virtual eyes held whose widest gap was below 0.4, and 0.76 of those of 81 others.
+# eight virtual eyes held whose widest gap was below 0.4, and 0.76 of 81 others'.
 SPARSE_FROM = 0.45
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by these
 # factors on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
@@ -128,7 +128,7 @@ def _product(factors: Factors, traits: tuple[str, ...]) -> float:
 def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
     """Return the further factor of the fit's interval beside a needle, and under a conjunctiva.
 
-    A gap below those of the training is beside the needle, seen or not.
+    A gap below the training's is beside the needle, seen or not.
     """
     beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
     return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
@@ -267,7 +267,7 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
 
 
 def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> Mapping[str, Factors]:
-    """Return the factors of both methods multiplied by stretches; those of other traits stay."""
+    """Return the factors of both methods multiplied by stretches; factors of other traits stay."""
     after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
     for change in changes:
         given = after[change.method].setdefault(change.modulus, {})

@@ -2,10 +2,10 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -28,6 +28,7 @@ from scleraforce.reader.answer import (
 )
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
+from scleraforce.reader.networks import ForceNetwork
 from scleraforce.reader.verdicts import (
     NEEDLE_SEEN,
     Look,
@@ -46,7 +47,6 @@ from scleraforce.reader.verdicts import (
 )
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries, surface
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import WallFinder
@@ -55,21 +55,28 @@ from scleraforce.study import Study
 INPUT, OUTPUT = "slices", "probabilities"
 
 
-class ForceNetworkLike(Protocol):
-    """A network that reads a force from pictures; see `networks.ForceNetwork`."""
+@dataclass(frozen=True, eq=False)
+class TrainedModel:
+    """The parts that models of every kind have.
 
-    @property
-    def provenance(self) -> Mapping[str, str]: ...  # noqa: D102 - described by the class
-    def read(self, pictures: NDArray[Any], known: Known) -> Reading: ...  # noqa: D102
+    `path` is the folder, `study` the study of the training, `record` the content of `model.json`, `provenance` the
+    metadata of `model.onnx`, and `finder` the wall finder that checks the walls it reads.
+    """
+
+    path: Path
+    study: Study
+    record: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    finder: WallFinder | None = None
 
 
 class Reader(ABC):
     """A trained model that reads raw frames. Made by `load_model`; its parts belong together.
 
-    `path` is the model's folder, `kind` the folder's word for it ("classifier", "reader" or "raw-reader"), `study` the
-    study that it was trained with, `record` the content of `model.json`. `reads_force`: answers have a force with its
-    interval, not the class alone. `serves_loop`: it may serve the control loop. The wall finder checks the wall of
-    `read`, not of `read_live`: the control loop does not wait for it.
+    `path`, `study` and `record` are `TrainedModel`'s, `kind` is the folder's word for it ("classifier", "reader" or
+    "raw-reader"). `reads_force`: answers have a force with its interval, not the class alone. `serves_loop`: it may
+    serve the control loop. The wall finder checks the wall of `read`, not of `read_live`: the control loop does not
+    wait for it.
     """
 
     kind: ClassVar[str]
@@ -77,11 +84,9 @@ class Reader(ABC):
     serves_loop: ClassVar[bool] = True
     _shifts: ClassVar[tuple[float, ...]] = (0.0,)
 
-    def __init__(self, path: Path, study: Study, record: Mapping[str, Any], finder: WallFinder | None) -> None:
-        self.path = path
-        self.study = study
-        self.record = record
-        self._finder = finder
+    def __init__(self, trained: TrainedModel) -> None:
+        self.path, self.study, self.record = trained.path, trained.study, trained.record
+        self._trained = trained
 
     @property
     def classes(self) -> int:
@@ -89,14 +94,14 @@ class Reader(ABC):
         return len(self.study.classes.bounds_n) + 1
 
     @property
-    @abstractmethod
     def provenance(self) -> Mapping[str, str]:
         """The metadata of `model.onnx`: hashes of study and data set, seed, versions, class bounds."""
+        return self._trained.provenance
 
     @property
     def fixed_modulus_pa(self) -> float | None:
-        """Young's modulus that the model reads every eye with; None: it takes each eye's own."""
-        return None
+        """Young's modulus that the model reads every eye with, a classifier's; None: it takes each eye's own."""
+        return None if self.reads_force else self.study.eye.youngs_modulus_pa
 
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame by every method of the model.
@@ -110,7 +115,7 @@ class Reader(ABC):
             ValueError: an invalid frame (see `find_wall`).
             ModelError: the network cannot be run.
         """
-        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._finder)
+        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._trained.finder)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 
@@ -159,41 +164,17 @@ class Classifier(Reader):
     kind = CLASSIFIER
     reads_force = False
 
-    def __init__(
-        self,
-        path: Path,
-        study: Study,
-        record: Mapping[str, Any],
-        session: onnxruntime.InferenceSession,
-        finder: WallFinder | None = None,
-    ) -> None:
-        super().__init__(path, study, record, finder)
+    def __init__(self, trained: TrainedModel, session: onnxruntime.InferenceSession) -> None:
+        super().__init__(trained)
         self._session = session
-        inputs = {INPUT: ("tensor(uint8)", [study.slice.rows, study.slice.columns])}
-        check_interface(session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(path / NETWORK_FILE))
-
-    @property
-    def fixed_modulus_pa(self) -> float:
-        """Young's modulus that it was trained for, and reads every eye with."""
-        return self.study.eye.youngs_modulus_pa
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The metadata of `model.onnx`."""
-        metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
-        return metadata
+        inputs = {INPUT: ("tensor(uint8)", [self.study.slice.rows, self.study.slice.columns])}
+        check_interface(session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(self.path / NETWORK_FILE))
 
     def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the probability of each force class.
+        """Return the probability of each force class (slice, class); rows sum to 1.
 
-        Args:
-            slices: uint8, shape (slice, row, column) of the study; 255 where wall is, 0 elsewhere.
-
-        Returns:
-            Shape (slice, class); rows sum to 1.
-
-        Raises:
-            ModelError: another shape or type, or values other than 0 and 255.
+        Slices are uint8 (slice, row, column) of the study's shape, 255 where wall is, 0 elsewhere; others raise
+        `ModelError`.
         """
         expected = (self.study.slice.rows, self.study.slice.columns)
         if slices.dtype != np.uint8 or slices.ndim != 3 or slices.shape[1:] != expected:
@@ -211,7 +192,6 @@ class Classifier(Reader):
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
         result: NDArray[np.float64] = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
-
         return result
 
     def refusal(self, known: Known) -> str | None:  # noqa: ARG002
@@ -257,18 +237,15 @@ class ForceReader(Reader):
 
     def __init__(
         self,
-        path: Path,
-        study: Study,
-        record: Mapping[str, Any],
-        network: ForceNetworkLike,
+        trained: TrainedModel,
+        network: ForceNetwork,
         library: Library,
         default: str,
         factors: IntervalFactors = NO_FACTORS,
-        finder: WallFinder | None = None,
     ) -> None:
         if default not in METHODS:
             raise ValueError(f"default: found {default!r}, expected {' or '.join(METHODS)}")
-        super().__init__(path, study, record, finder)
+        super().__init__(trained)
         self.library = library
         self.default = default
         self.factors = factors
@@ -280,26 +257,18 @@ class ForceReader(Reader):
         """The method that checks the default."""
         return METHODS[1 - METHODS.index(self.default)]
 
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The metadata of `model.onnx`."""
-        return self._network.provenance
-
     def refusal(self, known: Known) -> str | None:
         """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
         return outside_training(known, self.study.reader, self.study.library)
 
-    def unread_slices(self, needle: SeenNeedle | None, known: Known) -> str | None:
+    def _unread_slices(self, seen: Look, known: Known) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
-        return self.refusal(known) or (NEEDLE_SEEN if needle else None)
+        return self.refusal(known) or (NEEDLE_SEEN if seen.needle else None)
 
     def library_for(self, known: Known) -> Library:
         """Return the library of an eye's tissue at its contact, or at the middle of the study's angles if unknown.
 
-        Angles beyond the library's count as its largest.
-
-        Raises:
-            InputError: the library does not hold such tissue.
+        Angles beyond the library's count as its largest; tissue that it does not hold raises `InputError`.
         """
         return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
@@ -313,20 +282,16 @@ class ForceReader(Reader):
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        reason = outside_training(known, read_by_fit(self.study.reader), self.study.library)
-        reason = reason or needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
-        if reason:
+        outside = outside_training(known, read_by_fit(self.study.reader), self.study.library)
+        if reason := outside or needle_elsewhere(seen.needle, known, self.library.needle_radius_m):
             return replace(unusable(self.classes, reason), can_calibrate=can_calibrate(seen, boundaries))
-        reason = too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice)
-        if reason:
+        if reason := too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice):
             return unusable(self.classes, reason)
         return self._fitted(seen, boundaries, known)
 
     def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
-        reason = self.unread_slices(seen.needle, known) or too_little_wall(
-            *surface(seen.segmentation, scale), self.study.slice
-        )
-        if reason:
+        short = too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+        if reason := self._unread_slices(seen, known) or short:
             return unusable(self.classes, reason)
         return judged_answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut), self.study)
 
@@ -339,13 +304,11 @@ class ForceReader(Reader):
         fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
             return unusable(self.classes, "too little of the wall is seen")
-        reason = no_wall_of_an_eye(fit, prior)
-        if reason:
+        if reason := no_wall_of_an_eye(fit, prior):
             return replace(unusable(self.classes, reason), fit=fit)
         factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
-        unread = self.unread_slices(seen.needle, known)
-        if unread:
+        if unread := self._unread_slices(seen, known):
             answer = self._unchecked(seen, fit, by_fit, unread)
         else:
             answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
@@ -388,22 +351,10 @@ class RawReader(Reader):
     kind = RAW_READER
     serves_loop = False  # its own second opinion would be that of the same network
 
-    def __init__(
-        self,
-        path: Path,
-        study: Study,
-        record: Mapping[str, Any],
-        network: ForceNetworkLike,
-        finder: WallFinder | None = None,
-    ) -> None:
-        super().__init__(path, study, record, finder)
+    def __init__(self, trained: TrainedModel, network: ForceNetwork) -> None:
+        super().__init__(trained)
         self._network = network
-        self._window = FrameWindow.of(study.raw_reader)
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The metadata of `model.onnx`."""
-        return self._network.provenance
+        self._window = FrameWindow.of(self.study.raw_reader)
 
     def refusal(self, known: Known) -> str | None:
         """Return the known value outside the training, in a sentence."""

@@ -57,7 +57,7 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
     """Return why a model cannot read an eye: a known value lies outside the training; None: all lie inside.
 
     A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
-    deviation, and the error that it takes from those of thickness and IOP, which the training's moduli have too.
+    deviation, and the error that it takes from thickness and IOP, which the training's moduli have too.
 
     >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
@@ -76,7 +76,7 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     if kind not in KINDS:
         raise ModelError(f"{model}: kind: found {kind!r}, one of {', '.join(KINDS)} is needed here")
     found = limits(kind, folder_study(folder), known_of_recording(info), info.oct, info.needle.gauge)
-    return tuple(f"outside of what {name} reads: {sentence}" for sentence in found)
+    return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
 
 
 def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
@@ -101,8 +101,8 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
 def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
     """Return a sentence for each known value that the training of a kind of model did not cover.
 
-    Those of a reader are its library's walls, wherever on the eye the needle pushes; those of a classifier its data
-    set's, and it knows no sealed globe.
+    A reader was trained on its library's walls, wherever on the eye the needle pushes; a classifier on its data set,
+    without sealed globes.
     """
     if kind == CLASSIFIER:
         sealed = open_doubts(None if known.globe is None else known.globe.kind)

@@ -22,12 +22,13 @@ from scleraforce.models import (
     check_provenance,
     folder_session,
     folder_study,
+    network_metadata,
     network_session,
     read_folder,
 )
 from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
-from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader
+from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader, TrainedModel
 from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -43,20 +44,18 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     folder = read_folder(Path(path))
     if folder.record["kind"] != WALL_FINDER:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {WALL_FINDER} is needed here")
-    finder = WallFinder(
-        folder_session(folder, threads), folder_study(folder).wall_finder, str(folder.path / NETWORK_FILE)
-    )
-    check_provenance(folder, finder.session)
+    session, place = folder_session(folder, threads), str(folder.path / NETWORK_FILE)
+    finder = WallFinder(session, folder_study(folder).wall_finder, place)
+    check_provenance(folder, network_metadata(session, place))
     return finder
 
 
 def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Reader:
     """Load a model folder of any kind that reads forces.
 
-    Args:
-        path: the folder that `scleraforce train` wrote, or the name of a bundled one ("default").
-        threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
-        finder: folder of the wall finder that checks the walls it reads; None: nothing checks them.
+    `path` is the folder that `scleraforce train` wrote, or the name of a bundled one ("default"); `threads` are ONNX
+    Runtime's within one operation, 1 is fastest for single slices; `finder` is the folder of the wall finder that
+    checks the walls it reads, None: nothing checks them.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
@@ -68,16 +67,20 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHI
         raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
     study, session = folder_study(folder), folder_session(folder, threads)
     walls = None if finder is None else load_wall_finder(finder, threads)
+    place = str(folder.path / NETWORK_FILE)
+    trained = TrainedModel(folder.path, study, folder.record, network_metadata(session, place), walls)
+    model: Reader
     if kind == CLASSIFIER:
-        classifier = Classifier(folder.path, study, folder.record, session, walls)
-        check_provenance(folder, session)
-        return classifier
-    factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
-    network = ForceNetwork(session, study, str(folder.path / NETWORK_FILE), factors, raw=kind == RAW_READER)
-    check_provenance(folder, session)
-    if kind == RAW_READER:
-        return RawReader(folder.path, study, folder.record, network, walls)
-    return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors, walls)
+        model = Classifier(trained, session)
+    else:
+        factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
+        network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
+        if kind == RAW_READER:
+            model = RawReader(trained, network)
+        else:
+            model = ForceReader(trained, network, _library(folder), _default(folder), factors)
+    check_provenance(folder, trained.provenance)
+    return model
 
 
 def load_classifier(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Classifier:
@@ -122,7 +125,7 @@ def _default(folder: ModelFolder) -> str:
 
 THICKNESS_M = 0.6e-3  # of the wall, if unknown
 SURFACE = 0.2  # depth of the apex, of the frame's
-NOISE, TISSUE = (0, 400), (600, 1600)  # counts; those of the tissue are added
+NOISE, TISSUE = (0, 400), (600, 1600)  # counts; the tissue's are added
 WARMING_FRAMES = 20
 
 

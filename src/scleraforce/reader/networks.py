@@ -7,7 +7,7 @@ once, with arrays; the control loop reads one, and `histogram_reading` does so i
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import accumulate, pairwise
@@ -101,14 +101,10 @@ def histogram_reading(
 ) -> Reading:
     """Return the reading of one histogram: the same as the functions of arrays, for one sample.
 
-    Args:
-        histogram: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
-        edges_m2: of the bins, one more.
-        modulus_pa: that the network was given.
-        bounds_n: increasing bounds between the classes, N.
-        contact_m: the needle's place.
-        factor_of: factor by which the distribution is stretched about its median, as a function of that median
-            (`reader.intervals`); forces stay at or above 0.
+    `histogram`: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
+    `modulus_pa`: the network's input. `bounds_n`: increasing bounds between the classes. `factor_of`: factor by which
+    the distribution is stretched about its median, as a function of that median (`reader.intervals`); forces stay at
+    or above 0.
 
     >>> histogram_reading([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
     (0.25, 0.5, 0.25)
@@ -272,12 +268,6 @@ class ForceNetwork:
         inputs = {self._pictures: seen, GIVEN_INPUT: ("tensor(float)", [len(GIVEN)])}
         outputs = {HISTOGRAM: ("tensor(float)", [trained.bins]), CONTACT: ("tensor(float)", list[int]())}
         check_interface(session, inputs, outputs, place)
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The metadata of the network's file."""
-        metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
-        return metadata
 
     def read(self, pictures: NDArray[Any], known: Known) -> Reading:
         """Return the network's reading of pictures of one wall (picture, row, column): the mean of its histograms."""

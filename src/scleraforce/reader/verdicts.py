@@ -22,8 +22,8 @@ from scleraforce.units import from_si
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
-ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say that it is none
-DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
+ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say that it is another surface
+DEVIATION_SD = 4.0  # of thickness and size from their known values
 # A layer below the wall may be taken for a part of it (the choroid); hardly anything makes it look thinner.
 THINNER_M, THICKER_M = 40e-6, 200e-6
 # Of contacts up to the edge of the training, the network placed none more than 0.15 mm beyond it; the fit none more
@@ -78,10 +78,7 @@ def too_little_wall(
 ) -> str | None:
     """Return why too little of a wall is seen to read it, None if enough is.
 
-    Args:
-        lateral_m: lateral places of a frame's columns from the middle (column,), m, increasing.
-        outer_m: depth of the surface there (column,), m, NaN where unseen.
-        slice_study: the slice that is read otherwise.
+    `lateral_m`: increasing places of a frame's columns from its middle; `outer_m`: depth there, NaN where unseen.
     """
     width_m = slice_study.columns * slice_study.pixel_m
     seen = lateral_m[(np.abs(lateral_m) <= width_m / 2) & np.isfinite(outer_m)]
@@ -106,7 +103,7 @@ def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
-    """Return why a contact lies outside the framing that a model was trained on; None: inside, or it cannot be told."""
+    """Return why a contact lies outside the framing that a model was trained on; None: inside, or it is not known."""
     low_m, high_m = trained.lateral_m.bounds
     slack_m = CONTACT_SLACK_M + CONTACT_SD * reading.contact_sd_m
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
@@ -146,7 +143,7 @@ SLACK_M = 0.1e-3  # of a stated gap, beyond the needle's radius
 
 
 def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
-    """Return the ranges that the fit reads: those of a model's training, with gaps from 0.
+    """Return the ranges that the fit reads: a model's training, with gaps from 0.
 
     The library's walls are surfaces of revolution about the needle axis: they have a section at any gap.
     """
