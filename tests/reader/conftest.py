@@ -12,7 +12,7 @@ from scleraforce.study import SliceStudy, Study, format_study, study_hash
 
 @dataclass(frozen=True)
 class TinyModel:
-    """Where it lies, and the network in it."""
+    """The folder, and the network in it."""
 
     path: Path
     network: object

@@ -81,48 +81,45 @@ def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_mo
     assert checked.read_live(frame, SCALE).usable
 
 
-def told(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
+def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
     assert run([str(word) for word in words]) == code
     printed = capsys.readouterr()
-    return printed.out if code == 0 else printed.err
+    return printed.err if code else printed.out
 
 
-def test_the_commands_check_with_the_wall_finder_that_they_are_given(places, blind, capsys) -> None:
+def frames_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[dict]:
+    return json.loads(said(capsys, *words, "--json"))["frames"]
+
+
+def test_the_commands_check_with_the_given_wall_finder(places, blind, capsys) -> None:
     frame = places["mine"] / "frames" / "1.png"
     read = {}
     for finder in (None, "none", blind):
         words = [] if finder is None else ["--wall-finder", finder]
-        (entry,) = json.loads(told(capsys, "classify", places["model"], frame, "--json", *words))["frames"]
-        found = json.loads(told(capsys, "evaluate", places["model"], places["mine"], "--json", *words))["frames"]
-        read[finder] = {key: entry[key] for key in ("usable", "reason", "predicted_force_mn", "interval_mn")}
-        assert [one["usable"] for one in found] == [entry["usable"]] * 4 + [False]
-        assert found[1]["reason"] == entry["reason"]
+        (read[finder],) = frames_of(capsys, "classify", places["model"], frame, *words)
+        found = frames_of(capsys, "evaluate", places["model"], places["mine"], *words)
+        assert [one["usable"] for one in found] == [read[finder]["usable"]] * 4 + [False]
+        assert found[1]["reason"] == read[finder]["reason"]
     assert read[None]["usable"]  # the network may move the wall's end by a few rows
     assert read[None]["predicted_force_mn"] == pytest.approx(read["none"]["predicted_force_mn"], rel=0.05)
     assert not read[blind]["usable"]
     assert read[blind]["reason"].startswith(SAID)
+    message = said(capsys, "evaluate", places["model"], places["mine"], "--wall-finder", places["model"], code=2)
+    assert "kind: found 'reader', a wall-finder is needed here" in message
 
 
 @pytest.mark.slow
 def test_calibrate_takes_no_frame_that_the_wall_finder_doubts(places, blind, capsys, tmp_path) -> None:
-    asked = ["calibrate", places["mine"], "--mechanics", "linear", "--frames", 1, "--out"]
-    message = told(capsys, *asked, tmp_path / "a.json", "--wall-finder", blind, code=2)
-    assert any(f"not usable: {said}" in message for said in SAID)
+    command = ["calibrate", places["mine"], "--mechanics", "linear", "--frames", 1, "--out"]
+    message = said(capsys, *command, tmp_path / "a.json", "--wall-finder", blind, code=2)
+    assert any(f"not usable: {words}" in message for words in SAID)
     assert not (tmp_path / "a.json").exists()
-    told(capsys, *asked, tmp_path / "b.json", "--wall-finder", "none")
-    told(capsys, *asked, tmp_path / "c.json")
-    alone, checked = (
-        json.loads((tmp_path / name).read_text())["population"]["mean_mpa"] for name in ("b.json", "c.json")
-    )
+    said(capsys, *command, tmp_path / "b.json", "--wall-finder", "none")
+    said(capsys, *command, tmp_path / "c.json")
+    files = (json.loads((tmp_path / name).read_text()) for name in ("b.json", "c.json"))
+    alone, checked = (file["population"]["mean_mpa"] for file in files)
     assert checked == pytest.approx(alone, rel=0.02)
 
-
-def test_a_wall_finder_that_is_none_is_refused_by_name(places, capsys) -> None:
-    message = told(capsys, "evaluate", places["model"], places["mine"], "--wall-finder", places["model"], code=2)
-    assert "kind: found 'reader', a wall-finder is needed here" in message
-
-
-pytest.importorskip("torch")
 
 LAYER_M = 140e-6
 
@@ -140,44 +137,24 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def shipped_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_places(tmp_path_factory.mktemp("reader"))["model"]
-
-
-def frames_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[dict]:
-    assert run([*map(str, words), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)["frames"]
-
-
-def test_commands_look_below_it_and_tell_its_thickness(recording, shipped_model, capsys, tmp_path) -> None:
-    frame, told = recording / "frames" / "1.png", ("--youngs-modulus-mpa", MODULUS_PA / 1e6)
+def test_commands_and_python_look_below_a_layer(recording, places, blind, capsys, tmp_path) -> None:
+    frame, modulus = recording / "frames" / "1.png", ("--youngs-modulus-mpa", MODULUS_PA / 1e6)
     (found,) = frames_of(capsys, "segment", recording, "--out", tmp_path / "a")
     assert found["thickness_um"] == pytest.approx(1e6 * THICKNESS_M, rel=0.06)
-    (read,) = frames_of(capsys, "classify", shipped_model, frame, *told)
-    (evaluated,) = frames_of(capsys, "evaluate", shipped_model, recording)
+    (read,) = frames_of(capsys, "classify", places["model"], frame, *modulus)
+    (evaluated,) = frames_of(capsys, "evaluate", places["model"], recording)
     for entry in (found, read, evaluated):
         assert entry["usable"], entry["reason"]
         assert entry["conjunctiva_um"] == pytest.approx(1e6 * LAYER_M, rel=0.15)
     assert read["predicted_force_mn"] == pytest.approx(15.0, abs=1.5)
     (alone,) = frames_of(capsys, "segment", recording, "--out", tmp_path / "b", "--wall-finder", "none")
     assert alone["conjunctiva_um"] == found["conjunctiva_um"]
-
-
-def test_python_looks_below_it_too_and_checks_with_the_wall_finder_that_it_is_given(
-    recording, shipped_model, blind
-) -> None:
-    frame = recording / "frames" / "1.png"
-    for finder in (sf.segment(frame), sf.segment(frame, wall_finder=None)):
-        assert finder.conjunctiva_m == pytest.approx(LAYER_M, rel=0.15)
-    usable = [
-        sf.read(reader, frame, youngs_modulus_pa=MODULUS_PA).usable
-        for reader in (
-            sf.load_model(shipped_model),
-            sf.load_model(shipped_model, wall_finder=None),
-            sf.load_model(shipped_model, wall_finder=blind),
-        )
+    for wall in (sf.segment(frame), sf.segment(frame, wall_finder=None)):
+        assert wall.conjunctiva_m == pytest.approx(LAYER_M, rel=0.15)
+    models = [
+        sf.load_model(places["model"], **finder) for finder in ({}, {"wall_finder": None}, {"wall_finder": blind})
     ]
+    usable = [sf.read(model, frame, youngs_modulus_pa=MODULUS_PA).usable for model in models]
     assert usable == [True, True, False]
     assert not sf.segment(frame, wall_finder=blind).usable
 
@@ -207,7 +184,7 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def in_json(answer: Answer) -> dict[str, object]:
-    """What a reading is in the JSON of commands."""
+    """The answer's keys in the JSON of commands."""
     return {
         "predicted": answer.predicted,
         "predicted_force_mn": from_si(answer.force_n, "mn"),
@@ -227,10 +204,8 @@ def test_all_readings_of_a_frame_are_one(small_recording: Path, capsys: pytest.C
         opinion = model.read(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known)  # as the second opinion does
         assert opinion.verdict == answer.verdict
     evaluated = sf.evaluate(model, small_recording).frames
-    for command in (["read", "default", *map(str, paths)], ["evaluate", "default", str(small_recording)]):
-        assert run([*command, "--json"]) == 0
-        told = json.loads(capsys.readouterr().out)["frames"]
-        for answer, entry in zip(answers, told, strict=True):
+    for command in (("read", "default", *paths), ("evaluate", "default", small_recording)):
+        for answer, entry in zip(answers, frames_of(capsys, *command), strict=True):
             expected = in_json(answer)
             assert {key: entry[key] for key in expected} == expected
     for answer, other, path in zip(answers, evaluated, paths, strict=True):

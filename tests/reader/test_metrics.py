@@ -55,18 +55,11 @@ def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
     assert round(accuracy(PAPER).value, 2) == 0.93
 
 
-@pytest.mark.parametrize(
-    ("hits", "total", "low", "high"),
-    [
-        # Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0000, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ],
-)
-def test_wilson_intervals_equal_the_published_ones(hits: int, total: int, low: float, high: float) -> None:
-    np.testing.assert_allclose(wilson_interval(hits, total), (low, high), atol=5e-5)
+def test_wilson_intervals_equal_the_published_ones() -> None:
+    """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)."""
+    published = ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718))
+    for hits, total, *ends in published:
+        np.testing.assert_allclose(wilson_interval(hits, total), ends, atol=5e-5)
 
 
 @given(st.integers(1, 500), st.data())
@@ -78,20 +71,17 @@ def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: i
             assert score == pytest.approx(1.959963985, rel=1e-6)
 
 
-def test_what_is_undefined_is_not_a_number() -> None:
+def test_undefined_metrics_are_not_a_number_and_impossible_labels_are_refused() -> None:
     nothing = confusion_matrix([], [])
     assert all(isnan(value) for value in (accuracy(nothing).value, *values(recall(nothing))))
     assert all(isnan(end) for end in accuracy(nothing).interval)
-
-
-@pytest.mark.parametrize(("target", "predicted"), [([0], []), ([3], [0]), ([0], [-1])])
-def test_labels_that_make_no_matrix_are_refused(target: list[int], predicted: list[int]) -> None:
-    with pytest.raises(ValueError):
-        confusion_matrix(target, predicted)
+    for target, predicted in (([0], []), ([3], [0]), ([0], [-1])):
+        with pytest.raises(ValueError):
+            confusion_matrix(target, predicted)
 
 
 def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
-    """Where every eye is right or wrong as a whole, it is the band of as many coins; 17 frames an eye do not help."""
+    """If every eye is right or wrong as a whole, it is the band of as many coins; 17 frames an eye do not help."""
     rng = np.random.default_rng(0)
     right = rng.uniform(size=30) < 0.9
     eyes = np.repeat([f"eye-{number}" for number in range(30)], 17).tolist()
@@ -111,37 +101,24 @@ def test_the_coverage_is_counted_eye_by_eye() -> None:
     assert coverage_band([], []) is None
 
 
-def test_a_reader_as_sure_as_it_says_agrees_with_nine_of_ten_labels_however_noisy_they_are() -> None:
+def agreeing(read: np.ndarray, measured: np.ndarray, label_sd: float, below: float, above: float) -> float:
+    """The coverage of readings whose intervals reach from `below` under the force to `above` over it."""
+    pairs = zip(read.tolist(), measured.tolist(), strict=True)
+    trials = [ForceTrial(eye="a", measured_n=label, read_n=force, interval_n=(force - below, force + above),
+                         measured_sd_n=label_sd) for force, label in pairs]  # fmt: skip
+    return coverage(trials).value
+
+
+def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are() -> None:
     rng = np.random.default_rng(5)
     for label_sd in (0.0, 0.2, 1.0, 5.0):
-        read, true, label = 10.0 + rng.standard_normal((3, 20_000)) * np.array([[0.0], [1.0], [label_sd]])
-        trials = [
-            ForceTrial(eye="a", measured_n=t + n - 10.0, read_n=r, interval_n=(r - 1.6449, r + 1.6449),
-                       measured_sd_n=label_sd)
-            for r, t, n in zip(read, true, label, strict=True)
-        ]  # fmt: skip
-        assert coverage(trials).value == pytest.approx(0.9, abs=0.01)
-
-
-def test_intervals_of_unlike_halves_agree_with_nine_of_ten_labels_too() -> None:
-    """Readings whose errors are twice as large to one side, beside labels as unsure as either."""
-    rng = np.random.default_rng(6)
-    z = rng.standard_normal(40_000)
-    true = np.where(z > 0.0, 2.0, 1.0) * z
-    trials = [
-        ForceTrial(eye="a", measured_n=n, read_n=0.0, interval_n=(-1.6449, 2 * 1.6449), measured_sd_n=1.5)
-        for n in true + rng.normal(0.0, 1.5, len(true))
-    ]
-    assert coverage(trials).value == pytest.approx(0.9, abs=0.015)
-
-
-def test_readings_that_claim_too_much_do_not_pass_for_right_beside_noisy_labels() -> None:
-    rng = np.random.default_rng(7)
-    trials = [
-        ForceTrial(eye="a", measured_n=n, read_n=0.0, interval_n=(-0.8, 0.8), measured_sd_n=0.5)
-        for n in rng.normal(0.0, 1.0, 5000) + rng.normal(0.0, 0.5, 5000)
-    ]
-    assert coverage(trials).value < 0.75
+        read, true, noise = rng.standard_normal((3, 20_000)) * np.array([[0.0], [1.0], [label_sd]])
+        assert agreeing(read, true + noise, label_sd, 1.6449, 1.6449) == pytest.approx(0.9, abs=0.01)
+    read, true, noise = rng.standard_normal((3, 5000)) * np.array([[0.0], [1.0], [0.5]])
+    assert agreeing(read, true + noise, 0.5, 0.8, 0.8) < 0.75  # they claim too much
+    errors = np.where((z := rng.standard_normal(40_000)) > 0.0, 2.0, 1.0) * z  # twice as large to one side
+    measured = errors + rng.normal(0.0, 1.5, len(errors))
+    assert agreeing(0.0 * z, measured, 1.5, 1.6449, 2 * 1.6449) == pytest.approx(0.9, abs=0.015)
 
 
 def test_a_true_force_has_to_lie_in_the_interval() -> None:

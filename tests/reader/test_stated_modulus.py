@@ -1,4 +1,4 @@
-"""An E that somebody told is not one that was found on frames of the eye: intervals know the difference."""
+"""A stated modulus is not one that was fitted to frames of the eye: its intervals are wider."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ EYES, FRAMES = range(60, 90), 8
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_intervals_of_eyes_whose_modulus_was_told_hold_as_those_of_other_eyes_do() -> None:
+def test_intervals_of_eyes_with_a_stated_modulus_hold() -> None:
     """With the factors of eyes that were calibrated, 60 % of these intervals held."""
     reader = load_force_reader("default")
     study, held = reader.study, dict[str, list[float]](stated=[], own=[])
@@ -31,14 +31,14 @@ def test_intervals_of_eyes_whose_modulus_was_told_hold_as_those_of_other_eyes_do
         except CalibrationError:
             continue
         frames = draw_frames(eye, study, FRAMES, rng)
-        told_pa = eye.wall.youngs_modulus_pa * (1.0 + STATED_MODULUS_SD * rng.standard_normal())
-        known = replace(known_of_constants(eye.stated, Modulus.stated(told_pa)), stiffening=eye.stiffening)
+        stated_pa = eye.wall.youngs_modulus_pa * (1.0 + STATED_MODULUS_SD * rng.standard_normal())
+        known = replace(known_of_constants(eye.stated, Modulus.stated(stated_pa)), stiffening=eye.stiffening)
         library = reader.library.for_stiffening(eye.stiffening).for_contact(eye.wall.polar_rad)
         prior, smoothing_m = prior_of(known, study.reader), study.calibration.surface_smoothing_m
         seen = [frame.boundaries for frame in frames]
         fits = [fit_boundaries(library, each.lateral_m, each.depth_m, prior, smoothing_m) for each in seen]
         for source, shares in held.items():
-            other = replace(known, modulus=replace(Modulus.stated(told_pa), source=source))
+            other = replace(known, modulus=replace(Modulus.stated(stated_pa), source=source))
             scores = [
                 score(fit_reading(fit, study.classes.bounds_n, reader.factors.of_fit(other, fit)), frame.force_n)
                 for fit, frame in zip(fits, frames, strict=True)
