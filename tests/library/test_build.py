@@ -1,4 +1,4 @@
-"""The library on disk: the same bytes whoever builds it and however often it is interrupted, checked, and right."""
+"""The library on disk: the same bytes for any number of workers and interruptions, checked, and right."""
 
 import multiprocessing
 import os
@@ -19,24 +19,19 @@ from small_models import rehash_store
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, cached_library, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import (
-    create_library,
-    library_store,
-    open_library,
-    write_library_unit,
-)
+from scleraforce.library.store import create_library, library_store, open_library, write_library_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
 PATHS = 5 * 20  # of each stiffening
-UNITS = PATHS + 8 * 4 * 5  # and those with other supports
+UNITS = PATHS + 8 * 4 * 5  # and with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A library written path by path, with no worker: those of workers are compared with it."""
+    """A library written path by path, without workers: the reference of the others."""
     path, plan = tmp_path_factory.mktemp("made") / "library.zarr", plan_library(STUDY)
     assert plan.units == UNITS
     store = create_library(path, plan)
@@ -46,7 +41,30 @@ def made(tmp_path_factory):
     return path
 
 
-def test_what_is_read_is_what_was_solved(made):
+def interrupting(count, done):
+    """A progress callback that interrupts after a number of paths."""
+
+    def progress(paths):
+        done.append(paths)
+        if sum(done) == count:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def script(folder, body):
+    """A program of its own, and the environment in which it finds the analytic solver."""
+    path = folder / "program.py"
+    path.write_text(
+        "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
+        "from scleraforce.library.build import build_library, cached_library\n"
+        "from scleraforce.study import LibraryStudy, Study\n"
+        f"if __name__ == '__main__':\n    {body}\n"
+    )
+    return path, os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
+
+
+def test_a_library_is_read_as_it_was_solved(made):
     library, plan = open_library(made), plan_library(STUDY)
     assert library.thickness_m == pytest.approx(plan.thickness_m)
     assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
@@ -62,20 +80,12 @@ def test_what_is_read_is_what_was_solved(made):
 
 @pytest.mark.slow
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
-    path = tmp_path / "library.zarr"
-    done = []
-
-    def interrupt(count: int) -> None:
-        done.append(count)
-        if sum(done) == 3:
-            raise KeyboardInterrupt
-
+    path, rest = tmp_path / "library.zarr", []
     with pytest.raises(KeyboardInterrupt):
-        build_library(STUDY, path, workers=2, progress=interrupt, solve=solve_analytic)
+        build_library(STUDY, path, workers=2, progress=interrupting(3, []), solve=solve_analytic)
     assert not multiprocessing.active_children()
     with pytest.raises(InputError, match="not complete"):
         open_library(path)
-    rest = []
     result = build_library(STUDY, path, workers=2, progress=rest.append, solve=solve_analytic)
     assert (result.paths, result.solved, sum(rest)) == (UNITS, UNITS - 3, UNITS)
     assert contents(path) == contents(made)
@@ -83,21 +93,12 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
 
 @pytest.mark.slow
 def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
-    """A second program is killed, several times, as nothing but SIGKILL kills; the same command goes on."""
+    """A second program is killed, several times, by SIGKILL; the same command continues its work."""
     path = tmp_path / "library.zarr"
-    code = (
-        "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
-        "from scleraforce.library.build import build_library\n"
-        "from scleraforce.study import LibraryStudy, Study\n"
-        "if __name__ == '__main__':\n"
-        "    study = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))\n"
-        "    build_library(study, Path(sys.argv[1]), workers=2, solve=solve_slowly)\n"
-    )
-    script = tmp_path / "build.py"
-    script.write_text(code)
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
+    study = "Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))"
+    program, environment = script(tmp_path, f"build_library({study}, Path(sys.argv[1]), workers=2, solve=solve_slowly)")
     for wanted in (1, 6):
-        child = subprocess.Popen([sys.executable, script, path], env=environment, start_new_session=True)
+        child = subprocess.Popen([sys.executable, program, path], env=environment, start_new_session=True)
         while child.poll() is None and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted:
             time.sleep(0.01)
         os.killpg(child.pid, signal.SIGKILL)
@@ -124,36 +125,29 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
         library_store(path, plan_library(STUDY)).finish()
 
 
-@pytest.mark.parametrize("other", ["1/2/4", "3/2/3"], ids=["another tension", "another stiffening"])
-def test_load_paths_in_each_others_place_are_found(made, tmp_path, other):
-    path = Path(shutil.copytree(made, tmp_path / "copy"))
-    mine, theirs = (path / "force_ratio" / "c" / place / "0" for place in ("1/2/3", other))
-    content = mine.read_bytes()
-    mine.write_bytes(theirs.read_bytes())
-    theirs.write_bytes(content)
-    with pytest.raises(InputError, match="force_ratio/c/1/2/3/0: damaged"):
-        open_library(path)
+def test_load_paths_in_each_others_place_are_found(made, tmp_path):
+    for number, other in enumerate(("1/2/4", "3/2/3")):  # another tension, another stiffening
+        path = Path(shutil.copytree(made, tmp_path / str(number)))
+        mine, theirs = (path / "force_ratio" / "c" / place / "0" for place in ("1/2/3", other))
+        content = mine.read_bytes()
+        mine.write_bytes(theirs.read_bytes())
+        theirs.write_bytes(content)
+        with pytest.raises(InputError, match="force_ratio/c/1/2/3/0: damaged"):
+            open_library(path)
 
 
-@pytest.mark.parametrize("stiffening", [0, 1])
-@pytest.mark.parametrize(("name", "value"), [("force_ratio", np.nan), ("displaced_m3", np.inf), ("curves", np.inf)])
-def test_impossible_values_of_any_tissue_are_refused_even_where_the_hashes_agree(
-    made, tmp_path, name, value, stiffening
-):
-    path = Path(shutil.copytree(made, tmp_path / name))
-    zarr.open_array(path / name, mode="r+")[stiffening] = value
-    rehash_store(path)
-    with pytest.raises(InputError, match="not finite"):
-        open_library(path)
-
-
-@pytest.mark.parametrize(("name", "value"), [("thickness_m", 1.0), ("stiffening", 1.0)])
-def test_axes_that_are_not_those_of_the_plan_are_refused_even_where_the_hashes_agree(made, tmp_path, name, value):
-    path = Path(shutil.copytree(made, tmp_path / name))
-    zarr.open_array(path / name, mode="r+")[1] = value
-    rehash_store(path)
-    with pytest.raises(InputError, match=f"{name}: not the values of its plan"):
-        open_library(path)
+def test_impossible_values_and_other_axes_are_refused_even_where_the_hashes_agree(made, tmp_path):
+    for name, place, value, said in (
+        ("force_ratio", 0, np.nan, "not finite"), ("displaced_m3", 1, np.inf, "not finite"),
+        ("curves", 0, np.inf, "not finite"), ("curves", 1, np.inf, "not finite"),
+        ("thickness_m", 1, 1.0, "thickness_m: not the values of its plan"),
+        ("stiffening", 1, 1.0, "stiffening: not the values of its plan"),
+    ):  # fmt: skip
+        path = Path(shutil.copytree(made, tmp_path / f"{name}-{place}"))
+        zarr.open_array(path / name, mode="r+")[place] = value
+        rehash_store(path)
+        with pytest.raises(InputError, match=said):
+            open_library(path)
 
 
 def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
@@ -174,22 +168,10 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("solve", "said"),
-    [
-        (no_solution, "path 0 of 260: no equilibrium"),
-        (no_worker, "worker ended"),
-    ],
-)
-def test_a_path_that_fails_is_named_and_a_worker_that_dies_is_no_hang(tmp_path, solve, said):
-    with pytest.raises(SolverError, match=said):
-        build_library(STUDY, tmp_path / "library", workers=1, solve=solve)
-
-
-def test_the_plan_depends_on_nothing_else_of_the_study():
-    other = Study(library=STUDY.library)
-    assert plan_library(other).key == plan_library(STUDY).key
-    assert plan_library(Study()).key != plan_library(STUDY).key
+def test_a_path_that_fails_and_a_worker_that_dies_end_the_build(tmp_path):
+    for solve, said in ((no_solution, "path 0 of 260: no equilibrium"), (no_worker, "worker ended")):
+        with pytest.raises(SolverError, match=said):
+            build_library(STUDY, tmp_path / solve.__name__, workers=1, solve=solve)
 
 
 def test_the_default_covers_what_it_says():
@@ -201,7 +183,7 @@ def test_the_default_covers_what_it_says():
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
-def test_units_are_the_paths_of_every_stiffening_and_those_of_the_first_with_other_supports():
+def test_units_are_the_paths_of_every_stiffening_then_other_supports_of_the_first():
     plan = plan_library(STUDY)
     assert plan.stiffening[[0, -1]].tolist() == [0.0, 30.0]
     assert np.diff(np.log1p(5.0 * plan.stiffening)) == pytest.approx(np.full(4, np.log(151.0) / 4))
@@ -215,6 +197,9 @@ def test_units_are_the_paths_of_every_stiffening_and_those_of_the_first_with_oth
     others = [plan.path(unit) for unit in range(PATHS, UNITS)]
     assert {path.stiffening for path in others} == {0.0}
     assert all(path.support_rad != pytest.approx(0.5 * np.pi) for path in others)
+    other = Study(library=STUDY.library)
+    assert plan_library(other).key == plan.key
+    assert plan_library(Study()).key != plan.key
 
 
 @pytest.mark.parametrize(("unit", "stiffening"), [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)])
@@ -247,7 +232,7 @@ def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
     assert contents(tmp_path / "1") == contents(tmp_path / "2")
 
 
-CACHED_UNITS = 5 * 16 + 8 * 4 * 4  # paths of each stiffening, and those with other supports
+CACHED_UNITS = 5 * 16 + 8 * 4 * 4  # paths of each stiffening, and with other supports
 CACHED = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))
 
 
@@ -256,7 +241,7 @@ def places(folder):
 
 
 @pytest.mark.slow
-def test_a_library_is_built_on_first_need_only(tmp_path):
+def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
     done = []
     first = cached_library(CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)
     assert sum(done) == CACHED_UNITS
@@ -264,21 +249,17 @@ def test_a_library_is_built_on_first_need_only(tmp_path):
     assert sum(done) == CACHED_UNITS
     assert (first.curves_tpdbnc == again.curves_tpdbnc).all()
     assert places(tmp_path) == [".lock", ".zarr"]
+    monkeypatch.setattr(LibraryPlan, "key", "another code")
+    cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)
+    assert len(list(tmp_path.glob("*.zarr"))) == 2
 
 
 @pytest.mark.slow
-def test_an_interrupted_build_is_taken_up(tmp_path):
+def test_an_interrupted_build_is_continued(tmp_path):
     done = []
-
-    def interrupt(count):
-        done.append(count)
-        if sum(done) == 3:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        cached_library(CACHED, folder=tmp_path, workers=1, progress=interrupt, solve=solve_analytic)
+        cached_library(CACHED, folder=tmp_path, workers=1, progress=interrupting(3, []), solve=solve_analytic)
     assert places(tmp_path) == [".begun", ".lock"]
-    done.clear()
     cached_library(CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)
     assert done[0] == 3
     assert places(tmp_path) == [".lock", ".zarr"]
@@ -298,41 +279,22 @@ def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
 
 
 @pytest.mark.slow
-def test_makers_at_the_same_time_do_no_harm_and_one_of_them_builds(tmp_path):
-    code = (
-        "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
-        "from scleraforce.library.build import cached_library\n"
-        "from scleraforce.study import LibraryStudy, Study\n"
-        "if __name__ == '__main__':\n"
-        "    study = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))\n"
-        "    done = []\n"
-        "    library = cached_library(study, folder=Path(sys.argv[1]), workers=1, progress=done.append, "
-        "solve=solve_slowly)\n"
-        "    print(sum(done), library.force_ratio_tpd.sum())\n"
+def test_one_of_several_makers_builds(tmp_path):
+    study = "Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))"
+    program, environment = script(
+        tmp_path,
+        f"done = []; library = cached_library({study}, folder=Path(sys.argv[1]), workers=1, progress=done.append, "
+        "solve=solve_slowly); print(sum(done), library.force_ratio_tpd.sum())",
     )
-    script = tmp_path / "make.py"
-    script.write_text(code)
-    support = str(Path(__file__).parents[1] / "support")
-    makers = [
-        subprocess.Popen(
-            [sys.executable, script, tmp_path / "cache"], env={"PYTHONPATH": support}, stdout=subprocess.PIPE, text=True
-        )
-        for _ in range(3)
-    ]
+    command = [sys.executable, program, tmp_path / "cache"]
+    makers = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     answers = [maker.communicate(timeout=300)[0].split() for maker in makers]
     assert sorted(int(built) for built, _ in answers) == [0, 0, CACHED_UNITS]
     assert len({total for _, total in answers}) == 1
 
 
 @pytest.mark.slow
-def test_the_key_changes_with_the_plan_and_with_the_code(monkeypatch, tmp_path):
-    cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)
-    monkeypatch.setattr(LibraryPlan, "key", "another code")
-    cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)
-    assert len(list(tmp_path.glob("*.zarr"))) == 2
-
-
-def test_the_cache_lies_where_the_system_keeps_caches(monkeypatch, tmp_path):
+def test_the_cache_is_in_the_system_s_folder_for_caches(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
     cached_library(CACHED, workers=1, solve=solve_analytic)
     assert list((tmp_path / "caches" / "scleraforce" / "libraries").glob("*.zarr"))

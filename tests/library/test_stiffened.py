@@ -20,7 +20,7 @@ GRID = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, te
                     tensions=4, max_tip_m=3e-3, tips=8, elements=24)  # fmt: skip
 PLAN = plan_library(Study(library=GRID))
 SMALL_DENTS = 5  # tips, up to 1.3 mm
-WALLS = ((0, 0), (1, 2), (3, 3))  # thickness and tension, of those that the library holds
+WALLS = ((0, 0), (1, 2), (3, 3))  # numbers of thickness and tension in the library
 
 
 @pytest.fixture(scope="module")
@@ -36,29 +36,28 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
     return axisymmetric_path(*wall, tips_m=PLAN.tip_m[1:], stiffening=stiffening, size=MeridianSize(24, 1))
 
 
-@pytest.mark.parametrize("wall", WALLS)
 @pytest.mark.parametrize("stiffening", [0.4, 1.2, 5.0, 15.0])
-def test_walls_between_the_stiffenings_are_those_of_that_tissue(
-    library: Library, stiffening: float, wall: tuple[int, int]
-) -> None:
+def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(library: Library, stiffening: float) -> None:
     """Dents deeper than 1.3 mm change their form fast from b = 0 on: there the curves are right to 40 um."""
-    found, wanted = library.for_stiffening(stiffening), path_of(*wall, stiffening)
-    thickness_m, tip_m = np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]]), PLAN.tip_m
-    ratio = PLAN.tension[wall[1]] * thickness_m / PLAN.radius_m
-    states = found.at_tip(thickness_m, ratio, tip_m)
-    off = np.abs(states.force_ratio[1:] / wanted.force_ratio_m2[1:] - 1.0)
-    assert off[:SMALL_DENTS].max() < 4e-3
-    assert off.max() < (5e-3 if stiffening > 1.0 else 1.5e-2)
-    off_m = np.linalg.norm(states.curves_sbnc - wanted.curves_sbnc, axis=-1).max(axis=(1, 2))
-    assert off_m[:SMALL_DENTS].max() < 0.6e-6
-    assert off_m.max() < (20e-6 if stiffening > 1.0 else 45e-6)
-    volumes_m3 = found.displaced_m3(thickness_m, ratio, tip_m)
-    assert volumes_m3[1:SMALL_DENTS] == pytest.approx(wanted.displaced_m3[1:SMALL_DENTS], rel=2e-3)
-    undented_m = found.undented_tpbnc[wall].astype(np.float64) - wanted.curves_sbnc[0]
-    assert np.abs(undented_m).max() < 0.2e-6
+    found = library.for_stiffening(stiffening)
+    for wall in WALLS:
+        wanted = path_of(*wall, stiffening)
+        thickness_m, tip_m = np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]]), PLAN.tip_m
+        ratio = PLAN.tension[wall[1]] * thickness_m / PLAN.radius_m
+        states = found.at_tip(thickness_m, ratio, tip_m)
+        off = np.abs(states.force_ratio[1:] / wanted.force_ratio_m2[1:] - 1.0)
+        assert off[:SMALL_DENTS].max() < 4e-3
+        assert off.max() < (5e-3 if stiffening > 1.0 else 1.5e-2)
+        off_m = np.linalg.norm(states.curves_sbnc - wanted.curves_sbnc, axis=-1).max(axis=(1, 2))
+        assert off_m[:SMALL_DENTS].max() < 0.6e-6
+        assert off_m.max() < (20e-6 if stiffening > 1.0 else 45e-6)
+        volumes_m3 = found.displaced_m3(thickness_m, ratio, tip_m)
+        assert volumes_m3[1:SMALL_DENTS] == pytest.approx(wanted.displaced_m3[1:SMALL_DENTS], rel=2e-3)
+        undented_m = found.undented_tpbnc[wall].astype(np.float64) - wanted.curves_sbnc[0]
+        assert np.abs(undented_m).max() < 0.2e-6
 
 
-def test_walls_of_a_stiffening_that_the_library_holds_are_those_that_were_solved(library: Library) -> None:
+def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(library: Library) -> None:
     for unit in (0, 16 + 6, 2 * 16 + 11, 3 * 16 + 15):
         b, *place = PLAN.place(unit)
         found, solved = library.for_stiffening(float(PLAN.stiffening[b])), solve_path(PLAN, unit)
@@ -66,9 +65,11 @@ def test_walls_of_a_stiffening_that_the_library_holds_are_those_that_were_solved
         np.testing.assert_array_equal(found.displaced_tpd[tuple(place)], solved.displaced_d)
         np.testing.assert_array_equal(found.curves_tpdbnc[tuple(place)], solved.curves_dbnc)
         np.testing.assert_array_equal(found.undented_tpbnc[tuple(place)], solved.curves_dbnc[0])
+    forces = np.stack([library.for_stiffening(b).force_ratio_tpd[..., -1] for b in (0.0, 0.5, 1.5, 4.0, 12.0, 30.0)])
+    assert (np.diff(forces, axis=0) > 0.0).all()
 
 
-def test_tissue_that_does_not_stiffen_is_that_of_a_library_of_no_other(library: Library) -> None:
+def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tissue(library: Library) -> None:
     alone = solved_library(replace(GRID, stiffenings=1))
     assert alone.stiffened is None
     for soft in (library, library.for_stiffening(0.0), library.for_stiffening(7.0).for_stiffening(0.0)):
@@ -77,36 +78,28 @@ def test_tissue_that_does_not_stiffen_is_that_of_a_library_of_no_other(library: 
             np.testing.assert_array_equal(getattr(soft, name), getattr(alone, name))
 
 
-def test_stiffer_tissue_bears_more_at_the_same_dent(library: Library) -> None:
-    forces = np.stack([library.for_stiffening(b).force_ratio_tpd[..., -1] for b in (0.0, 0.5, 1.5, 4.0, 12.0, 30.0)])
-    assert (np.diff(forces, axis=0) > 0.0).all()
-
-
-@pytest.mark.parametrize("stiffening", [-1e-6, 30.001, 1e300, np.inf, np.nan])
-def test_other_tissue_is_refused_with_the_range(library: Library, stiffening: float) -> None:
-    with pytest.raises(InputError, match=r"^stiffening: \S+ is outside the library's range, 0 to 30$"):
-        library.for_stiffening(stiffening)
-
-
-def test_a_library_of_one_stiffening_refuses_another() -> None:
-    library = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
-    assert library.for_stiffening(0.0) is library
-    assert library.stiffenings.tolist() == [0.0]
+def test_other_tissue_is_refused_with_the_range(library: Library) -> None:
+    for stiffening in (-1e-6, 30.001, 1e300, np.inf, np.nan):
+        with pytest.raises(InputError, match=r"^stiffening: \S+ is outside the library's range, 0 to 30$"):
+            library.for_stiffening(stiffening)
+    alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
+    assert alone.for_stiffening(0.0) is alone
+    assert alone.stiffenings.tolist() == [0.0]
     for stiffening in (3.0, np.nan):
         with pytest.raises(InputError, match=r"^stiffening: the library only holds tissue of 0, not of (3|nan)$"):
-            library.for_stiffening(stiffening)
+            alone.for_stiffening(stiffening)
 
 
-@pytest.mark.parametrize("stiffening", [float(PLAN.stiffening[2]), 5.0])
-def test_without_far_material_the_other_tissue_has_the_same_first_nodes(library: Library, stiffening: float) -> None:
-    near, whole = library.within(4e-3), library.for_stiffening(stiffening)
+def test_without_far_material_the_other_tissue_has_the_same_first_nodes(library: Library) -> None:
+    near = library.within(4e-3)
     nodes = near.curves_tpdbnc.shape[4]
     assert 4 < nodes < library.curves_tpdbnc.shape[4]
-    found = near.for_stiffening(stiffening)
-    np.testing.assert_array_equal(found.curves_tpdbnc, whole.curves_tpdbnc[..., :nodes, :])
-    np.testing.assert_array_equal(found.undented_tpbnc, whole.undented_tpbnc)
+    for stiffening in (float(PLAN.stiffening[2]), 5.0):
+        found, whole = near.for_stiffening(stiffening), library.for_stiffening(stiffening)
+        np.testing.assert_array_equal(found.curves_tpdbnc, whole.curves_tpdbnc[..., :nodes, :])
+        np.testing.assert_array_equal(found.undented_tpbnc, whole.undented_tpbnc)
+        np.testing.assert_array_equal(found.node_angles(), whole.node_angles()[:nodes])
     np.testing.assert_array_equal(walls_of(near).curves_btpdbnc, walls_of(library).curves_btpdbnc[..., :nodes, :])
-    np.testing.assert_array_equal(found.node_angles(), whole.node_angles()[:nodes])
 
 
 def test_the_last_few_libraries_are_kept_and_no_more(library: Library) -> None:
@@ -129,18 +122,14 @@ def test_contact_and_tissue_may_be_chosen_in_either_order(library: Library) -> N
     assert (one.forces(*wall) > 1.02 * library.for_contact(0.5).forces(*wall)).any()
 
 
-@pytest.mark.parametrize(
-    "stiffening",
-    [[0.0, 1.0], [0.0, 1.0, 2.0], [0.0, 2.0, 1.0, 3.0], [0.0, 1.0, 1.0, 3.0], [-1.0, 0.0, 1.0, 2.0],
-     [0.0, 1.0, 2.0, np.nan], [0.0, 1.0, 2.0, np.inf]],
-)  # fmt: skip
-def test_too_few_stiffenings_and_such_as_do_not_increase_are_refused(stiffening: list[float]) -> None:
-    soft, count = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9), len(stiffening)
-    with pytest.raises(InputError, match=r"^library: (\d stiffenings of walls|stiffenings that do not increase)"):
-        StiffenedWalls(
-            stiffening=np.array(stiffening),
-            force_ratio_btpd=np.stack([soft.force_ratio_tpd] * count),
-            displaced_btpd=np.stack([soft.displaced_tpd] * count),
-            undented_btpbnc=np.stack([soft.undented_tpbnc] * count),
-            curves=WholeCurves(np.stack([soft.curves_tpdbnc] * count)),
-        )
+def test_too_few_stiffenings_and_such_as_do_not_increase_are_refused() -> None:
+    soft = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
+    for stiffening in (
+        [0.0, 1.0], [0.0, 1.0, 2.0], [0.0, 2.0, 1.0, 3.0], [0.0, 1.0, 1.0, 3.0], [-1.0, 0.0, 1.0, 2.0],
+        [0.0, 1.0, 2.0, np.nan], [0.0, 1.0, 2.0, np.inf],
+    ):  # fmt: skip
+        arrays = (soft.force_ratio_tpd, soft.displaced_tpd, soft.undented_tpbnc, soft.curves_tpdbnc)
+        force, displaced, undented, curves = (np.stack([array] * len(stiffening)) for array in arrays)
+        with pytest.raises(InputError, match=r"^library: (\d stiffenings of walls|stiffenings that do not increase)"):
+            StiffenedWalls(stiffening=np.array(stiffening), force_ratio_btpd=force, displaced_btpd=displaced,
+                           undented_btpbnc=undented, curves=WholeCurves(curves))  # fmt: skip
