@@ -1,18 +1,19 @@
 """Frames of known walls: of the analytic library, and of round eyes at rest drawn with given optics."""
 
 from dataclasses import replace
-from math import log, pi
+from math import exp, log, pi
 
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.known import OPEN, Known, Modulus
+from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
 from scleraforce.laboratory.scanner_display import ImagedEye
+from scleraforce.library import unknowns as at
 from scleraforce.library.placement import Placed, Places
 from scleraforce.library.prediction import Walls, place_walls
-from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.library.prior import SHINE_MEAN_M
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import find_wall
@@ -43,9 +44,9 @@ def wall_section(
     tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3, thickness_m: float = THICKNESS_M
 ) -> Section:
     """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
-    unknown = np.zeros(len(NAMES))
-    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, thickness_m
-    unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
+    unknown = np.zeros(len(at.NAMES))
+    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, thickness_m
+    unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = place_walls(Walls(LIBRARY), unknown[None])[0]
     return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
 
@@ -88,6 +89,40 @@ RANGES = ReaderStudy(
     gap_m=Range(min=0.3e-3, max=1.0e-3),
 )
 LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
+
+
+def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
+    """The unknowns of a middling eye, in an open globe."""
+    unknown = np.zeros(len(at.NAMES))
+    unknown[[at.TIP, at.LATERAL, at.DEPTH]] = tip_m, 0.4e-3, 0.5e-3
+    unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP, at.SHINE]] = (
+        0.6e-3, 0.65e-3, log(0.3e6), log(270.0), SHINE_MEAN_M,
+    )  # fmt: skip
+    for name, value in changed.items():
+        unknown[at.NAMES.index(name)] = value
+    return unknown
+
+
+def drawn_wall(unknown: np.ndarray, rng: np.random.Generator) -> None:
+    """Draw gap, thickness, modulus and IOP."""
+    unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP]] = (
+        rng.uniform(0.4e-3, 0.9e-3), rng.uniform(0.45e-3, 0.85e-3), log(rng.uniform(0.2e6, 0.5e6)),
+        log(rng.uniform(133.0, 533.0)),
+    )  # fmt: skip
+
+
+def known_eye(unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float = 0.02) -> Known:
+    """The known values of an eye with these unknowns; the modulus is its own."""
+    modulus = exp(unknown[at.MODULUS])
+    return Known(
+        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
+        iop_pa=exp(unknown[at.IOP]),
+        thickness_m=unknown[at.THICKNESS],
+        gap_m=unknown[at.GAP],
+        globe=globe,
+    )
+
+
 BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
 
 

@@ -86,11 +86,11 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     )
 
 
-def bulging(library):
+def bulging(library, rise_m=6e-3):
     """The library of walls that rise more in their middle: by 60 um at a tension of 0.01."""
     undented = library.undented_tpbnc.copy()
     angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
-    undented[..., 1] -= 6e-3 * library.tension[:, None, None] * np.cos(angle) ** 2
+    undented[..., 1] -= rise_m * library.tension[:, None, None] * np.cos(angle) ** 2
     return replace(library, undented_tpbnc=undented)
 
 
