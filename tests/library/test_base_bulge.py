@@ -11,13 +11,13 @@ from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.known import Known
+from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
-from scleraforce.library.unknowns import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS as FIT_THICKNESS, TIP
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
@@ -36,34 +36,27 @@ def places(rng: np.random.Generator, count: int) -> np.ndarray:
     return found
 
 
-def test_the_pole_itself_has_nothing_to_move() -> None:
+def test_nothing_moves_at_the_pole_and_even_growth_is_the_same_about_every_axis() -> None:
     motion = np.random.default_rng(0).normal(size=(1, 2, 91, 2))
     assert not base_bulge(motion, ANGLES, places(np.random.default_rng(1), 20), np.zeros((1, 2))).any()
-
-
-def test_a_wall_that_grows_evenly_is_the_same_about_every_axis() -> None:
     motion = np.broadcast_to(1e-4 * np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=-1), (1, 2, 91, 2))
     moved = base_bulge(motion, ANGLES, places(np.random.default_rng(2), 50), np.array([[-0.3, 0.4]]))
-    np.testing.assert_allclose(moved, 0.0, atol=1e-8)  # 1e-4 of what it grows
+    np.testing.assert_allclose(moved, 0.0, atol=1e-8)  # 1e-4 of the growth
 
 
 def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis() -> None:
     motion = np.broadcast_to([0.0, 1e-4], (1, 2, 91, 2))
     moved = base_bulge(motion, ANGLES, places(np.random.default_rng(3), 50), np.array([[-0.3, 0.4]]))
-    upright = np.sqrt(1.0 - 0.25)
-    np.testing.assert_allclose(
-        moved, np.broadcast_to(1e-4 * np.array([-0.3, 0.4, 1.0 - upright]), moved.shape), atol=1e-12
-    )
+    expected = 1e-4 * np.array([-0.3, 0.4, 1.0 - np.sqrt(1.0 - 0.25)])
+    np.testing.assert_allclose(moved, np.broadcast_to(expected, moved.shape), atol=1e-12)
 
 
-def test_the_motion_is_that_from_the_sphere_at_rest() -> None:
+def test_the_motion_counts_from_the_sphere_at_rest() -> None:
     grown = 1e-4
     radii = RADIUS_M - np.array([0.0, 0.6e-3])[:, None] + grown
     undented = np.stack([radii * np.sin(ANGLES), RADIUS_M - radii * np.cos(ANGLES)], axis=-1)[None]
-    motion = undented_motion(undented, ANGLES, RADIUS_M, THICKNESS)
-    np.testing.assert_allclose(
-        motion, np.broadcast_to(grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2)), atol=1e-12
-    )
+    expected = np.broadcast_to(grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2))
+    np.testing.assert_allclose(undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12)
 
 
 def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
@@ -84,21 +77,32 @@ def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(polar_deg: flo
     assert pushed == pytest.approx(float(tip @ contact.meridian), rel=0.1)
 
 
-def test_calibration_and_fit_see_the_same_section() -> None:
-    polar, direction, modulus_pa, force_n = 0.6, 0.8, 0.3e6, 1e-9
-    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(polar)
-    constants = EyeConstants(
-        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=polar, polar_sd_rad=0.0, direction_rad=direction
+def eye(tip_m: float = 0.0) -> np.ndarray:
+    """Unknowns (1, unknown) of an eye under 300 Pa, the pole above the needle."""
+    unknown = np.zeros((1, len(at.NAMES)))
+    values = tip_m, 0.5e-3, 0.6e-3, np.log(0.3e6), np.log(300.0)
+    unknown[0, [at.TIP, at.GAP, at.THICKNESS, at.MODULUS, at.IOP]] = values
+    return unknown
+
+
+def stated(direction_rad: float | None) -> EyeConstants:
+    return EyeConstants(
+        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=direction_rad
     )
-    lateral = np.arange(-6e-3, 6.01e-3, 0.1e-3)
-    eye = LibraryEye(constants, library, lateral, (polar,), np.zeros((1, 2, len(lateral), 3)))
-    theirs = eye.curves([stated_wall(constants, modulus_pa, force_n, polar)])[0]
-    unknown = np.zeros((1, len(NAMES)))
-    unknown[0, [TIP, GAP, FIT_THICKNESS, MODULUS, IOP]] = 0.0, 0.5e-3, 0.6e-3, np.log(modulus_pa), np.log(300.0)
-    unknown[0, POLE] = pole_direction(polar, direction)
-    mine = place_walls(Walls(library), unknown)[0]
-    unknown[0, POLE] = 0.0
-    even = place_walls(Walls(library), unknown)[0]
+
+
+def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibraryEye:
+    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(constants.polar_rad)
+    return LibraryEye(constants, library, lateral, (constants.polar_rad,), np.zeros((1, 2, len(lateral), 3)))
+
+
+def test_calibration_and_fit_see_the_same_section() -> None:
+    lateral, constants, unknown = np.arange(-6e-3, 6.01e-3, 0.1e-3), stated(0.8), eye()
+    model = calibrating(constants, lateral)
+    theirs = model.curves([stated_wall(constants, 0.3e6, 1e-9, 0.6)])[0]
+    even = place_walls(Walls(model.library), unknown)[0]
+    unknown[0, at.POLE] = pole_direction(0.6, 0.8)
+    mine = place_walls(Walls(model.library), unknown)[0]
     for boundary in (0, 1):
         found, upright = (np.interp(lateral, *curves[boundary].T) for curves in (mine, even))
         np.testing.assert_allclose(found, theirs[boundary, :, 1], atol=3e-6)
@@ -106,15 +110,13 @@ def test_calibration_and_fit_see_the_same_section() -> None:
 
 
 def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
-    library, pole = analytic_library(), np.array([-0.3, 0.4])
-    unknown = np.zeros((1, len(NAMES)))
-    unknown[0, [TIP, GAP, FIT_THICKNESS, MODULUS, IOP]] = 2e-3, 0.5e-3, 0.6e-3, np.log(0.3e6), np.log(300.0)
+    library, pole, unknown = analytic_library(), np.array([-0.3, 0.4]), eye(2e-3)
     force_ratio = library.forces(THICKNESS, np.array([1e-3]), np.array([2e-3]))
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
-    shifted[0, [GAP, LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
+    shifted[0, [at.GAP, at.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
     expected = place_walls(Walls(library), shifted)[0]  # this even wall has nothing else to move
-    unknown[0, POLE] = pole
+    unknown[0, at.POLE] = pole
     found = place_walls(Walls(library), unknown)[0]
     assert np.abs(pushed).min() > 20e-6
     lateral = np.linspace(-5e-3, 5e-3, 101)
@@ -122,34 +124,28 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
         np.testing.assert_allclose(np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6)
 
 
-def test_the_prior_knows_where_the_pole_lies_as_far_as_it_is_told() -> None:
-    told = Known(polar_rad=0.6, direction_rad=0.8)
-    known, turned, nothing = (prior_of(k, ReaderStudy()) for k in (told, replace(told, polar_rad=None), Known()))
-    np.testing.assert_allclose(known.mean[POLE], pole_direction(0.6, 0.8))
-    np.testing.assert_allclose(turned.mean[POLE], pole_direction(np.radians(35.0), 0.8))
-    np.testing.assert_array_equal(nothing.mean[POLE], 0.0)
-    assert known.sd[POLE].max() < turned.sd[POLE].min() < nothing.sd[POLE].min()
+def test_the_prior_of_the_pole_follows_the_known_angles() -> None:
+    placed = Known(polar_rad=0.6, direction_rad=0.8)
+    known, turned, nothing = (prior_of(k, ReaderStudy()) for k in (placed, replace(placed, polar_rad=None), Known()))
+    np.testing.assert_allclose(known.mean[at.POLE], pole_direction(0.6, 0.8))
+    np.testing.assert_allclose(turned.mean[at.POLE], pole_direction(np.radians(35.0), 0.8))
+    np.testing.assert_array_equal(nothing.mean[at.POLE], 0.0)
+    assert known.sd[at.POLE].max() < turned.sd[at.POLE].min() < nothing.sd[at.POLE].min()
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:
-    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(0.6)
-    stated = EyeConstants(
-        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=0.0
-    )
-    lateral = np.linspace(-6e-3, 6e-3, 121)
-    depths = []
-    for constants in (stated, replace(stated, direction_rad=None)):
-        eye = LibraryEye(constants, library, lateral, (0.6,), np.zeros((1, 2, len(lateral), 3)))
-        depths.append(eye.curves([stated_wall(constants, 0.3e6, 0.01, 0.6)])[0, :, :, 1])
-    along_the_meridian, nowhere = (np.abs(depth - depth[:, ::-1]).max() for depth in depths)
-    assert along_the_meridian > 5e-6
-    assert nowhere < 1e-12
+    lateral, uneven = np.linspace(-6e-3, 6e-3, 121), []
+    for constants in (stated(0.0), stated(None)):
+        depth = calibrating(constants, lateral).curves([stated_wall(constants, 0.3e6, 0.01, 0.6)])[0, :, :, 1]
+        uneven.append(np.abs(depth - depth[:, ::-1]).max())
+    assert uneven[0] > 5e-6
+    assert uneven[1] < 1e-12
 
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_sections_of_a_sealed_eye_are_those_of_three_dimensions(tmp_path: Path) -> None:
-    """A soft wall whose pressure has risen to three times what it was, 41 degrees from the pole."""
+def test_sections_of_a_sealed_eye_agree_with_three_dimensions(tmp_path: Path) -> None:
+    """A soft wall whose pressure has risen threefold, 41 degrees from the pole."""
     grid = LibraryStudy(thickness_m=Range(min=450.0e-6, max=650.0e-6), thicknesses=4, tips=24,
                         tension=Range(min=2e-2, max=0.2), tensions=6, max_tip_m=4e-3, elements=48,
                         stiffenings=1)  # fmt: skip

@@ -79,7 +79,7 @@ FORCES_MN = {
 
 
 @pytest.mark.parametrize("wall", FORCES_MN)
-def test_open_and_sealed_forces_are_those_of_numbers_md(library: Library, wall: tuple[float, float]) -> None:
+def test_open_and_sealed_forces_agree_with_numbers_md(library: Library, wall: tuple[float, float]) -> None:
     for rigidity, forces_mn in FORCES_MN[wall].items():
         _, forces_n = sealed_states(library, *wall, 266.0, sealed_globe(rigidity * PER_UL))
         np.testing.assert_allclose(1e3 * forces_n, forces_mn, rtol=0.02)
@@ -143,7 +143,7 @@ def test_a_sealed_eye_is_that_of_three_dimensions(
     np.testing.assert_allclose(pressures_pa, CubicSpline(path.tips_m, path.pressures_pa)(dents_m), rtol=0.02)
 
 
-def test_a_pressure_that_runs_away_is_no_state(library: Library) -> None:
+def test_a_pressure_that_runs_away_has_no_state(library: Library) -> None:
     dents_m = 1e-3 * np.array([1.5, 2.1, 2.4, 3.0])
     pressures_pa = sealed_pressures(library, 0.5e-3, 0.38e6, 266.0, sealed_globe(0.03 * PER_UL), dents_m)
     assert np.isfinite(pressures_pa).tolist() == [True, True, False, False]  # the path ends at 2.2 mm

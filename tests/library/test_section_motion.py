@@ -43,7 +43,7 @@ def drawn(seed: int, tension: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("tension", "median_m", "nearly_all_m"), [(0.02, 0.5e-6, 3e-6), (0.05, 2e-6, 8e-6)])
-def test_sections_are_those_that_the_fit_predicts(tension: float, median_m: float, nearly_all_m: float) -> None:
+def test_sections_agree_with_the_fit_s_prediction(tension: float, median_m: float, nearly_all_m: float) -> None:
     library, unknown = bulging(analytic_library()), drawn(3, tension)
     size = np.exp(unknown[:, SIZE])
     place = unknown[:, THICKNESS] / size, np.exp(unknown[:, IOP] - unknown[:, MODULUS])

@@ -41,39 +41,32 @@ def folded_walls():
     return wall[None]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_filled_boundaries_are_the_pictures_of_fill_section(seed):
-    """Where the contour's corners lie in the columns' centres, both fill the same polygon, pixel for pixel."""
-    walls, gap, tilt, framing = drawn(seed, turn_rad=0.05)
-    boundaries = wall_boundaries(walls, gap, tilt, framing, STUDY)
-    assert not boundaries.folded.any()
-    images = fill_boundaries(boundaries.depth_sbc, STUDY)
-    for image, (outer, inner) in zip(images, boundaries.depth_sbc, strict=True):
-        columns = column_laterals(STUDY)
-        section = Section(np.stack([columns, outer], axis=1), np.stack([columns, inner], axis=1))
-        # fill_section gives a column to the edge that starts in it: the last one has none
-        assert np.array_equal(image[:, :-1], fill_section(section, WINDOW)[:, :-1])
+def test_filled_boundaries_are_the_pictures_of_fill_section():
+    """If the contour's corners lie in the columns' centres, both fill the same polygon, pixel for pixel."""
+    columns = column_laterals(STUDY)
+    for seed in range(4):
+        boundaries = wall_boundaries(*drawn(seed, turn_rad=0.05), STUDY)
+        assert not boundaries.folded.any()
+        images = fill_boundaries(boundaries.depth_sbc, STUDY)
+        for image, curves_bc in zip(images, boundaries.depth_sbc, strict=True):
+            section = Section(*(np.stack([columns, depth], axis=1) for depth in curves_bc))
+            # fill_section gives a column to the edge that starts in it: the last one has none
+            assert np.array_equal(image[:, :-1], fill_section(section, WINDOW)[:, :-1])
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.08])
-def test_slices_are_those_of_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
-    walls, gap, tilt, framing = drawn(11, turn_rad)
-    images = draw_slices(walls, gap, tilt, framing, STUDY)
-    boundaries = wall_boundaries(walls, gap, tilt, framing, STUDY).depth_sbc
+def test_slices_show_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
+    eyes = drawn(11, turn_rad)
+    images = draw_slices(*eyes, STUDY)
+    boundaries = wall_boundaries(*eyes, STUDY).depth_sbc
     centres = (np.arange(40) + 0.5)[:, None] * 1e-4
     for sample, image in enumerate(images):
-        expected = fill_section(placed_section(walls, gap, tilt, framing, sample), WINDOW)
+        section = placed_section(*eyes, sample)
+        expected = fill_section(section, WINDOW)
         close = (np.abs(boundaries[sample][:, None] - centres) < 2e-6).any(axis=0)
         assert np.array_equal(image[~close], expected[~close])
         assert close.mean() < 0.01
-
-
-def test_boundaries_follow_the_placed_section_to_two_micrometres():
-    walls, gap, tilt, framing = drawn(5, turn_rad=0.08)
-    found = wall_boundaries(walls, gap, tilt, framing, STUDY).depth_sbc
-    for sample in range(COUNT):
-        section = placed_section(walls, gap, tilt, framing, sample)
-        for depth, curve in zip(found[sample], (section.outer, section.inner), strict=True):
+        for depth, curve in zip(boundaries[sample], (section.outer, section.inner), strict=True):
             assert depth == pytest.approx(np.interp(column_laterals(STUDY), *curve.T), abs=2e-6)
 
 
