@@ -84,8 +84,8 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("source", type=Path, help=f"a file that ends in {', '.join(READERS)}")
     parser.add_argument("--out", type=Path, required=True, help="folder for the volumes; must not exist")
-    parser.add_argument("--rows", type=int, help="of a frame in a .img")
-    parser.add_argument("--columns", type=int, help="likewise")
+    parser.add_argument("--rows", type=int, help="rows of a frame in a .img")
+    parser.add_argument("--columns", type=int, help="columns of a frame in a .img")
     told = parser.parse_args(arguments)
     if (told.rows is None) != (told.columns is None):
         parser.error("--rows and --columns belong together")

@@ -54,11 +54,10 @@ from scleraforce.processes import work_units
 if __name__ == "__main__":
     list(work_units(partial(waits_for_ever, Path(sys.argv[1])), range(3), 2))
 """
-ON_CLUSTER = [*NEEDS_DASK, pytest.mark.slow]
 
 
 def on_cluster(test):
-    for mark in ON_CLUSTER:
+    for mark in (*NEEDS_DASK, pytest.mark.slow):
         test = mark(test)
     return test
 
@@ -72,7 +71,7 @@ def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_en
 
 @pytest.fixture
 def no_interpreter():
-    """Where workers cannot be started: another user's interpreter, for one, cannot be read."""
+    """Let no worker start, as if the interpreter could not be read."""
     resource_tracker.ensure_running()
     before = spawn.get_executable()
     spawn.set_executable("/bin/false")
@@ -98,7 +97,7 @@ def test_what_a_worker_raises_reaches_the_caller():
             list(work_units(prepare, [7], 1))
 
 
-def test_results_come_in_order_whatever_the_workers_do():
+def test_results_come_in_the_order_of_the_units():
     assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
 
@@ -186,6 +185,17 @@ def test_a_cluster_does_each_unit_once_and_in_order_on_request(cluster: Cluster)
 
 
 @on_cluster
+def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> None:
+    workers = cluster_workers(cluster.address)
+    work = work_units(slowly_tripled, range(10_000), workers)
+    next(work)
+    work.close()
+    start = time.monotonic()
+    assert dict(work_units(slowly_tripled, [1], workers)) == {1: 3}
+    assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
+
+
+@on_cluster
 def test_a_cluster_gets_a_few_of_many_units_at_a_time(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed.cfexecutor import ClientExecutor
 
@@ -250,17 +260,6 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
     mortal.scheduler.kill()
     with pytest.raises(SolverError, match="the scheduler has ended"):
         list(done)
-
-
-@on_cluster
-def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> None:
-    workers = cluster_workers(cluster.address)
-    work = work_units(slowly_tripled, range(10_000), workers)
-    next(work)
-    work.close()
-    start = time.monotonic()
-    assert dict(work_units(slowly_tripled, [1], workers)) == {1: 3}
-    assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")

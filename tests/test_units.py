@@ -1,7 +1,5 @@
 """Conversions between human units and SI: rounded once, the same for numbers and arrays."""
 
-from typing import get_args
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -9,22 +7,7 @@ from hypothesis import given, strategies as st
 from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
 UNITS = sorted(SI_PER_UNIT)
-POWERS_OF_TEN = {
-    "mm": -3,
-    "um": -6,
-    "mn": -3,
-    "mpa": 6,
-    "kpa": 3,
-    "ms": -3,
-    "us": -6,
-    "percent": -2,
-    "mm2": -6,
-    "gb": 9,
-}
-
-
-def test_the_type_names_the_units_of_the_table() -> None:
-    assert list(get_args(HumanUnit)) == list(SI_PER_UNIT)
+POWERS_OF_TEN = {"mm": -3, "um": -6, "mpa": 6, "percent": -2, "mm2": -6, "gb": 9}
 
 
 @given(st.sampled_from(sorted(POWERS_OF_TEN)), st.integers(-(2**53), 2**53))
@@ -45,9 +28,4 @@ def test_an_array_converts_as_its_numbers_do() -> None:
             one_by_one = [[convert(float(value), unit) for value in row] for row in values]
             np.testing.assert_array_equal(convert(values, unit), one_by_one)
             assert convert(values.astype(np.float32), unit).dtype == np.float32
-
-
-def test_what_is_not_known_stays_so() -> None:
-    for unit in UNITS:
-        assert to_si(None, unit) is None
-        assert from_si(None, unit) is None
+            assert convert(None, unit) is None

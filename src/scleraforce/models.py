@@ -88,7 +88,7 @@ def read_folder(path: Path) -> ModelFolder:
     path = model_folder(path)
     if not path.is_dir():
         raise ModelError(
-            f"{path}: no such folder, and no model that ships with scleraforce ({', '.join(SHIPPED)}); "
+            f"{path}: no such folder, and not a bundled model ({', '.join(SHIPPED)}); "
             "`scleraforce train DATASET --out MODEL` makes a folder"
         )
     record = _read_record(path / RECORD_FILE)
@@ -195,7 +195,7 @@ def network_metadata(session: "InferenceSession", place: str) -> dict[str, str]:
     """Return the metadata of a network; raises `ModelError`."""
     try:
         metadata: dict[str, str] = session.get_modelmeta().custom_metadata_map
-    except ValueError as fault:  # names that are no text
+    except ValueError as fault:  # names that are not text
         raise ModelError(f"{place}: metadata: {fault}") from fault
     return metadata
 

@@ -1,14 +1,12 @@
-"""`calibrate` says what it found beside the modulus in the units that people use, in its text and its picture."""
+"""`calibrate` reports its findings beside the modulus in human units, in its text and its picture."""
 
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 from small_recordings import calibration_of_a_sealed_eye
 
 import scleraforce
 from scleraforce.calibration.result import found_words
-from scleraforce.cli.main import run
 from scleraforce.notebook import calibrating
 from scleraforce.reader.intervals import GLOBE_TRAITS, Stretch
 from scleraforce.report.calibration_figures import draw_calibration
@@ -20,18 +18,15 @@ FOUND = (
 )
 
 
-def test_text_and_picture_have_what_was_found_beside_the_modulus(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_text_and_picture_have_the_findings_beside_the_modulus(tmp_path: Path, monkeypatch, shell) -> None:
     result = calibration_of_a_sealed_eye()
     monkeypatch.setattr(scleraforce, "calibrate", lambda *_, **__: result)
     plot = tmp_path / "out.png"
-    assert run(["calibrate", "mine", "--out", str(tmp_path / "out.json"), "--plot", str(plot)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.startswith("mine"))
-    remark = " ".join(" ".join(lines[first : first + 5]).split())
+    lines = shell.run("calibrate", "mine", "--out", tmp_path / "out.json", "--plot", plot)[0].splitlines()
+    first, last = (next(n for n, line in enumerate(lines) if line.startswith(eye)) for eye in ("mine", "population"))
+    remark = " ".join(" ".join(lines[first:last]).split())
     assert "; ".join(FOUND) in remark
-    assert max(map(len, lines[: first + 5])) <= 80
+    assert max(map(len, lines[:last])) <= 80
     assert "bends otherwise" not in remark  # low and high forces do not agree on E, but k may be off in a frame alone
     assert plot.read_bytes().startswith(b"\x89PNG")
     title = draw_calibration(result).axes[0].get_title(loc="left")
@@ -49,25 +44,21 @@ def test_stiffening_and_wide_scatter_are_reported() -> None:
     assert found_words(replace(eye, discrepancy=None)) == FOUND[:-1]
 
 
-def test_a_stiffening_that_is_told_and_sought_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stiffening_that_is_both_given_and_sought_is_refused(tmp_path: Path, shell) -> None:
     study = tmp_path / "study.toml"
     study.write_text("[tissue]\nstiffening = 3.0\n")
-    assert run(["calibrate", "eye", "--study", str(study), "--out", str(tmp_path / "out.json")]) == 2
-    error = capsys.readouterr().err
+    error = shell.refused("calibrate", "eye", "--study", study, "--out", tmp_path / "out.json")
     assert "tissue.stiffening: is sought in the frames" in error
-    assert error.count("\n") == 1
     assert not (tmp_path / "out.json").exists()
 
 
-def test_stretched_intervals_are_a_table_of_80_columns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stretched_intervals_are_a_table_of_80_columns(tmp_path: Path, monkeypatch, shell) -> None:
     for eyes, noted in ((8, True), (9, False)):
         change = Stretch(method="network", modulus="other E", globes=GLOBE_TRAITS, eyes=eyes, readings=1700,
                          held=0.825, factor=12.345)  # fmt: skip
         monkeypatch.setattr(calibrating, "recalibrate_intervals", lambda *_, found=change, **__: (found,))
-        assert run(["calibrate", "any", "--intervals", "default", "--out", str(tmp_path / "new")]) == 0
-        head, row, *others = capsys.readouterr().out.splitlines()
+        out, _ = shell.run("calibrate", "any", "--intervals", "default", "--out", tmp_path / "new")
+        head, row, *others = out.splitlines()
         assert head.split() == ["method", "modulus", "globe", "eyes", "readings", "held", "factor"]
         assert row.split() == f"network other E open, sealed, unknown, taut {eyes} 1700 82% 12.35".split()
         assert len(head) == len(row) <= 80

@@ -46,7 +46,7 @@ def test_the_script_loads_without_a_word(shell: str, path: str, tmp_path: Path) 
 
 
 def offered(line: str, path: str, tmp_path: Path) -> list[str]:
-    """What bash offers at the end of a line, as it asks for it itself."""
+    """Return the words that bash offers at the end of a line."""
     script = tmp_path / "completion"
     script.write_text(script_of("bash", path))
     words = [word or '""' for word in line.split(" ")]

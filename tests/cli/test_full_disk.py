@@ -1,4 +1,4 @@
-"""Where results cannot be written: one line and exit code 2, before the work where that can be told."""
+"""Results that cannot be written: one line and exit code 2, before the work if that can be known."""
 
 import json
 import resource
@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from analytic_library import solve_analytic
 
-from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
 from scleraforce.library import build
 from scleraforce.models import check_place
@@ -22,9 +21,9 @@ NETWORK = "[network]\nhidden = [200]\nepochs = 1\n"
 
 @contextmanager
 def files_up_to(size: int) -> Iterator[None]:
-    """No file may grow beyond `size` bytes, as on a disk that is full.
+    """Let no file grow beyond `size` bytes, as on a full disk.
 
-    Python keeps no bytecode meanwhile: it would leave cut .pyc files of what a command imports, and not notice.
+    Python writes no bytecode meanwhile: it would leave cut .pyc files of imported modules, and not notice.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with pytest.MonkeyPatch.context() as patch:
@@ -37,16 +36,6 @@ def files_up_to(size: int) -> Iterator[None]:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Run a command; it ends with exit code 2 and one line, which is returned."""
-    code = run([str(argument) for argument in arguments])
-    err = capsys.readouterr().err
-    assert code == 2, err
-    assert err.count("\n") == 1
-    assert err.startswith("error: ")
-    return err
-
-
 @pytest.mark.parametrize(
     ("command", "size"),
     [
@@ -56,27 +45,23 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
         pytest.param("generate", 3000, id="generate-at a chunk"),
     ],
 )
-def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, capsys, monkeypatch, command: str, size: int) -> None:
+def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, shell, monkeypatch, command: str, size: int) -> None:
     monkeypatch.setattr(build, "solve_path", solve_analytic)
     study, out = tmp_path / "study.toml", tmp_path / "out"
     study.write_text(LIBRARY + DATASET)
     with files_up_to(size):
-        err = refused(capsys, command, "--study", study, "--out", out, "--workers", 1)
+        err = shell.refused(command, "--study", study, "--out", out, "--workers", 1)
     assert str(out) in err
     assert "File too large" in err
 
 
 @pytest.mark.slow
-def test_a_model_on_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, capsys) -> None:
+def test_a_model_on_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, shell) -> None:
     pytest.importorskip("torch")
     (tmp_path / "study.toml").write_text(DATASET + NETWORK)
-    assert (
-        run(["generate", "--study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "data"), "--workers", "1"])
-        == 0
-    )
-    capsys.readouterr()
+    shell.run("generate", "--study", tmp_path / "study.toml", "--out", tmp_path / "data", "--workers", 1)
     with files_up_to(100_000):
-        assert "File too large" in refused(capsys, "train", tmp_path / "data", "--out", tmp_path / "model")
+        assert "File too large" in shell.refused("train", tmp_path / "data", "--out", tmp_path / "model")
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["data", "study.toml"]
 
 
@@ -89,19 +74,14 @@ def test_a_model_that_cannot_be_written_is_refused_before_any_work(tmp_path: Pat
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize(
-    ("schema", "options", "said"),
-    [
-        ("scleraforce-library-2", [], "a response library and no data set; `train --kind reader` learns from it"),
-        (
-            "scleraforce-dataset-2",
-            ["--kind", "reader"],
-            "a data set and no response library; `train --kind classifier`",
-        ),
-    ],
-)
-def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, capsys, schema, options, said) -> None:
+def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, shell) -> None:
     pytest.importorskip("torch")
-    metadata = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
-    (tmp_path / "zarr.json").write_text(json.dumps(metadata))
-    assert said in refused(capsys, "train", tmp_path, *options, "--out", tmp_path / "model")
+    library = "a response library and no data set; `train --kind reader` learns from it"
+    dataset = "a data set and no response library; `train --kind classifier`"
+    for schema, options, said in (
+        ("scleraforce-library-2", [], library),
+        ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
+    ):
+        metadata = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
+        (tmp_path / "zarr.json").write_text(json.dumps(metadata))
+        assert said in shell.refused("train", tmp_path, *options, "--out", tmp_path / "model")

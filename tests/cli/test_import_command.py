@@ -1,7 +1,8 @@
-"""`scleraforce import`: recordings from files of other programs, asked for what these leave open."""
+"""`import`: recordings from files of other programs, and prompts for missing metadata."""
 
 import json
 from pathlib import Path
+from shutil import rmtree
 
 import click
 import cv2
@@ -15,7 +16,7 @@ from small_recordings import write_small_recording
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.main import run
 from scleraforce.recording import importing
-from scleraforce.recording.folder import read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.sources import ImportOptions
 
 REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
@@ -30,27 +31,36 @@ def stack(path: Path, **stated: object) -> Path:
     return path
 
 
-def imported(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
-    assert run(["import", *map(str, arguments), "--json"]) == 0, capsys.readouterr().err
-    return json.loads(capsys.readouterr().out)
+@pytest.fixture
+def imported(shell, tmp_path: Path):
+    """Import into a new recording, by default `r`; return the object that is printed, and the recording."""
+
+    def run_import(*arguments: object, out: str = "r") -> tuple[dict, Recording]:
+        return shell.json("import", *arguments, "--out", tmp_path / out), read_recording(tmp_path / out)
+
+    return run_import
 
 
-def refused(capsys: pytest.CaptureFixture[str], out: Path, *arguments: object) -> str:
-    before = sorted(out.parent.rglob("*"))
-    assert run(["import", *map(str, arguments), "--out", str(out)]) == 2
-    assert sorted(out.parent.rglob("*")) == before
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    return error
+@pytest.fixture
+def refused(shell, tmp_path: Path):
+    def refuse(*arguments: object) -> str:
+        before = sorted(tmp_path.rglob("*"))
+        error = shell.refused("import", *arguments, "--out", tmp_path / "r")
+        assert sorted(tmp_path.rglob("*")) == before
+        return error
+
+    return refuse
 
 
-def test_frames_and_forces_become_a_recording_that_says_where_values_come_from(tmp_path: Path, capsys) -> None:
+@pytest.fixture
+def tiff(tmp_path: Path) -> Path:
+    return stack(tmp_path / "a.tif")
+
+
+def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(imported, tiff, tmp_path: Path) -> None:
     force_n = write_log(tmp_path / "log.csv")
-    sources = [stack(tmp_path / "a.tif"), tmp_path / "log.csv"]
-    entry = imported(
-        capsys, *sources, "--out", tmp_path / "r", *told("--bits", 13, "--clock-offset-s", 0.5, "--contact-sign", -1)
-    )
-    recording = read_recording(tmp_path / "r")
+    options = told("--bits", 13, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    entry, recording = imported(tiff, tmp_path / "log.csv", *options)
     for frame, pixels in zip(recording.frames, FRAMES, strict=True):
         np.testing.assert_array_equal(recording.frame(frame), pixels)
     assert [frame.time_s for frame in recording.frames] == [0.5, 1.5, 2.5, 3.5, 4.5]
@@ -69,78 +79,63 @@ def test_frames_and_forces_become_a_recording_that_says_where_values_come_from(t
     assert [file["kind"] for file in kept["files"]] == ["tiff", "log"]
     assert kept["answers"] == {"columns": ["time=Time (ms):ms", "fz=Force_Z [mN]:mN"]}
     assert cv2.imread(str(tmp_path / "r" / "preview.png")).shape[1] == pytest.approx(170 / 25.4 * 200, abs=2)
-
-
-def test_a_second_import_writes_the_same_bytes(tmp_path: Path, capsys) -> None:
-    source = stack(tmp_path / "a.tif")
-    for name in ("r", "s"):
-        imported(capsys, source, "--out", tmp_path / name, *told("--bits", 16))
+    imported(tiff, tmp_path / "log.csv", *options, out="s")
     assert contents(tmp_path / "r") == contents(tmp_path / "s")
 
 
-def test_without_a_terminal_all_that_is_missing_is_named_at_once_and_nothing_is_written(tmp_path: Path, capsys) -> None:
+def test_without_a_terminal_all_missing_metadata_is_named_at_once(refused, tmp_path: Path) -> None:
     for nth in range(2):
         cv2.imwrite(str(tmp_path / f"{nth}.png"), FRAMES[nth])
     write_log(tmp_path / "log.csv")
-    (tmp_path / "out").mkdir()
-    error = refused(capsys, tmp_path / "out" / "r", tmp_path / "0.png", tmp_path / "1.png", tmp_path / "log.csv")
+    error = refused(tmp_path / "0.png", tmp_path / "1.png", tmp_path / "log.csv")
     asked = [question for name, question in importing.QUESTIONS.items() if name != "axis"]
     assert [f"({question.options})" in error for question in asked] == [not question.optional for question in asked]
-
-
-def test_half_a_scale_is_not_enough(tmp_path: Path, capsys) -> None:
-    cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
     for given, missing in (("--width-mm", "--depth-mm"), ("--depth-mm", "--width-mm")):
-        error = refused(capsys, tmp_path / "r", tmp_path / "a.png", *told("--bits", 16), given, 3)
+        error = refused(tmp_path / "0.png", *told("--bits", 16), given, 3)
         assert f"({missing})" in error
         assert f"({given})" not in error
 
 
-def test_one_frame_needs_no_rate_and_one_without_forces_no_offset(tmp_path: Path, capsys) -> None:
+def test_one_frame_needs_no_rate_and_one_without_forces_no_offset(imported, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    size = ["--width-mm", "10", "--depth-mm", "4"]
-    entry = imported(capsys, tmp_path / "a.png", "--out", tmp_path / "r", *told("--bits", 13), *size)
+    entry, recording = imported(tmp_path / "a.png", *told("--bits", 13), "--width-mm", 10, "--depth-mm", 4)
     assert entry["force_samples"] is None
-    recording = read_recording(tmp_path / "r")
     assert [(frame.file, frame.time_s) for frame in recording.frames] == [("a.png", 0.0)]
     assert recording.info.force is None
 
 
-def test_options_come_before_the_file_and_the_file_before_another_recording(tmp_path: Path, capsys) -> None:
-    size = ["--width-mm", "9", "--depth-mm", "8"]
-    first = imported(capsys, stack(tmp_path / "a.tif"), "--out", tmp_path / "r", *told("--bits", 16), *size)
+def test_precedence_is_options_then_the_file_then_another_recording(imported, tiff, tmp_path: Path) -> None:
+    first, _ = imported(tiff, *told("--bits", 16), "--width-mm", 9, "--depth-mm", 8)
     assert (first["width_mm"], first["values"]["width_mm"]) == (9.0, "option")
     like = ["--like", tmp_path / "r", "--eye", "eye-2"]
-    second = imported(capsys, tmp_path / "a.tif", "--out", tmp_path / "s", *like)
+    second, _ = imported(tiff, *like, out="s")
     assert second["width_mm"] == pytest.approx(COLUMNS * LATERAL_M * 1e3)
     assert second["values"]["width_mm"] == "ImageJ's unit"
     assert second["values"]["gauge"] == f"like {tmp_path / 'r'}"
     write_dicom(tmp_path / "b.dcm", FRAMES, FrameTime=100.0)
-    third = imported(capsys, tmp_path / "b.dcm", "--out", tmp_path / "t", *like)
+    third, _ = imported(tmp_path / "b.dcm", *like, out="t")
     assert (third["width_mm"], third["values"]["width_mm"]) == (9.0, f"like {tmp_path / 'r'}")
 
 
-def test_a_recording_comes_back_from_its_own_files(tmp_path: Path, capsys) -> None:
+def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> None:
     folder = with_log(write_small_recording(tmp_path / "small", frames=12))
     sources = [folder / "frames", folder / "forces.csv", "--times", folder / "frames.csv"]
-    entry = imported(capsys, *sources, "--out", tmp_path / "r", "--like", folder, "--eye", "small")
-    first, second = read_recording(folder), read_recording(tmp_path / "r")
-    assert second.info == first.info
-    assert second.frames == first.frames
+    entry, second = imported(*sources, "--like", folder, "--eye", "small")
+    first = read_recording(folder)
+    assert (second.info, second.frames) == (first.info, first.frames)
     for frame in first.frames:
         np.testing.assert_array_equal(second.frame(frame), first.frame(frame))
     np.testing.assert_allclose(second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6)
     assert entry["values"]["times"] == str(folder / "frames.csv")
 
 
-def test_single_precision_of_a_scale_is_no_digit_of_it(tmp_path: Path, capsys) -> None:
+def test_single_precision_of_a_scale_adds_no_digits(imported, tmp_path: Path) -> None:
     nibabel = pytest.importorskip("nibabel")
     image = nibabel.Nifti1Image(FRAMES.T, np.eye(4))
     image.header.set_zooms((0.3, 0.1, 1.0))
     image.header.set_xyzt_units("mm")
     nibabel.save(image, tmp_path / "a.nii")
-    options = told("--bits", 16, "--rate-hz", 1, *NIFTI)
-    entry = imported(capsys, tmp_path / "a.nii", "--out", tmp_path / "r", *options)
+    entry, _ = imported(tmp_path / "a.nii", *told("--bits", 16, "--rate-hz", 1, *NIFTI))
     assert (entry["width_mm"], entry["depth_mm"]) == (12.0, 2.4)
 
 
@@ -151,34 +146,30 @@ def test_damage_is_reported_in_one_line(tmp_path: Path, capfd: pytest.CaptureFix
     for path in sorted(tmp_path.iterdir()):
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
-        error = refused(capfd, tmp_path / "r", path)  # of the libraries' C code, too
+        assert run(["import", str(path), "--out", str(tmp_path / "r")]) == 2
+        error = capfd.readouterr().err  # of the libraries' C code, too
         assert error.startswith(f"error: {path}")
+        assert error.count("\n") == 1
 
 
-def test_the_columns_of_a_log_are_told_once(tmp_path: Path, capsys) -> None:
+def test_the_columns_of_a_log_are_given_once(imported, refused, tiff, tmp_path: Path) -> None:
     lines = [f"{n},{n / 200},{-0.001 * n}" for n in range(400)]
     (tmp_path / "log.csv").write_text("\n".join(["n,when,pull", *lines]) + "\n")
-    sources = [stack(tmp_path / "a.tif"), tmp_path / "log.csv"]
-    options = told("--bits", 16, "--clock-offset-s", 0)
-    error = refused(capsys, tmp_path / "r", *sources, *options)
-    assert (
-        "which column is the time, and which a force, and in what unit? There are 'n', 'when', 'pull'; give --column"
-        in error
-    )
+    sources = [tiff, tmp_path / "log.csv", "--clock-offset-s", 0]
+    error = refused(*sources, *told("--bits", 16))
+    assert "There are 'n', 'when', 'pull'; give --column" in error
     columns = ["--column", "time=when:s", "--column", "fz=pull:mN", "--contact-sign", "-1"]
-    imported(capsys, *sources, "--out", tmp_path / "r", *options, *columns)
-    imported(capsys, *sources, "--out", tmp_path / "s", "--like", tmp_path / "r", "--eye", "b", "--clock-offset-s", 0)
-    for name in ("r", "s"):
-        assert read_recording(tmp_path / name).forces.force_n("fz")[100] == pytest.approx(-0.1e-3)
+    for out, options in (("r", [*told("--bits", 16), *columns]), ("s", ["--like", tmp_path / "r", "--eye", "b"])):
+        _, recording = imported(*sources, *options, out=out)
+        assert recording.forces.force_n("fz")[100] == pytest.approx(-0.1e-3)
 
 
-def test_floats_are_scaled_and_that_is_said(tmp_path: Path, capsys) -> None:
+def test_floats_are_scaled_with_a_note(tmp_path: Path, shell) -> None:
     frames = FRAMES.astype(np.float32) - 700.0
     frames[0, 0, 0] = np.nan
     np.save(tmp_path / "a.npy", frames)
     size = ["--width-mm", 10, "--depth-mm", 4, "--rate-hz", 5, "--axes", "frame,depth,lateral"]
-    assert run(["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *told(*size)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = shell.text("import", tmp_path / "a.npy", "--out", tmp_path / "r", *told(*size))
     assert f"pixels of -699 to {FRAMES.max() - 700} became counts of 0 to 65535" in said
     assert "1 pixels are not finite numbers; they became 0" in said
     recording = read_recording(tmp_path / "r")
@@ -186,102 +177,74 @@ def test_floats_are_scaled_and_that_is_said(tmp_path: Path, capsys) -> None:
     assert recording.info.oct.bits == 16
 
 
-def test_a_value_beyond_what_a_recording_may_have_is_refused(tmp_path: Path, capsys) -> None:
+def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES[0], PixelSpacing=[1.0, 5.0])
-    error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *told())
-    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in error
+    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in refused(tmp_path / "a.dcm", *told())
+    assert "--bits says 8" in refused(tiff, *told("--bits", 8))
+    for option, value in (("--thickness-um", 0.65), ("--iop-mmhg", -1)):
+        assert f"Invalid value for '{option}'" in refused(tiff, *told("--bits", 16, option, value))
 
 
-def test_more_bits_than_were_told_are_refused(tmp_path: Path, capsys) -> None:
-    assert "--bits says 8" in refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 8))
-
-
-def test_a_scale_that_is_told_against_the_file_is_noted(tmp_path: Path, capsys) -> None:
+def test_a_scale_that_contradicts_the_file_is_noted(imported, tiff) -> None:
     width_mm = COLUMNS * LATERAL_M * 1e3
-    path = stack(tmp_path / "a.tif")
-    same = imported(capsys, path, "--out", tmp_path / "r", *told("--bits", 16, "--width-mm", width_mm))
+    same, _ = imported(tiff, *told("--bits", 16, "--width-mm", width_mm))
     assert not any("states" in note for note in same["notes"])
-    other = imported(capsys, path, "--out", tmp_path / "s", *told("--bits", 16, "--width-mm", 2 * width_mm))
+    other, _ = imported(tiff, *told("--bits", 16, "--width-mm", 2 * width_mm), out="s")
     stated = f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states {width_mm:g} mm"
     assert other["notes"][0] == stated
 
 
-def test_frames_without_forces_beside_them_are_counted(tmp_path: Path, capsys) -> None:
+def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(imported, refused, tiff, tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv")
-    options = told("--bits", 16, "--clock-offset-s", -1.5, "--contact-sign", -1)
-    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    sources = (tiff, tmp_path / "log.csv", *told("--bits", 16, "--contact-sign", -1), "--clock-offset-s")
+    error = refused(*sources, 1000)
+    assert "the clocks do not overlap: frames at 1000.000 to" in error
+    assert "--clock-offset-s brings both to one clock" in error
+    entry, _ = imported(*sources, -1.5)
     assert any(note.startswith("2 frames were taken before or after the forces") for note in entry["notes"])
 
 
-def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
-    write_log(tmp_path / "log.csv")
-    options = told("--bits", 16, "--clock-offset-s", 1000, "--contact-sign", -1)
-    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
-    assert "the clocks do not overlap: frames at 1000.000 to" in error
-    assert "--clock-offset-s brings both to one clock" in error
-
-
-def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(tmp_path: Path, capsys) -> None:
+def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
+    imported, refused, tiff, tmp_path: Path
+) -> None:
     rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
-    log, source = tmp_path / "log.csv", stack(tmp_path / "a.tif")
+    log = tmp_path / "log.csv"
     options = told("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column")
     for force_n, noise_n in ((28_780.0, 0.0), (4.0, 0.0), (0.03, 2.0)):
         pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(size=len(time_s))
         np.savetxt(log, np.column_stack([time_s, -pushed_n]), "%.4f", ",", header="time_s,Fz", comments="")
-        error = refused(capsys, tmp_path / "r", source, log, *options, "fz=Fz:N")
+        error = refused(tiff, log, *options, "fz=Fz:N")
         assert f"{log}: fz_n: " in error
         assert "fz=Fz:N" in error
-        imported(capsys, source, log, "--out", tmp_path / f"r-{force_n}", *options, "fz=Fz:uN")
+        imported(tiff, log, *options, "fz=Fz:uN", out=f"r-{force_n}")
+    write_log(log, rate_hz=10.0)
+    error = refused(tiff, log, *told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1))
+    assert f"{log}: time_s: 10 samples a second; at least 20 are needed" in error
 
 
-def test_a_slow_log_is_refused_by_its_own_name(tmp_path: Path, capsys) -> None:
-    write_log(tmp_path / "log.csv", rate_hz=10.0)
-    options = told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1)
-    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
-    assert f"{tmp_path}/log.csv: time_s: 10 samples a second; at least 20 are needed" in error
-
-
-def test_an_option_with_nothing_to_act_on_is_refused(tmp_path: Path, capsys) -> None:
+def test_an_option_with_nothing_to_act_on_is_refused(refused, tiff, tmp_path: Path) -> None:
     unused = {
         "a force log": ("--axis fz", "--contact-sign 1", "--average-s 1", "--clock-offset-s 0"),
         "a force log of text": ("--column fz=a:N",),
         "a ROS bag": ("--image-topic /a", "--force-topic /a", "--by-arrival"),
         "an .npz file": ("--array a",),
     }
-    source = stack(tmp_path / "a.tif")
-    for what, options in unused.items():
+    for kind, options in unused.items():
         for option in options:
-            error = refused(capsys, tmp_path / "r", source, *told("--bits", 16), *option.split())
+            error = refused(tiff, *told("--bits", 16), *option.split())
             name = option.split()[0]
-            assert error == f"error: {name}: acts on {what}, which is not among the sources; leave it out\n"
+            assert error == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
     np.save(tmp_path / "a.npy", FRAMES)  # one array, without a name
     options = told("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
-    assert "--array: acts on an .npz file" in refused(capsys, tmp_path / "r", tmp_path / "a.npy", *options)
+    assert "--array: acts on an .npz file" in refused(tmp_path / "a.npy", *options)
 
 
-def test_a_value_that_no_eye_has_is_refused_by_its_option(tmp_path: Path, capsys) -> None:
-    source = stack(tmp_path / "a.tif")
-    for option, value in (("--thickness-um", 0.65), ("--iop-mmhg", -1)):
-        error = refused(capsys, tmp_path / "r", source, *told("--bits", 16, option, value))
-        assert f"Invalid value for '{option}'" in error
-
-
-def test_a_rate_takes_frames_off_the_clock_of_their_bag(tmp_path: Path, capsys) -> None:
-    from ros_bag import write_bag
-
-    bag = write_bag(tmp_path / "bag", "mcap")
-    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
-    error = refused(capsys, tmp_path / "r", bag, *told(*size, "--rate-hz", 4))
-    assert "(--clock-offset-s)" in error
-
-
-def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_path: Path, capsys) -> None:
+def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(imported, refused, tmp_path: Path) -> None:
     from ros_bag import FORCE_TIMES_S, FRAME_TIMES_S, START_NS, write_bag
 
     bag = write_bag(tmp_path / "bag", "mcap")
-    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1, "--average-s", 0.1]
-    entry = imported(capsys, bag, "--out", tmp_path / "r", *told(*size))
-    recording = read_recording(tmp_path / "r")
+    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
+    entry, recording = imported(bag, *told(*size, "--average-s", 0.1))
     assert entry["clock_origin_s"] == START_NS / 1e9
     np.testing.assert_allclose([frame.time_s for frame in recording.frames], FRAME_TIMES_S, atol=2e-6)
     np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
@@ -289,6 +252,8 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
     assert any("arrived 80.0 ms" in note for note in entry["notes"])
     assert sum("messages arrived" in note for note in entry["notes"]) == 2  # images and forces
     assert entry["values"]["times"] == "header.stamp of /oct/image"
+    rmtree(tmp_path / "r")
+    assert "(--clock-offset-s)" in refused(bag, *told(*size, "--rate-hz", 4))  # other clocks then
 
 
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
@@ -299,52 +264,50 @@ def test_every_question_is_an_option_and_every_option_an_answer() -> None:
 
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no ../shared/recordings")
-def test_frames_of_a_real_recording_come_back_from_every_format(tmp_path: Path, capsys) -> None:
+def test_frames_of_a_real_recording_come_back_from_every_format(imported, tmp_path: Path, shell) -> None:
     nibabel = pytest.importorskip("nibabel")
     recording = read_recording(REAL)
     frames = np.stack([recording.frame(entry) for entry in recording.frames[:3]])
     tifffile.imwrite(tmp_path / "a.tif", frames, photometric="minisblack")
     write_dicom(tmp_path / "a.dcm", frames, PixelSpacing=[4.0 / 512, 15.0 / 512], BitsStored=12, HighBit=11)
     nibabel.save(nibabel.Nifti1Image(frames.T, np.diag([15.0 / 512, 4.0 / 512, 1.0, 1.0])), tmp_path / "a.nii.gz")
+    like = ["--like", REAL, "--eye", "sample-a", "--thickness-um", 700, "--rate-hz", 1]
     for name in ("a.tif", "a.dcm", "a.nii.gz"):
-        out = tmp_path / f"{name}-out"
-        like = ["--like", REAL, "--eye", "sample-a", "--thickness-um", 700, "--rate-hz", 1, *NIFTI]
-        imported(capsys, tmp_path / name, "--out", out, *(like if name == "a.nii.gz" else like[:-2]))
-        found = read_recording(out)
+        _, found = imported(tmp_path / name, *like, *(NIFTI if name == "a.nii.gz" else []), out=f"{name}-out")
         np.testing.assert_array_equal(np.stack([found.frame(entry) for entry in found.frames]), frames)
         assert found.info.oct == recording.info.oct
-    masks = tmp_path / "masks"
-    assert run(["segment", str(tmp_path / "a.dcm-out"), "--out", str(masks), "--json"]) == 0
-    assert all(frame["usable"] for frame in json.loads(capsys.readouterr().out)["frames"])
+    segmented = shell.json("segment", tmp_path / "a.dcm-out", "--out", tmp_path / "masks")
+    assert all(frame["usable"] for frame in segmented["frames"])
 
 
-def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(tmp_path: Path, capsys) -> None:
+def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(
+    imported, refused, tmp_path: Path
+) -> None:
     nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
     for given in ([], ["--width-mm", 6]):
-        error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *given, *told("--bits", 13))
+        error = refused(tmp_path / "a.dcm", *given, *told("--bits", 13))
         for found in ("PixelSpacing", "0.004 x 0.015 mm", "NominalScannedPixelSpacing", "0.01 x 0.02 mm", "--width-mm"):
             assert found in error
-    options = told("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
-    entry = imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *options)
+    entry, _ = imported(tmp_path / "a.dcm", *told("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
     assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
 
 
-def test_times_that_contradict_each_other_need_an_option(tmp_path: Path, capsys) -> None:
+def test_times_that_contradict_each_other_need_an_option(imported, refused, tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTimeVector=[0.0, 1.0], PixelSpacing=[0.004, 0.015])
-    error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *told("--bits", 13))
+    error = refused(tmp_path / "a.dcm", *told("--bits", 13))
     assert "FrameTimeVector has 2 values, NumberOfFrames is 5" in error
     assert "--rate-hz" in error
-    imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *told("--bits", 13, "--rate-hz", 10))
-    assert [frame.time_s for frame in read_recording(tmp_path / "r").frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+    _, recording = imported(tmp_path / "a.dcm", *told("--bits", 13, "--rate-hz", 10))
+    assert [frame.time_s for frame in recording.frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
 
 
-def test_what_was_done_to_the_pixels_is_in_import_json_and_printed(tmp_path: Path, capsys) -> None:
+def test_a_change_of_the_pixels_is_in_import_json_and_printed(tmp_path: Path, shell) -> None:
     write_dicom(tmp_path / "a.dcm", 65535 - FRAMES, RescaleSlope=-1.0, FrameTime=100.0, PixelSpacing=[0.004, 0.015])
-    assert run(["import", str(tmp_path / "a.dcm"), "--out", str(tmp_path / "r"), *told("--bits", 16)]) == 0
-    assert "note:" in (printed := capsys.readouterr().out)
-    assert "RescaleSlope -1" in " ".join(printed.split())
+    printed = shell.text("import", tmp_path / "a.dcm", "--out", tmp_path / "r", *told("--bits", 16))
+    assert "note:" in printed
+    assert "RescaleSlope -1" in printed
     assert "RescaleSlope -1" in " ".join(json.loads((tmp_path / "r" / "import.json").read_text())["notes"])
     recording = read_recording(tmp_path / "r")
     np.testing.assert_array_equal(recording.frame(recording.frames[3]), FRAMES[3])

@@ -1,4 +1,4 @@
-"""What `import` asks on a terminal: a wrong answer is asked for again, and one who leaves leaves nothing behind."""
+"""Prompts of `import` on a terminal: a wrong answer is asked for again, and leaving writes nothing."""
 
 import json
 from pathlib import Path

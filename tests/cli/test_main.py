@@ -1,4 +1,4 @@
-"""What every command promises: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C."""
+"""Every command: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C."""
 
 import json
 import os
@@ -30,7 +30,7 @@ SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; mai
 
 @pytest.fixture
 def fails(monkeypatch: pytest.MonkeyPatch):
-    """Give the command line one more command, `fails`, that raises what the test says."""
+    """Give the command line one more command, `fails`, that raises a fault."""
 
     def install(fault: BaseException) -> None:
         @click.command()
@@ -70,7 +70,7 @@ def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
         run(["fails"])
 
 
-def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(capsys) -> None:
+def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(shell) -> None:
     for arguments, words, page in (
         (["no-such-command"], "No such command 'no-such-command'", "scleraforce"),
         (["--no-such-option"], "No such option", "scleraforce"),
@@ -79,42 +79,32 @@ def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(capsys)
         (["import", "a.tif", "--out", "r", "--bits", "99"], "99 is not in the range", "scleraforce import"),
         (["replay", "r", "--fault-at-s", "1"], "give the --fault, too", "scleraforce replay"),
     ):
-        assert run(arguments) == 2
-        err = capsys.readouterr().err
-        assert err.startswith("error: ")
+        err = shell.refused(*arguments)
         assert words in err
         assert err.endswith(f"; see `{page} --help`\n")
-        assert err.count("\n") == 1
 
 
-def test_no_arguments_show_the_commands(capsys) -> None:
-    assert run([]) == 2
-    assert "reproduce" in capsys.readouterr().out
-
-
-def test_the_version_is_printed(capsys) -> None:
-    assert run(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("scleraforce, version ")
-
-
-def test_help_imports_no_room() -> None:
-    code = (
-        "import sys; from scleraforce.cli.main import run; run(['--help']); print(sorted(sys.modules), file=sys.stderr)"
-    )
+def test_help_needs_no_arguments_and_imports_no_package_of_numerics(shell) -> None:
+    assert "reproduce" in shell.run(code=2)[0]
+    assert shell.text("--version").startswith("scleraforce, version ")
+    code = "import sys; from scleraforce.cli.main import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for heavy in ("numpy", "cv2", "torch", "matplotlib"):
-        assert f"'{heavy}'" not in done.stderr
+    assert not {"numpy", "cv2", "torch", "matplotlib"} & set(done.stderr.split())
 
 
-def test_init_writes_the_paper_study_once(tmp_path: Path, capsys) -> None:
+def test_init_writes_the_papers_study_or_another_preset_once(tmp_path: Path, shell) -> None:
     path = tmp_path / "a" / "b" / "study.toml"
-    assert run(["init", str(path.parent), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"path": str(path), "preset": "ex-vivo"}
+    assert shell.json("init", path.parent) == {"path": str(path), "preset": "ex-vivo"}
     assert path.read_text().startswith("# The study of Mendizabal")
-    assert run(["init", str(path.parent)]) == 2
-    assert "exists already; remove it or choose another directory" in capsys.readouterr().err
-    assert run(["init", str(path / "below")]) == 2  # a file
-    assert capsys.readouterr().err.startswith("error: ")
+    assert read_study(path) == Study()
+    assert "exists already; remove it or choose another directory" in shell.refused("init", path.parent)
+    shell.refused("init", path / "below")  # a file
+    shell.run("init", tmp_path / "living", "--preset", "living")
+    study = read_study(tmp_path / "living" / "study.toml")
+    refuse_unused(study, "library")
+    refuse_unused(study, "calibrate", "finite-strain")
+    assert study.reader.youngs_modulus_pa.bounds[0] > Study().reader.youngs_modulus_pa.bounds[0]
+    assert "'ex-vivo', 'living'" in shell.refused("init", tmp_path / "c", "--preset", "mars")
 
 
 def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
@@ -124,7 +114,7 @@ def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
     }  # fmt: skip
 
 
-def test_progress_is_silent_where_standard_error_is_no_terminal(capsys) -> None:
+def test_progress_is_silent_unless_standard_error_is_a_terminal(capsys) -> None:
     assert list(progress_bar(range(3), "working")) == [0, 1, 2]
     assert capsys.readouterr() == ("", "")
 
@@ -164,25 +154,6 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
     assert "Exception ignored" not in done.stderr
 
 
-def test_the_entry_point_of_the_installed_command_is_main() -> None:
-    from importlib.metadata import entry_points
-
-    (script,) = entry_points(group="console_scripts", name="scleraforce")
-    assert script.load() is entry.main
-
-
-def test_a_preset_is_a_study_of_its_own(tmp_path: Path, capsys) -> None:
-    assert run(["init", str(tmp_path / "living"), "--preset", "living"]) == 0
-    study = read_study(tmp_path / "living" / "study.toml")
-    refuse_unused(study, "library")
-    refuse_unused(study, "calibrate", "finite-strain")
-    assert study.reader.youngs_modulus_pa.bounds[0] > Study().reader.youngs_modulus_pa.bounds[0]
-    assert run(["init", str(tmp_path), "--preset", "ex-vivo"]) == 0
-    assert read_study(tmp_path / "study.toml") == Study()
-    assert run(["init", str(tmp_path / "a"), "--preset", "mars"]) == 2
-    assert "'ex-vivo', 'living'" in capsys.readouterr().err
-
-
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
     np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
@@ -198,7 +169,7 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
 
 
-def test_an_interruption_that_reaches_a_library_only_is_no_internal_fault(
+def test_an_interruption_inside_a_library_is_not_an_internal_fault(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def compile_(*_: object, **__: object) -> None:  # as Numba does when LLVM's callback was interrupted
@@ -227,26 +198,14 @@ def in_jupyter(place: Path, *command: object) -> subprocess.CompletedProcess[str
     return subprocess.run(list(map(str, command)), cwd=place, env=environment, capture_output=True, text=True)
 
 
-COMMANDS = [
-    ["import", "a.png", "--out", "i", *told("--bits", 13), "--width-mm", "10", "--depth-mm", "4"],
-    *(
-        pytest.param(command, marks=pytest.mark.slow)
-        for command in (
-            ["show", "r", "--plot", "r.svg"],
-            ["evaluate", "default", "r", "--html", "evaluate.html"],
-            ["demo", "--out", "demo"],
-        )
-    ),
-]
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
-def test_the_variable_does_not_matter_to_a_command(place: Path, command: list[str]) -> None:
-    done = in_jupyter(place, *SCLERAFORCE, *command)
+def test_jupyters_backend_does_not_reach_a_command_that_draws(place: Path) -> None:
+    assert in_jupyter(place, sys.executable, "-c", "import matplotlib").returncode != 0  # Matplotlib refuses it
+    size = ["--width-mm", "10", "--depth-mm", "4"]
+    done = in_jupyter(place, *SCLERAFORCE, "import", "a.png", "--out", "i", *told("--bits", 13), *size)
     assert (done.returncode, "internal fault" in done.stderr) == (0, False), done.stderr
 
 
-def test_the_variable_of_a_notebook_stays_as_it_is(place: Path) -> None:
+def test_the_backend_of_a_notebook_is_unchanged(place: Path) -> None:
     lines = [
         "import os, scleraforce as sf, scleraforce.cli.main",
         "model, frame = sf.load_model('default'), 'r/frames/0001.png'",
@@ -255,7 +214,3 @@ def test_the_variable_of_a_notebook_stays_as_it_is(place: Path) -> None:
     ]
     done = in_jupyter(place, sys.executable, "-c", "\n".join(lines))
     assert done.returncode == 0, done.stderr
-
-
-def test_matplotlib_itself_refuses_such_a_variable(place: Path) -> None:
-    assert in_jupyter(place, sys.executable, "-c", "import matplotlib").returncode != 0

@@ -1,4 +1,4 @@
-"""`monitor` and `monitor-reset`: the whole service as a user starts it, and what it refuses."""
+"""`monitor` and `monitor-reset`: the whole service as a user starts it, and refused sessions."""
 
 import json
 import os
@@ -8,6 +8,7 @@ from functools import cache
 from itertools import count
 from math import radians
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 Shown = dict[int, list[np.ndarray]]
 IDS = count(1)
-PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a machine that did other things, not of the eye
+PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a busy machine, not of the eye
 SENT: list[np.ndarray] = []
 SEEDS = range(60)  # more frames than the monitor remembers: a live scanner never shows a picture again
 
@@ -61,11 +62,13 @@ def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown
 
 
 @pytest.mark.slow
-def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(folder: Path, tmp_path: Path) -> None:
+def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(folder: Path, tmp_path: Path) -> None:
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
     first = len(SENT)
     with started(folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept) as monitor:
-        assert f"0.300 MPa (own), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm" in "".join(monitor.lines)
+        assert f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm" in "".join(
+            monitor.lines
+        )
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
         with Peer(monitor.port, version=2) as scanner:
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
@@ -103,7 +106,7 @@ def _after(scanner: Peer, force_mn: int, shown: Shown | None = None) -> Status:
 def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_the_study(
     folder: Path, tmp_path: Path, adaptive: bool
 ) -> None:
-    """The frames are those of a wall of 0.3 MPa: a softer one looks the same under less force and pressure."""
+    """The frames show a wall of 0.3 MPa: a softer one looks the same under less force and pressure."""
     thin_m, softer = 420e-6, 2.0 / 3.0
     walls = {mn: wall_section(tip_of(mn / softer / 1e3, thin_m), thickness_m=thin_m) for mn in (6, 24)}
     thin = {force_mn: [image(wall, seed) for seed in SEEDS] for force_mn, wall in walls.items()}
@@ -146,18 +149,20 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
 MINE = ["--calibration", "calibration.json", "--eye", "mine"]
 
 
-def check_refused(capsys: pytest.CaptureFixture[str], options: list[str], words: str) -> None:
-    assert run(["monitor", "reader", "--port", "0", "--black-box", "box", *options]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1
-    assert not Path("box").exists()
-
-
-def test_a_session_that_cannot_be_served_is_refused_in_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
+    """Start a monitor that is refused; return the line."""
     monkeypatch.chdir(folder)
+
+    def refuse(*options: object) -> str:
+        error = shell.refused("monitor", "reader", "--port", 0, "--black-box", "box", *options)
+        assert not Path("box").exists()
+        return error
+
+    return refuse
+
+
+def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None:
     for options, words in (
         (MINE[:2], "--eye: missing"),
         ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
@@ -183,49 +188,35 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(
         (["--bound-mn", "1"], "must be below bound_n"),
         (["--host", "203.0.113.7"], "203.0.113.7"),
     ):
-        check_refused(capsys, options, words)
+        assert words in refused(*options)
 
 
 @pytest.mark.slow
-def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(folder)
-    check_refused(capsys, ["--record", "."], "exists already")
-    check_refused(capsys, ["--record", "calibration.json/session"], "calibration.json/session: Not a directory")
+def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(refused) -> None:
+    assert "exists already" in refused("--record", ".")
+    assert "calibration.json/session: Not a directory" in refused("--record", "calibration.json/session")
 
 
-def test_a_model_that_was_changed_never_starts(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "reader").mkdir()
-    for file in (folder / "reader").iterdir():
-        (tmp_path / "reader" / file.name).write_bytes(file.read_bytes())
-    network = tmp_path / "reader" / "model.onnx"
+def test_a_model_that_was_changed_never_starts(folder: Path, tmp_path: Path, shell) -> None:
+    network = copytree(folder / "reader", tmp_path / "reader") / "model.onnx"
     network.write_bytes(network.read_bytes()[:-1] + b"\0")
-    assert run(["monitor", str(tmp_path / "reader"), "--port", "0"]) == 2
-    assert "model.onnx" in capsys.readouterr().err
+    assert "model.onnx" in shell.refused("monitor", tmp_path / "reader", "--port", 0)
 
 
-def test_a_port_that_is_taken_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_named(refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        assert run(["monitor", str(folder / "reader"), "--port", str(port)]) == 2
-        assert run(["monitor", str(folder / "reader"), "--port", "0", "--web-port", str(port)]) == 2
-    port_line, web_line = capsys.readouterr().err.splitlines()
-    assert f"127.0.0.1:{port}: Address already in use; give another --port" in port_line
-    assert f"127.0.0.1:{port}: Address already in use; give another --web-port" in web_line
+        for option in ("--port", "--web-port"):
+            assert f"127.0.0.1:{port}: Address already in use; give another {option}" in refused(option, port)
 
 
-def test_a_reset_that_cannot_be_sent_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
     for option, value in (("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")):
         options = {"--token": "x", "--host": "127.0.0.1", option: value}
-        assert run(["monitor-reset", *(word for pair in options.items() for word in pair)]) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        shell.refused("monitor-reset", *(word for pair in options.items() for word in pair))
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    assert run(["monitor-reset", "--token", "x", "--port", str(port)]) == 2
-    assert f"127.0.0.1:{port}" in capsys.readouterr().err
+    assert f"127.0.0.1:{port}" in shell.refused("monitor-reset", "--token", "x", "--port", port)
 
 
 @pytest.mark.slow
@@ -244,17 +235,15 @@ def _children(pid: int) -> list[int]:
 
 @pytest.mark.slow
 def test_an_eye_that_is_not_in_the_calibration_is_named_at_the_start(folder: Path, tmp_path: Path) -> None:
-    told = ["--calibration", str(folder / "calibration.json"), "--black-box", str(tmp_path / "box")]
-    with started(folder, "--eye", "mein", *told, "--iop-mmhg", "2") as monitor:
+    given = ["--calibration", str(folder / "calibration.json"), "--black-box", str(tmp_path / "box")]
+    with started(folder, "--eye", "mein", *given, "--iop-mmhg", "2") as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
     assert len(warned) == 1
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
 
 
-def test_each_option_arrives_where_it_belongs(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypatch, shell) -> None:
     import scleraforce.service.monitor_service as module
 
     taken: list[module.MonitorSettings] = []
@@ -264,8 +253,8 @@ def test_each_option_arrives_where_it_belongs(
         raise InputError("far enough")
 
     monkeypatch.setattr(module, "monitor_service", take)
-    monitor = ["monitor", str(folder / "reader"), "--black-box", str(tmp_path)]
-    assert run(monitor) == 2
+    monitor = ["monitor", folder / "reader", "--black-box", tmp_path]
+    shell.refused(*monitor)
     other = {
         "--host": "127.0.0.2", "--port": "1", "--web-port": "2", "--web-host": "127.0.0.3", "--eye": "yours",
         "--polar-angle-deg": "30", "--plane-direction-deg": "-120",
@@ -275,20 +264,18 @@ def test_each_option_arrives_where_it_belongs(
         "--iop-mmhg": "3", "--thickness-um": "700",
         "--youngs-modulus-mpa": "0.3", "--gap-mm": "0.6", "--record": str(tmp_path / "session"),
     }  # fmt: skip
-    assert run([*monitor, "--no-second-opinion", *(word for pair in other.items() for word in pair)]) == 2
-    assert "far enough" in capsys.readouterr().err
+    words = (word for pair in other.items() for word in pair)
+    assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
     plain, settings = taken
     limits, study = settings.limits, fixed_study(BINS)
     assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))
     assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
     assert settings.refractive_index == 1.3
-    assert settings.known.polar_rad == pytest.approx(radians(30.0))
-    assert settings.known.direction_rad == pytest.approx(radians(-120.0))
-    assert settings.known.iop_pa == pytest.approx(to_si(3.0, "mmhg"))
-    assert settings.known.thickness_m == pytest.approx(700e-6)
-    assert settings.known.gap_m == pytest.approx(0.6e-3)
-    assert settings.known.modulus is not None
-    assert settings.known.modulus.mean_pa == pytest.approx(0.3e6)
+    known = settings.known
+    assert (known.polar_rad, known.direction_rad) == pytest.approx((radians(30.0), radians(-120.0)))
+    assert (known.iop_pa, known.thickness_m, known.gap_m) == pytest.approx((to_si(3.0, "mmhg"), 700e-6, 0.6e-3))
+    assert known.modulus is not None
+    assert known.modulus.mean_pa == pytest.approx(0.3e6)
     assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
     assert (limits.withdraw_class, limits.unusable_frames, limits.unusable_opinions) == (1, 4, 5)
     assert (limits.bound_n, limits.reaction_s) == (pytest.approx(0.02), pytest.approx(0.07))
@@ -308,7 +295,7 @@ def test_frames_that_are_too_narrow_are_said_at_the_start(folder: Path) -> None:
         folder, "--width-mm", "6", "--no-second-opinion", "--black-box", str(folder / "narrow-box")
     ) as monitor:
         said = [line for line in monitor.lines if line.startswith("warning")]
-    assert any("of the wall are seen, not" in line for line in said), monitor.lines
+    assert any("of the wall are visible; at least" in line for line in said), monitor.lines
 
 
 CALIBRATED = KnownGlobe(
@@ -317,21 +304,14 @@ CALIBRATED = KnownGlobe(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("globe", "words"),
-    [
+def test_a_globe_is_described_with_its_rigidities_or_the_cost_of_not_knowing_it() -> None:
+    for globe, words in (
         (None, "unknown: give --globe; intervals are wider and withdrawals come earlier"),
         (OPEN, "open"),
         (SEALED, "sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl"),
         (known_globe("sealed", REFERENCE_RIGIDITY), "sealed, k between 0.026 and 0.034 mmHg^(1/3)/µl"),
         (CALIBRATED, "open or sealed, k between 0.029 and 0.031 mmHg^(1/3)/µl (calibrated)"),
-    ],
-)
-def test_a_globe_is_named_with_its_rigidities_or_with_what_it_costs_not_to_know_it(
-    globe: KnownGlobe | None, words: str
-) -> None:
-    assert globe_words(Known(globe=globe), reads_force=True) == words
-
-
-def test_a_classifier_is_said_to_take_every_globe_for_open() -> None:
-    assert globe_words(Known(globe=SEALED), reads_force=False).startswith("taken for open: a classifier knows no other")
+    ):
+        assert globe_words(Known(globe=globe), reads_force=True) == words
+    words = globe_words(Known(globe=SEALED), reads_force=False)
+    assert words.startswith("taken for open: a classifier knows no other")

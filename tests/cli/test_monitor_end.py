@@ -1,4 +1,4 @@
-"""How `monitor` ends: by Ctrl-C, by signals, with its terminal; and whose code runs until then."""
+"""The end of `monitor`: by Ctrl-C, by signals, with its terminal; and no foreign code runs until then."""
 
 import json
 import os

@@ -1,6 +1,5 @@
-"""MODEL may be the name of a model that ships with the package; a folder of that name wins."""
+"""MODEL may be the name of a bundled model; a folder of that name takes precedence."""
 
-import json
 import shutil
 import subprocess
 import sys
@@ -11,16 +10,8 @@ import pytest
 from analytic_frames import image, recording_toml, tip_of, wall_section
 
 import scleraforce as sf
-from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
-from scleraforce.models import (
-    SHIPPED,
-    SHIPPED_PAPER,
-    SHIPPED_READER,
-    SHIPPED_WALL_FINDER,
-    model_folder,
-    read_folder,
-)
+from scleraforce.models import SHIPPED_READER
 
 NOT_FOR_A_FRAME = (
     "scipy.linalg", "scipy.sparse", "scipy.special", "matplotlib", "zarr", "torch",
@@ -39,33 +30,21 @@ def frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_every_shipped_name_is_a_whole_model_folder() -> None:
-    assert set(SHIPPED) == {"default", "paper", "wall-finder"}
-    assert sf.load_model("default").path == SHIPPED_READER
-    assert sf.load_model("paper").path == SHIPPED_PAPER
-    assert read_folder(Path("wall-finder")).path == SHIPPED_WALL_FINDER
-
-
-def test_the_reader_takes_less_than_10_mb_of_the_package() -> None:
+def test_the_bundled_reader_is_small_and_reads_a_frame(frame: Path, shell) -> None:
     assert sum(path.stat().st_size for path in SHIPPED_READER.iterdir()) < 10_000_000
-
-
-def test_a_frame_is_read_with_the_shipped_reader(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["classify", "default", str(frame), "--youngs-modulus-mpa", "0.25", "--globe", "open", "--json"]) == 0
-    (entry,) = json.loads(capsys.readouterr().out)["frames"]
+    (entry,) = shell.json("read", "default", frame, "--youngs-modulus-mpa", 0.25, "--globe", "open")["frames"]
     assert entry["usable"]
     assert entry["interval_mn"][0] < entry["predicted_force_mn"] < entry["interval_mn"][1]
 
 
-def test_a_folder_of_the_name_wins(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_the_name_takes_precedence(frame: Path, shell) -> None:
     shutil.copytree(SHIPPED_READER, "default")
-    assert model_folder(Path("default")) == Path("default")
     (Path("default") / "card.md").write_text("changed")
-    assert run(["classify", "default", str(frame)]) == 2
-    assert "default/card.md: SHA-256" in capsys.readouterr().err
+    assert "default/card.md: SHA-256" in shell.refused("read", "default", frame)
 
 
-def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, shell) -> None:
+    bundled = "(default, paper, wall-finder)"
     for arguments in (
         ("classify", "defualt", frame),
         ("evaluate", "defualt", frame.parents[1]),
@@ -73,20 +52,12 @@ def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, capsy
         ("calibrate", frame.parents[1], "--intervals", "defualt", "--out", "new"),
         ("segment", frame, "--wall-finder", "defualt", "--out", "masks"),
     ):
-        check_wrong_name(arguments, capsys)
+        refused = shell.refused(*arguments)
+        assert refused.startswith(f"error: defualt: no such folder, and not a bundled model {bundled}")
         assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]
 
 
-def check_wrong_name(arguments: tuple[str | Path, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(list(map(str, arguments))) == 2
-    told = capsys.readouterr()
-    assert told.err.startswith(
-        "error: defualt: no such folder, and no model that ships with scleraforce (default, paper, wall-finder)"
-    )
-    assert len(told.err.splitlines()) == 1
-
-
-def test_a_shipped_model_of_another_kind_is_refused() -> None:
+def test_a_bundled_model_of_another_kind_is_refused() -> None:
     with pytest.raises(ModelError, match="found 'wall-finder', classifier, reader or raw-reader is needed here"):
         sf.load_model("wall-finder")
 

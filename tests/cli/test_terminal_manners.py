@@ -15,7 +15,7 @@ import pytest
 from analytic_frames import drawn_counts
 from small_recordings import write_notebook_folder
 
-from scleraforce.cli.main import COMMANDS, run
+from scleraforce.cli.main import COMMANDS
 from scleraforce.library import build as library_build
 
 pytest.importorskip("torch")
@@ -24,7 +24,7 @@ CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")  # all but tab and newline
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
 FRAME = "eye-a/frames/0001.png"
-# What each command is run with, in the folder below; {out} is new for each run.
+# The arguments of each command, in the folder below; {out} is new for each run.
 RUNS = {
     "init": "{out}",
     "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
@@ -44,7 +44,7 @@ RUNS = {
     "doctor": "",
     "demo": "--out {out}",
 }
-# They need a monitor, or a quarter of an hour: what they print when they cannot begin stands for them here.
+# They need a monitor, or a quarter of an hour; these calls cannot begin.
 REFUSED = {
     "monitor": "nowhere",
     "monitor-reset": "--port 1 --token none",
@@ -89,10 +89,9 @@ def test_every_command_is_tried_here() -> None:
     assert {*RUNS, *REFUSED} == set(COMMANDS)
 
 
-def test_every_command_explains_itself_within_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_explains_itself_within_80_columns(shell) -> None:
     for name in (*COMMANDS, ""):
-        assert run([*name.split(), "--help"]) == 0
-        out = capsys.readouterr().out
+        out, _ = shell.run(*name.split(), "--help")
         assert out.startswith(f"Usage: scleraforce {name}")
         assert max(map(len, out.splitlines())) <= 80
         assert not CONTROL.search(out)
@@ -104,37 +103,26 @@ def test_every_command_explains_itself_within_80_columns(capsys: pytest.CaptureF
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
 def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, shell
 ) -> None:
-    assert run(words(name, tmp_path)) == 0
-    printed = capsys.readouterr()
-    assert printed.out
-    assert not CONTROL.search(printed.out + printed.err)
-    for line in printed.out.splitlines():
+    out, err = shell.run(*words(name, tmp_path))
+    assert out
+    assert not CONTROL.search(out + err)
+    for line in out.splitlines():
         # A record stays one line, so that it can be searched for; tables and prose fit.
         assert len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line, line
     for number, options in enumerate((["--json"], ["--quiet", "--json"]), start=1):
-        assert run([*words(name, tmp_path, number), *options]) == 0
-        printed = capsys.readouterr()
-        assert isinstance(json.loads(printed.out), dict)
-        assert printed.err == ""
-    assert run([*words(name, tmp_path, 3), "--quiet"]) == 0
-    assert capsys.readouterr() == ("", "")
+        out, err = shell.run(*words(name, tmp_path, number), *options)
+        assert isinstance(json.loads(out), dict)
+        assert err == ""
+    assert shell.run(*words(name, tmp_path, 3), "--quiet") == ("", "")
 
 
 @pytest.mark.usefixtures("here")
-def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_command_that_cannot_begin_prints_one_line_with_any_option(tmp_path: Path, shell) -> None:
     for name, option in product(REFUSED, ("", "--json", "--quiet")):
-        if option == "--quiet" and name in NEVER_QUIET:
-            continue
-        assert run([*words(name, tmp_path), *option.split()]) in (1, 2)
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        assert printed.err.startswith("error: ")
-        assert printed.err.count("\n") == 1
-        assert not CONTROL.search(printed.err)
+        if option != "--quiet" or name not in NEVER_QUIET:
+            assert not CONTROL.search(shell.refused(*words(name, tmp_path), *option.split(), codes=(1, 2)))
 
 
 def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tuple[str, str]:
@@ -163,7 +151,7 @@ def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tup
     "environment",
     [
         pytest.param({"NO_COLOR": "1"}, id="NO_COLOR"),
-        pytest.param({}, id="as it is", marks=pytest.mark.slow),
+        pytest.param({}, id="default", marks=pytest.mark.slow),
         pytest.param({"TERM": "dumb"}, id="dumb", marks=pytest.mark.slow),
     ],
 )

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.cli.main import run
 from scleraforce.cli.output import count_bar
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import build as library_build
@@ -45,32 +44,30 @@ def study(tmp_path):
 
 
 @pytest.mark.slow
-def test_generate_makes_a_data_set_with_the_calibrations_modulus_and_says_how_fast(study, tmp_path, capsys):
-    calibration = tmp_path / "calibration.json"
+def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(study, tmp_path, shell):
+    calibration, out = tmp_path / "calibration.json", tmp_path / "dataset.zarr"
     calibration.write_text(calibration_text(0.31))
-    out = tmp_path / "dataset.zarr"
-    code = run(["generate", "--study", str(study), "--out", str(out), "--calibration", str(calibration), "--json"])
-    printed = capsys.readouterr()
-    answer = json.loads(printed.out)
-    assert code == 0
-    assert "E was fitted with finite-strain mechanics, the slices are linear" in printed.err
+    printed, noted = shell.run("generate", "--study", study, "--out", out, "--calibration", calibration, "--json")
+    answer = json.loads(printed)
+    assert "E was fitted with finite-strain mechanics, the slices are linear" in noted
     assert answer["images"] == 20
     assert answer["images_per_second"] == pytest.approx(20 / answer["seconds"])
     dataset = open_dataset(out)
     assert dataset.youngs_modulus_pa == pytest.approx(0.31e6)
     assert dataset.attributes["calibration"]["path"] == str(calibration)
-    assert run(["generate", "--study", str(study), "--out", str(out)]) == 2
-    assert "complete" in capsys.readouterr().err
+    assert "complete" in shell.refused("generate", "--study", study, "--out", out)
 
 
-def test_an_interrupted_generate_says_what_it_keeps_and_exits_with_130(study, tmp_path, capsys, monkeypatch):
+def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(study, tmp_path, shell, monkeypatch):
     def interrupted(*_, progress, **__):
         progress(7)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(training, "generate_dataset", interrupted)
-    assert run(["generate", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
-    assert "7 of 20 images are kept; the same command completes them" in capsys.readouterr().err
+    monkeypatch.setattr(library_build, "build_library", interrupted)
+    for command, kept in (("generate", "7 of 20 images"), ("library", "7 of 208 load paths")):
+        said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[1]
+        assert f"{kept} are kept; the same command completes them" in said
 
 
 @pytest.mark.slow
@@ -97,25 +94,13 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp
 
 
 @pytest.mark.slow
-def test_a_library_is_made_and_its_size_and_time_are_said(study, tmp_path, capsys):
+def test_a_library_is_made_with_its_size_and_time(study, tmp_path, shell):
     out = tmp_path / "library.zarr"
-    assert run(["library", "--study", str(study), "--out", str(out), "--workers", "1", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = shell.json("library", "--study", study, "--out", out, "--workers", 1)
     assert answer["paths"] == 5 * 16 + 8 * 16
     assert answer["seconds"] > 0.0
     assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
-    assert run(["library", "--study", str(study), "--out", str(out)]) == 2
-    assert "a complete library" in capsys.readouterr().err
-
-
-def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp_path, capsys, monkeypatch):
-    def interrupted(*_, progress, **__):
-        progress(7)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(library_build, "build_library", interrupted)
-    assert run(["library", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
-    assert "7 of 208 load paths are kept; the same command completes them" in capsys.readouterr().err
+    assert "a complete library" in shell.refused("library", "--study", study, "--out", out)
 
 
 @pytest.mark.slow

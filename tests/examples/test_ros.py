@@ -1,4 +1,4 @@
-"""The ROS 2 node, beside a stand-in for rclpy: images of a recorded bag go in, typed messages come out."""
+"""The ROS 2 node with a fake rclpy: images of a recorded bag go in, typed messages come out."""
 
 import sys
 import time
@@ -38,7 +38,7 @@ def filled(name: str) -> Any:
 
 
 def rostype(name: str) -> type:
-    """A class whose messages can be made empty or of some fields; only those of the type exist."""
+    """Return a class whose messages can be made empty or of some fields; only fields of the type exist."""
 
     def new(_: type, **fields: Any) -> Any:
         message = filled(name)
@@ -65,9 +65,9 @@ def serialised(message: Any) -> None:
 
 
 class FakeNode:
-    """Stands in for rclpy.node.Node: keeps what is published; timers are called by the tests."""
+    """A fake rclpy.node.Node that collects published messages; the tests call its timers."""
 
-    told: ClassVar[dict[str, Any]] = {}
+    given: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, name: str) -> None:
         self.name, self.parameters = name, dict[str, Any]()
@@ -76,7 +76,7 @@ class FakeNode:
         self.errors: list[str] = []
 
     def declare_parameter(self, name: str, value: Any) -> None:
-        self.parameters[name] = self.told.get(name, value)
+        self.parameters[name] = self.given.get(name, value)
 
     def get_parameter(self, name: str) -> Any:
         return SimpleNamespace(value=self.parameters[name])
@@ -120,7 +120,7 @@ def frame(number: int) -> np.ndarray:
 
 
 def image(number: int, *, big: bool = False, padding: int = 0, encoding: str = "mono16") -> Any:
-    """A frame as sensor_msgs/Image, its rows padded by so many bytes."""
+    """A frame as sensor_msgs/Image, with `padding` bytes behind each row."""
     rows = frame(number).astype(">u2" if big else "<u2").view(np.uint8).reshape(ROWS, -1)
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
     header = TYPES["std_msgs/msg/Header"](
@@ -158,7 +158,7 @@ def monitor() -> Iterator[FakeMonitor]:
 
 @pytest.fixture
 def node(module: ModuleType, monitor: FakeMonitor, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeNode]:
-    monkeypatch.setattr(FakeNode, "told", {"port": monitor.port, "width_mm": 18.0, "depth_mm": 3.0})
+    monkeypatch.setattr(FakeNode, "given", {"port": monitor.port, "width_mm": 18.0, "depth_mm": 3.0})
     made = module.ForceMonitorNode()
     yield made
     made.destroy_node()

@@ -1,4 +1,4 @@
-"""What 3D Slicer would see: the bridge, heard by an independent client, and the module beside stand-ins for Slicer."""
+"""The bridge to 3D Slicer, heard by an independent client, and the module with fakes of Slicer's modules."""
 
 import sys
 import threading
@@ -122,7 +122,7 @@ def test_a_withdrawal_and_a_frame_without_a_force_are_said() -> None:
     assert bridge.bar(unread).matrix[8] == bridge.FLAT
 
 
-def test_when_the_monitor_goes_the_scanner_is_told_by_the_end_of_its_connection() -> None:
+def test_when_the_monitor_goes_the_scanners_connection_ends() -> None:
     with (
         fake_monitor() as monitor,
         bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports,
@@ -136,7 +136,7 @@ def test_when_the_monitor_goes_the_scanner_is_told_by_the_end_of_its_connection(
 
 
 class Scene:
-    """Stands in for slicer.mrmlScene: nodes by name, made of stand-ins."""
+    """A fake slicer.mrmlScene: mock nodes by name."""
 
     def __init__(self) -> None:
         self.nodes: dict[str, MagicMock] = {}
@@ -155,7 +155,7 @@ class Scene:
 
 @pytest.fixture
 def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """Stand-ins for Slicer's modules; gives the scene and the module that was loaded beside them."""
+    """Fakes of Slicer's modules, with the scene and the module that is loaded with them."""
     base = type("Base", (), {"__init__": lambda *_: None})
     scripted = ModuleType("slicer.ScriptedLoadableModule")
     for name in ("ScriptedLoadableModule", "ScriptedLoadableModuleLogic", "ScriptedLoadableModuleWidget"):

@@ -1,4 +1,4 @@
-"""Files of four makers as volumes: by stand-ins for OCT-Converter's readers, and by itself where it is installed.
+"""Files of four makers as volumes: with fakes of OCT-Converter's readers, and with itself where it is installed.
 
 It cannot be installed beside scleraforce (examples/vendor_frames.py); its own tests here run in its environment:
 `vendor/bin/pip install pytest`, then
@@ -56,7 +56,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("a.fds", "FDS", None, ""),
     ],
 )
-def test_volumes_are_written_upright_and_what_is_said_of_the_depth_is_told(
+def test_volumes_are_written_upright_and_a_stated_depth_is_printed(
     monkeypatch, capsys, file: str, reader: str, spacing: object, depth: str
 ) -> None:
     installed(monkeypatch, reader, lambda: [volume(list(VOLUME), spacing), volume(VOLUME[:1], spacing)])
@@ -225,7 +225,7 @@ def test_oct_converter_reads_a_topcon_file(capsys) -> None:
     np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
 
 
-def test_oct_converter_reads_raw_bytes_of_a_size_that_is_told(capsys) -> None:
+def test_oct_converter_reads_raw_bytes_of_a_given_size(capsys) -> None:
     pytest.importorskip("oct_converter")
     frames = VOLUME.astype(np.uint8)
     Path("a.img").write_bytes(b"".join(frame.T.tobytes() for frame in frames))

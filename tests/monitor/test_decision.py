@@ -68,7 +68,7 @@ def opinion(number: int, force_n: float = 0.01, at_s: float | None = None) -> Se
 
 
 def no_opinion(number: int) -> SecondOpinion:
-    return judged(opinion(number), reason="not the wall of an eye", **REFUSED)
+    return judged(opinion(number), reason="no wall was found", **REFUSED)
 
 
 def both(*numbers: int, force_n: float = 0.01) -> list[MonitorEvent]:
@@ -490,7 +490,7 @@ def test_contact_that_only_the_second_opinion_sees_is_contact() -> None:
 
 def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
     state = play([frame(n) for n in range(1, 300)], limits=OPINED)
-    assert (state.state, state.reason) == (State.NOT_READY, "no second opinion yet")
+    assert (state.state, state.reason) == (State.NOT_READY, "the second opinion has not answered yet")
     assert play([opinion(299), frame(300)], state, OPINED).state is State.WATCHING
     assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
 

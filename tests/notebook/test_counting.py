@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook import counting_for
@@ -12,19 +11,16 @@ from scleraforce.reader import load_force_reader
 from scleraforce.study import Study
 
 
-def test_progress_hears_of_its_own_work_alone() -> None:
-    told: list[int] = []
+def test_progress_counts_its_own_work_alone() -> None:
+    counted: list[int] = []
     for title in ("library", "frames"):
-        with counting_for(told.append, "frames")(title, 3) as advance:
+        with counting_for(counted.append, "frames")(title, 3) as advance:
             advance(2)
-    assert told == [2]
+    assert counted == [2]
 
 
-def test_linear_mechanics_needs_no_library() -> None:
+def test_linear_mechanics_needs_no_library_and_the_papers_is_the_bundled_readers(tmp_path: Path, monkeypatch) -> None:
     assert library_for(Study(), "linear", counting_for(None, "library")) is None
-
-
-def test_the_papers_library_is_that_of_the_shipped_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     ticks: list[int] = []
     found = library_for(Study(), "finite-strain", counting_for(ticks.append, "library"))

@@ -46,26 +46,15 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
     assert recording.info.oct == command.info.oct
     for part in ("eye", "needle", "force"):
         mine, theirs = vars(getattr(recording.info, part)), vars(getattr(command.info, part))
-        assert {key: value for key, value in mine.items() if not isinstance(value, float)} == {
-            key: value for key, value in theirs.items() if not isinstance(value, float)
+        assert mine == {
+            key: pytest.approx(value, rel=1e-12) if isinstance(value, float) else value for key, value in theirs.items()
         }
-        for key, value in theirs.items():
-            if isinstance(value, float):
-                assert mine[key] == pytest.approx(value, rel=1e-12), key
     written, by_command = contents(tmp_path / "r"), contents(tmp_path / "s")
     assert set(written) == set(by_command)
     assert [name for name in written if written[name] != by_command[name] and not name.endswith(".toml")] == []
 
 
-def test_progress_counts_the_frames_that_are_written(sources: list[Path], tmp_path: Path) -> None:
-    seen: list[int] = []
-    sf.import_recording(sources[0], tmp_path / "r", **TOLD, progress=seen.append)
-    assert seen == [1] * COUNT
-
-
-def test_what_is_missing_is_named_by_arguments_all_at_once_and_nothing_is_written(
-    sources: list[Path], tmp_path: Path
-) -> None:
+def test_missing_metadata_is_named_by_arguments_all_at_once(sources: list[Path], tmp_path: Path) -> None:
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(sf.InputError) as told:
         sf.import_recording(sources, tmp_path / "r")
@@ -95,7 +84,7 @@ def test_a_wrong_value_is_refused_by_its_argument(sources: list[Path], tmp_path:
     assert not (tmp_path / "r").exists()
 
 
-def test_what_a_source_leaves_open_is_asked_for_as_an_argument(sources: list[Path], tmp_path: Path) -> None:
+def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(sources: list[Path], tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", FRAMES)
     with pytest.raises(sf.InputError, match=r"a\.npy: an array of .*; give axes$"):
         sf.import_recording(tmp_path / "a.npy", tmp_path / "r", **TOLD)
@@ -107,10 +96,10 @@ def test_what_a_source_leaves_open_is_asked_for_as_an_argument(sources: list[Pat
     assert recording.forces.force_n("fz")[100] == pytest.approx(-10e-3)
 
 
-def test_another_recording_answers_what_the_sources_do_not_and_arguments_come_first(
-    sources: list[Path], tmp_path: Path
-) -> None:
-    first = sf.import_recording(sources, str(tmp_path / "r"), **TOLD, **FORCE)
+def test_precedence_is_arguments_then_the_sources_then_another_recording(sources: list[Path], tmp_path: Path) -> None:
+    seen: list[int] = []
+    first = sf.import_recording(sources, str(tmp_path / "r"), **TOLD, **FORCE, progress=seen.append)
+    assert seen == [1] * COUNT
     like = {"like": first.path, "eye": "eye-2", "rate_hz": 2.0, "clock_offset_s": 0.0}
     second = sf.import_recording([str(path) for path in sources], tmp_path / "s", **like, width_m=9e-3)
     assert (second.info.oct.width_m, second.info.oct.depth_m) == (9e-3, 4e-3)

@@ -91,7 +91,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     for found in (by_fit, by_network):
         assert dict(found.readings)["network"] == FIVE_MN
         assert len(found.warnings) == 1
-        assert "more apart than their intervals allow" in found.warnings[0]
+        assert "they differ by more than their intervals allow" in found.warnings[0]
         assert found.usable
 
     agreeing = Reading(probabilities=(0.0, 1.0, 0.0), force_n=0.0152, interval_n=(0.014, 0.0165), contact_m=0.0)
@@ -176,12 +176,12 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(min=0.3e-3, max=0.9e-3)))
     for stated_m in (0.85e-3, 0.4e-3 - 60e-6):
         found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=stated_m), model)
-        assert "thick" in withdrawn(found) or "not the wall of an eye" in found.reason
+        assert "thick" in withdrawn(found) or "does not look like the wall of an eye" in found.reason
     close = PixelScale(lateral_m=5e-3 / 512, depth_m=SCALE.depth_m)
     frame = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
     model = force_reader()
     for found in (model.read(frame, close, KNOWN), model.read_live(frame, close, KNOWN)):
-        assert "of the wall are seen" in withdrawn(found)
+        assert "of the wall are visible" in withdrawn(found)
 
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
@@ -197,8 +197,8 @@ def reasons_of(name: str, known: Known | None) -> tuple[str, ...]:
     if name == "107.jpg" and known is None:  # a wall with a limbus lies near enough, but no frame has its dent there
         return ("contact -3",)
     if name == "011.jpeg" and known is None:  # of two fits that are nearly as good, the processor's rounding chooses
-        return "not the wall of an eye", "the fit reads 148.8 mN, the network 5.0 mN"
-    return ("not the wall of an eye",)
+        return "does not look like the wall of an eye", "the fit reads 148.8 mN, the network 5.0 mN"
+    return ("does not look like the wall of an eye",)
 
 
 def real_scans() -> list[Path]:
@@ -232,7 +232,7 @@ def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall() -> None:
     assert len(real_scans()) == 25
     for path in real_scans():
         found = force_reader().read(grey(path), true_scale(path), KNOWN)
-        assert "mm of the wall are seen, not 9.8 mm" in withdrawn(found)
+        assert "mm of the wall are visible; at least 9.8 mm are needed" in withdrawn(found)
 
 
 def scans_and_known() -> list[object]:
@@ -271,7 +271,7 @@ def test_two_methods_so_far_apart_that_no_class_is_left_give_no_answer() -> None
     assert below.interval_n[0] == 0.004
     reason = withdrawn(above)
     assert reason.startswith("the fit reads 3")
-    assert "the network 5.0 mN: more apart than their intervals allow; from 4 to 3" in reason
+    assert "the network 5.0 mN: they differ by more than their intervals allow; from 4 to 3" in reason
     assert reason.endswith(" mN, every class is possible")
     unsure = Reading(probabilities=(0.2, 0.5, 0.3), force_n=0.02, interval_n=(0.0, 0.06), contact_m=0.3e-3)
     agreed = answer(image(wall_section(tip_of(0.020))), model=force_reader(unsure, default="network"))

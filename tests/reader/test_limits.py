@@ -96,7 +96,7 @@ SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 INFO = RecordingInfo(EYE, SCAN, NeedleInfo(gauge=22, slice_gap_m=0.5e-3))
 STUDY = Study()
 OUTSIDE = {
-    "of the wall are seen": replace(INFO, oct=replace(SCAN, width_m=6e-3)),
+    "of the wall are visible": replace(INFO, oct=replace(SCAN, width_m=6e-3)),
     "frames 2 mm deep: deep dents leave them": replace(INFO, oct=replace(SCAN, depth_m=2e-3)),
     "wall thickness 1000 µm": replace(INFO, eye=replace(EYE, thickness_m=1e-3)),
     "IOP 15 mmHg": replace(INFO, eye=replace(EYE, iop_pa=to_si(15.0, "mmhg"))),
@@ -139,7 +139,7 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
     for depth_m in (0.5e-3, 0.9e-3, 1.1e-3, 3.0e-3):
         refused = too_little_wall(lateral_m, np.where(curve_m <= depth_m, curve_m, np.nan), STUDY.slice)
         said = limits(READER, STUDY, Known(), replace(SCAN, depth_m=depth_m))
-        assert any("of the wall are seen" in sentence for sentence in said) == bool(refused)
+        assert any("of the wall are visible" in sentence for sentence in said) == bool(refused)
 
 
 def test_a_raw_reader_takes_the_refractive_index_of_its_training_alone() -> None:

@@ -187,7 +187,7 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_it_was_told(tmp_path
     assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["20.0"][4:6]] == ["31.0", "29.0 to 33.0"]
     assert rows["40.0"][4:6] == ["\N{EN DASH}"] * 2
     assert rows["20.0"][-1] == "they differ"
-    assert "eye a: 0.27 MPa (own), eye <b>: 0.25 MPa (population)" in page.said
+    assert "eye a: 0.27 MPa (calibrated), eye <b>: 0.25 MPa (mean of the calibrated eyes)" in page.said
     assert "5.55 mN" in page.said  # (0.1 + 11) / 2
     assert "1 of 2 trials" in page.said
     assert any("over its measured force" in (attributes.get("alt") or "") for _, attributes in page.tags)

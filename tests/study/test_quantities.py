@@ -1,4 +1,4 @@
-"""What cannot be is refused in every unit and everywhere, with what was probably meant."""
+"""Impossible quantities are refused in every unit, in options, files and arguments, with the likely unit."""
 
 from pathlib import Path
 
@@ -38,14 +38,10 @@ def test_a_slip_of_the_unit_is_named() -> None:
     for key, number, hint in [
         ("thickness_um", 0.65, "650 µm (0.65 mm)"),
         ("thickness_m", 650.0, "0.00065 m (650 µm)"),
-        ("thickness_m", 0.65, "0.00065 m (0.65 mm)"),
         ("youngs_modulus_mpa", 300.0, "0.3 MPa (300 kPa)"),
         ("youngs_modulus_mpa", 250_000.0, "0.25 MPa (250000 Pa)"),
         ("iop_mmhg", 2000.0, "15 mmHg (2000 Pa)"),
-        ("gap_mm", 500.0, "0.5 mm (500 µm)"),
-        ("gap_m", 0.5, "0.0005 m (0.5 mm)"),
         ("width_m", 15.0, "0.015 m (15 mm)"),
-        ("width_mm", 15_000.0, "15 mm (15000 µm)"),
         ("force_n", 20.0, "0.02 N (20 mN)"),
         ("force_mn", 20_000.0, "20 mN (20000 µN)"),
         ("polar_angle_rad", 35.0, "0.6109 rad (35 °)"),
@@ -54,10 +50,7 @@ def test_a_slip_of_the_unit_is_named() -> None:
             check_quantity(key, number)
         assert str(fault.value).startswith(f"{key}: {number:g} is ")
         assert f"did you mean {hint}?" in str(fault.value)
-
-
-def test_a_number_without_a_likely_unit_is_refused_without_a_guess() -> None:
-    for number in [float("nan"), float("inf"), -1.0, 1e9]:
+    for number in [float("nan"), float("inf"), -1.0, 1e9]:  # without a likely unit
         with pytest.raises(StudyError) as fault:
             check_quantity("rigidity_mmhg13_per_ul", number)
         assert "did you mean" not in str(fault.value)
@@ -74,45 +67,35 @@ def test_bounds_are_the_same_in_both_units() -> None:
 
 
 def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
-    units = {name: (spec.name, SI_PER_UNIT[spec.name][0]) for name, spec in QUANTITIES.items()}
-    names = {f"{name}_{unit}" for name, both in units.items() for unit in both}
+    names = {f"{name}_{unit}" for name, spec in QUANTITIES.items() for unit in (spec.name, SI_PER_UNIT[spec.name][0])}
     context = click.Context(cli)
-    checked = {
-        (command, option.name)
-        for command in COMMANDS
-        for option in cli.get_command(context, command).params
-        if option.name in names and isinstance(option.type, Quantity)
-    }
     stated = {
-        (command, option.name)
+        (command, option.name): isinstance(option.type, Quantity)
         for command in COMMANDS
         for option in cli.get_command(context, command).params
         if option.name in names
     }
     assert len(stated) > 25
-    assert checked == stated
+    assert [option for option, checked in stated.items() if not checked] == []
 
 
-def test_commands_refuse_what_cannot_be(tmp_path, monkeypatch, capsys) -> None:
+def test_commands_refuse_impossible_values(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
     for arguments, hint in [
-        (("read", "default", "no.png", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
-        (("read", "default", "no.png", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
-        (("read", "default", "no.png", "--iop-mmhg", "2000"), "15 mmHg (2000 Pa)"),
-        (("monitor", "default", "--gap-mm", "500"), "0.5 mm (500 µm)"),
-        (("segment", "no.png", "--out", "no", "--width-mm", "15000"), "15 mm (15000 µm)"),
-        (("simulate", "--thickness-um", "0.5", "--force-mn", "20"), "500 µm (0.5 mm)"),
-        (("simulate", "--thickness-um", "500", "--force-mn", "20000"), "20 mN (20000 µN)"),
-        (("phantom", "--out", "no", "--forces-mn", "2,20000"), "20 mN (20000 µN)"),
-        (("phantom", "--out", "no", "--youngs-modulus-mpa", "300"), "0.3 MPa (300 kPa)"),
-        (("import", "no", "--out", "no", "--thickness-um", "0.65"), "650 µm (0.65 mm)"),
+        ("read default no.png --thickness-um 0.65", "650 µm (0.65 mm)"),
+        ("monitor default --gap-mm 500", "0.5 mm (500 µm)"),
+        ("segment no.png --out no --width-mm 15000", "15 mm (15000 µm)"),
+        ("simulate --thickness-um 500 --force-mn 20000", "20 mN (20000 µN)"),
+        ("phantom --out no --forces-mn 2,20000", "20 mN (20000 µN)"),
+        ("phantom --out no --youngs-modulus-mpa 300", "0.3 MPa (300 kPa)"),
+        ("import no --out no --thickness-um 0.65", "650 µm (0.65 mm)"),
     ]:
-        monkeypatch.chdir(tmp_path)
-        assert run([*arguments]) == 2
+        assert run(arguments.split()) == 2
         assert f"did you mean {hint}?" in " ".join(capsys.readouterr().err.split())
         assert not any(tmp_path.iterdir())
 
 
-def test_a_recording_states_what_can_be(tmp_path: Path) -> None:
+def test_a_recording_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
     for key, value, hint in [
         ("thickness_m", 650, "650 µm"),
         ("iop_pa", 2e5, "200000 "),
@@ -130,7 +113,7 @@ def test_a_recording_states_what_can_be(tmp_path: Path) -> None:
         assert hint in str(fault.value)
 
 
-def test_a_calibration_states_what_can_be(tmp_path: Path) -> None:
+def test_a_calibration_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     for key, value, hint in (("mean_mpa", 300.0, "0.3 MPa (300 kPa)"), ("thickness_um", 0.65, "650 µm (0.65 mm)")):
         path.write_text(calibration_text(eyes={"eye": {key: value}}))

@@ -14,7 +14,7 @@ import click
 
 from scleraforce import __version__
 from scleraforce.cli.options import PATH, STUDY_FILE, options
-from scleraforce.cli.output import Command, Report, progress_bar, say, share_bar
+from scleraforce.cli.output import Command, Report, count_bar, progress_bar, say, share_bar
 from scleraforce.errors import StudyError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import PRESETS, Study, preset_toml
@@ -33,47 +33,43 @@ REMEDY = " " * 25 + "-> "
               help="Folder to make; must not exist.")  # fmt: skip
 @click.option("--open", "open_page", is_flag=True, help="Open the page in the browser.")
 def demo(out: Path, open_page: bool) -> Report:
-    """A small virtual session, read by the bundled reader, as a page.
+    """Simulate a small session, read it with the bundled reader, write a page.
 
     A virtual eye is pushed twelve times (finite strain), imaged, and calibrated
     on three of its frames; the reader `default` reads the others. The folder
     has the recording, the calibration and the page. It takes about ten seconds.
     """
     start = time.perf_counter()
-    # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.reader.metrics import mean_absolute_error
     from scleraforce.reproduction.demo import EYE, run_demo
 
     with share_bar("demo") as reach:
         done = run_demo(out, datetime.now(UTC), reach)
-    evaluation, seconds = done.evaluation, time.perf_counter() - start
+    evaluation = done.evaluation
     true_mpa, found_mpa = from_si(EYE.youngs_modulus_pa, "mpa"), from_si(done.modulus_pa, "mpa")
-    frames, read, right = len(evaluation.frames), evaluation.accuracy.total, evaluation.accuracy.hits
-    mae_mn, held = from_si(mean_absolute_error(evaluation.true_forces), "mn"), evaluation.true_coverage.hits
+    result = {
+        "page": str(done.page),
+        "recording": str(done.recording),
+        "calibration": str(done.calibration),
+        "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa},
+        "frames": (frames := len(evaluation.frames)),
+        "read": (read := evaluation.accuracy.total),
+        "right": evaluation.accuracy.hits,
+        "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
+        "intervals_hold": evaluation.true_coverage.hits,
+        "seconds": time.perf_counter() - start,
+    }
     if open_page:
         click.launch(str(done.page))
-    return Report(
-        {
-            "page": str(done.page),
-            "recording": str(done.recording),
-            "calibration": str(done.calibration),
-            "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa},
-            "frames": frames,
-            "read": read,
-            "right": right,
-            "mae_mn": mae_mn,
-            "intervals_hold": held,
-            "seconds": seconds,
-        },
-        [
-            "research use only: not a medical device",
-            f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed {frames} times",
-            f"calibrated on {frames - read} frames: {found_mpa:.2f} MPa",
-            f"read the other {read}: {right} in the right class, {mae_mn:.2f} mN off in the mean,",
-            f"  {held} of their 90 % intervals hold the true force",
-            f"{seconds:.0f} s; the page: {done.page}",
-        ],
-    )
+    lines = [
+        "research use only: not a medical device",
+        f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed {frames} times",
+        f"calibrated on {frames - read} frames: {found_mpa:.2f} MPa",
+        f"read the other {read}: {result['right']} in the right class, mean error {result['mae_mn']:.2f} mN,",
+        f"  {result['intervals_hold']} of their 90 % intervals hold the true force",
+        f"{result['seconds']:.0f} s; the page: {done.page}",
+    ]
+    return Report(result, lines)
 
 
 @click.command(cls=Command)
@@ -85,7 +81,6 @@ def doctor() -> Report:
     If anything has `failed`, the exit code is 1.
     """
     start = time.perf_counter()
-    # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.installation import TRIALS, machine, packages, tried
 
     found = [*packages(), *machine(), *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS)))]
@@ -111,7 +106,7 @@ def _lines(finding: "Finding") -> list[str]:
 @click.command(cls=Command)
 @click.argument("directory", type=PATH)
 @click.option("--preset", type=click.Choice(PRESETS), default=PRESETS[0], show_default=True,
-              help="Eyes to begin with: the paper's, or at living pressure and stiffness.")  # fmt: skip
+              help="Study to start from: the paper's, or living pressure and stiffness.")  # fmt: skip
 def init(directory: Path, preset: str) -> Report:
     """Write DIRECTORY/study.toml, the paper's study or another preset, with comments."""
     path = directory / "study.toml"
@@ -127,28 +122,29 @@ def init(directory: Path, preset: str) -> Report:
 
 
 @click.command(cls=Command)
-@click.option("--out", type=PATH, required=True, help="Folder of all results; new, or a former run's.")
-@options("study", study="Study file; by default the paper's, with framing ranges.")
 @click.option(
-    "--train", is_flag=True, help="Train the force reader, in place of the bundled one (10 to 30 minutes more)."
+    "--out", type=PATH, required=True, help="Folder of all results: a new one, or that of an interrupted run."
 )
+@options("study", study="Study file; default: the paper's study, with framing ranges.")
+@click.option("--train", is_flag=True, help="Train the force reader (10 to 30 minutes more); default: the bundled one.")
 @options("workers")
 @click.pass_context
 def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, workers: int | None) -> Report:
     """Run the whole pipeline and write OUT/report.html.
 
-    Five virtual eyes in the paper's design (45 trials), the simulated slices,
-    the paper's classifier trained on them, its answers to the raw frames, and a
-    page that shows them beside the paper's; then the same eyes computed at
-    finite strain, read by the paper's method and by the force reader.
+    It simulates five virtual eyes in the paper's design (45 trials) and slices,
+    trains the paper's classifier on the slices, reads the raw frames with it,
+    and compares the answers with the paper's. Then it computes the same eyes at
+    finite strain, and reads them with the paper's method and the force reader.
 
-    The force reader and its library are the bundled ones. --train makes both
-    for this study; a study for another eye, needle or slice, or with other
-    classes, needs it.
+    By default, the force reader and its library are the bundled ones. --train
+    makes both for this study; a study with another eye, needle or slice, or
+    with other classes, needs it.
 
     After Ctrl-C, the same command continues. Results from other versions of the
     code are not reused: the command says so, and repeats all stages. A folder
-    of another study is refused. With and without --train share a folder.
+    of another study is refused. Runs with and without --train can share a
+    folder.
 
     On a terminal each stage has a progress bar; in a pipe, one line on standard
     error when it is done, with its time.
@@ -158,9 +154,9 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
 
     Example: scleraforce reproduce --out out/reproduce
     """
-    # Imported here: mechanics and training take longer to import than the help to print.
     from scleraforce.models import model_name
     from scleraforce.processes import available_cores
+    from scleraforce.reader.metrics import band_of
     from scleraforce.reproduction.run import framed_for_laboratory, open_run
     from scleraforce.reproduction.stages import reproduce as run_stages
     from scleraforce.study.unused import refuse_unused
@@ -181,8 +177,10 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
         **_metrics(evaluation, "accuracy", "confusion", "recall", "precision", "intervals", "scored"),
         "to_the_bounds": _metrics(others, "accuracy", "confusion", "scored"),
         "youngs_modulus_mpa": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(spread_pa, "mpa")},
-        "finite_strain": {"paper": _metrics(found.bent_paper, *FORCES),
-                          "reader": _metrics(bent, *FORCES) | _true_metrics(bent)},
+        "finite_strain": {
+            "paper": _metrics(found.bent_paper, *FORCES),
+            "reader": _metrics(bent, *FORCES, *TRUE) | {"true_coverage_interval": band_of(bent.true_forces)},
+        },
         "reader": {"model": model_name(run.reader), "trained": train},
         "seconds": found.seconds | {"total": round(seconds, 2)},
     }  # fmt: skip
@@ -206,24 +204,12 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
 
 
 FORCES = ("accuracy", "confusion", "recall", "scored", "mae_mn", "coverage")
+TRUE = ("true_mae_mn", "true_coverage", "true_coverage_by_eye")
 
 
 def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
     answer = evaluation.as_json()
     return {key: answer[key] for key in keys}
-
-
-def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
-    """Return the error of forces against the true ones, and the share of these in their 90 % intervals."""
-    from scleraforce.reader.metrics import band_of, coverage, coverage_by_eye, mean_absolute_error
-
-    true = evaluation.true_forces
-    return {
-        "true_mae_mn": from_si(mean_absolute_error(true), "mn"),
-        "true_coverage": coverage(true).value,
-        "true_coverage_interval": band_of(true),
-        "true_coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(true).items()},
-    }
 
 
 def _coverage_words(evaluation: "Evaluation") -> str:
@@ -242,11 +228,7 @@ def _coverage_words(evaluation: "Evaluation") -> str:
 def _stage(title: str, length: int) -> "Iterator[Progress]":
     """Show a stage: a progress bar on a terminal, else a line with its time at the end."""
     start = time.perf_counter()
-    with progress_bar(range(length), title, total=length) as bar:
-
-        def advance(steps: int) -> None:
-            bar.update(steps)
-
+    with count_bar(title, length) as advance:
         yield advance
     if not sys.stderr.isatty():
         say(f"{title}: {time.perf_counter() - start:.1f} s", err=True)

@@ -3,31 +3,29 @@
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, FRAME_SIZE, PATH, eye_options, options
-from scleraforce.cli.output import Command, Report, each_of
-from scleraforce.errors import FrameError, InputError
+from scleraforce.cli.options import EYE, FRAME_SIZE, PATH, options
+from scleraforce.cli.output import Command, Report, each_of, is_json
+from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.known import Known
     from scleraforce.notebook.frames import Reading
-    from scleraforce.reader import Reader
     from scleraforce.reader.answer import Answer
     from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.recording.pixels import Pixels
     from scleraforce.segmentation.wall_finder import WallFinder
 
-ASSUMED = "assumed"  # the source of a default
-RIGIDITY_UNIT: Final = "mmhg13_per_ul"
-RIGIDITY, STIFFENING = f"rigidity_{RIGIDITY_UNIT}", "stiffening"
+RIGIDITY, STIFFENING = "rigidity_mmhg13_per_ul", "stiffening"
 WORDS = {  # name and unit of each key, for people
     "youngs_modulus_mpa": ("modulus", " MPa"),
     "iop_mmhg": ("IOP", " mmHg"),
@@ -63,16 +61,15 @@ def segment(
     Writes a mask for each frame, of the same size and name (.png): 255 is
     wall, from the tissue's surface to the inner boundary, or to 1 mm below the
     surface where that boundary cannot be seen. Frames of several recordings go
-    into a folder for each. If the size of a frame is not stated, 15 x 4 mm are
-    assumed, and said.
+    into a folder for each. If the size of a frame is not stated, 15 x 4 mm is
+    assumed, and a note says so.
 
-    Two methods to find the wall check each other: one follows steps of light,
-    the other is a network that learned from drawn scenes. A frame in which they
-    differ by more than they are unsure of is not usable.
+    Two methods find the wall and check each other: edge detection, and a
+    network trained on drawn scenes. A frame is not usable if they differ by
+    more than their uncertainties allow.
 
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
-    # Imported here: segmentation takes longer to import than the help to print.
     from scleraforce.notebook.frames import finder_of
     from scleraforce.recording.folder import Scanner
 
@@ -129,20 +126,14 @@ def _segment_frame(
     path: Path, mask: Path, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
 ) -> dict[str, Any]:
     """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
-    from scleraforce.notebook.frames import scaled
+    from scleraforce.notebook.frames import segmented
     from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
-    from scleraforce.segmentation.wall import find_wall
 
     usual = OctStudy()
     assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
-    frame = scaled(path, size, assumed, ASSUMED, transpose)
-    try:
-        thickness_m = None if frame.info is None else frame.info.eye.thickness_m
-        found = find_wall(frame.pixels, frame.scale, thickness_m, finder)
-    except ValueError as fault:
-        raise FrameError(f"{path}: {fault}") from fault
+    frame, found = segmented(path, size, assumed, finder, transpose)
     _write(mask, found.mask.T if transpose else found.mask, force)
     if overlay:
         picture = draw_overlay(frame.pixels, found)
@@ -180,7 +171,7 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
         return f"{entry['file']}: not usable: {entry['reason']}"
     if entry["thickness_um"] is None:
         return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
-    guess = "" if entry["inner_found"] else "; its inner boundary is the network's guess"
+    guess = "" if entry["inner_found"] else "; the network estimated the inner boundary, which is not visible"
     return f"{entry['file']}: wall of {entry['thickness_um']:.0f} µm{guess}"
 
 
@@ -193,7 +184,7 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         "refractive_index": f"refractive index (taken as {scanner.refractive_index:g}; give --refractive-index)",
     }
     missing = Counter(
-        tuple(words for key, words in taken.items() if entry["scale"][key]["source"] == ASSUMED) for entry in entries
+        tuple(words for key, words in taken.items() if entry["scale"][key]["source"] == "assumed") for entry in entries
     )
     for words, count in missing.items():
         if words:
@@ -204,10 +195,10 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 @click.argument("model", type=PATH)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @options(*FRAME_SIZE)
-@eye_options(*EYE, default="by default it is not known", stiffening="by default it does not stiffen",
-             globe="by default it is not known, and intervals are wider")  # fmt: skip
+@options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
+         globe="unknown, which widens intervals")  # fmt: skip
 @options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
-@click.option("--eye", help="Name of the eye in the calibration; by default the recording's.")
+@click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
 @options("wall_finder")
 def read(
     model: Path,
@@ -222,22 +213,23 @@ def read(
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
 
-    A model of kind "reader" reads the force as well, the better the more is
-    known of the eye; one of kind "classifier" knows one modulus only. A frame
-    that cannot be judged is class 2 (withdraw) and not usable.
+    A model of kind "reader" reads the force as well; the more is known of the
+    eye, the narrower its interval. A model of kind "classifier" knows one
+    modulus only. A frame that cannot be judged is class 2 (withdraw) and not
+    usable.
 
-    The size of a frame and the known inputs of its eye come from the options,
-    then from the recording.toml beside its folder, then from the file.
-    `evaluate` reads whole recordings. `classify` is another name of `read`.
+    Precedence for the size of a frame and the known inputs of its eye: options,
+    the recording.toml beside its folder, the file. `evaluate` reads whole
+    recordings. `classify` is another name of `read`.
 
     Example: scleraforce read default frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
-    # Imported here: models take longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.known import NOTHING_KNOWN
     from scleraforce.notebook.frames import check_calibrated, given_eye, reading, summary_of_calibration
+    from scleraforce.reader.answer import unusable
     from scleraforce.recording.folder import Scanner
 
     for path in filter(os.path.isdir, frames):
@@ -245,34 +237,40 @@ def read(
     known = given_eye(**{name: given.pop(name) for name in EYE})
     size = Scanner(**given)
     check_calibrated(known, calibration is not None, eye)
-    reader = sf.load_model(model, wall_finder=wall_finder)
+    loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
     summary = None if calibration is None else summary_of_calibration(calibration)
-    found = list(each_of(frames, lambda path: reading(reader, path, known, size, summary, eye, transpose)))
+
+    def answer(path: Path) -> "Reading":
+        os.stat(path)  # a missing frame is reported before the model is loaded
+        return reading(loaded(), path, known, size, summary, eye, transpose)
+
+    found = list(each_of(frames, answer))
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
+    faults = [one for _, one in found if isinstance(one, InputError)]
+    if not (answered or is_json()):
+        return Report({}, (), faults)
+    reader = loaded()
     notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
     if reader.fixed_modulus_pa is not None and (known != NOTHING_KNOWN or calibration is not None):
         modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
         notes.insert(0, "a classifier ignores the known inputs of an eye; it reads each as one of "
                      f"{modulus_mpa:g} MPa")  # fmt: skip
-    entries = [_entry(path, one, reader) for path, one in found]
+    entries = [  # a frame that could not be read means withdrawal, and has an `error`
+        {"file": str(path), **unusable(reader.classes, str(one)).as_json(), "error": str(one)}
+        if isinstance(one, InputError) else _entry(path, one)
+        for path, one in found
+    ]  # fmt: skip
     lines = [
         *(_answer_line(path, one.answer) for path, one in answered),
         *_read_with(answered),
         *(wrapped(note, "note: ") for note in notes),
     ]
-    faults = [one for _, one in found if isinstance(one, InputError)]
     return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
 
 
-def _entry(path: Path, found: "Reading | InputError", reader: "Reader") -> dict[str, Any]:
-    """Return a frame for JSON; one that could not be read is withdrawn from, and has an `error`."""
-    if isinstance(found, InputError):
-        from scleraforce.reader.answer import unusable
-
-        return {"file": str(path), **unusable(reader.classes, str(found)).as_json(), "error": str(found)}
-    sources = _known_sources(found.given, found.stated, found.known)
-    known = {key: {"value": value, "source": source} for key, value, source in sources}
-    return {"file": str(path), **found.answer.as_json(), "scale": _scale_entry(found.frame), "known": known}
+def _entry(path: Path, one: "Reading") -> dict[str, Any]:
+    known = {key: {"value": value, "source": source} for key, value, source in _known_sources(one)}
+    return {"file": str(path), **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": known}
 
 
 def _answer_line(path: Path, answer: "Answer") -> str:
@@ -289,14 +287,21 @@ def _answer_line(path: Path, answer: "Answer") -> str:
 
 
 def _read_with(answered: "list[tuple[Path, Reading]]") -> Iterator[str]:
-    """Yield the inputs of frames, equal ones together."""
+    """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3 MPa (option), IOP unknown"."""
     equal: dict[str, list[Path]] = {}
     for path, one in answered:
-        words = f"{_size_words(one.frame)}; {_known_words(_known_sources(one.given, one.stated, one.known))}"
-        equal.setdefault(words, []).append(path)
+        known = ", ".join(_input_words(*source) for source in _known_sources(one))
+        equal.setdefault(f"{_size_words(one.frame)}; {known}", []).append(path)
     for words, paths in equal.items():
         names = f"{paths[0]} and {len(paths) - 1} more" if paths[1:] else str(paths[0])
         yield wrapped(f"{names}: {words}", "read with: ")
+
+
+def _input_words(key: str, value: Value, source: str) -> str:
+    name, unit = WORDS[key]
+    if value is None:
+        return f"{name} unknown"
+    return f"{name} {value if isinstance(value, str) else f'{value:.4g}{unit}'} ({source})"
 
 
 def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
@@ -310,7 +315,7 @@ def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
 
 
 def _size_words(frame: "ScaledFrame") -> str:
-    """Return the same for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
+    """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
     sizes = (
@@ -321,17 +326,11 @@ def _size_words(frame: "ScaledFrame") -> str:
     return f"{sizes}, refractive index {index.value:g} ({index.source})"
 
 
-def _known_sources(given: "Known", stated: "Known", known: "Known") -> Sources:
-    """Return key, value and source of all known inputs; stiffening and k only if they are known.
-
-    Args:
-        given: by options.
-        stated: by the recording.
-        known: both, with the calibration's.
-    """
+def _known_sources(one: "Reading") -> Sources:
+    """Return key, value and source of all known inputs; stiffening and k only if they are known."""
     from scleraforce.known import completed
 
-    by_option, by_both, used = _values(given), _values(completed(given, stated)), _values(known)
+    by_option, by_both, used = map(_values, (one.given, completed(one.given, one.stated), one.known))
     found: Sources = []
     for key, value in used.items():
         if value is None:
@@ -345,31 +344,18 @@ def _known_sources(given: "Known", stated: "Known", known: "Known") -> Sources:
     return found
 
 
-def _known_words(sources: Sources) -> str:
-    """Return the same for people: "modulus 0.3 MPa (option), IOP unknown"."""
-    words = []
-    for key, value, source in sources:
-        name, unit = WORDS[key]
-        printed = value if isinstance(value, str | None) else f"{value:.4g}{unit}"
-        words.append(f"{name} unknown" if value is None else f"{name} {printed} ({source})")
-    return ", ".join(words)
-
-
 def _values(known: "Known") -> dict[str, Value]:
-    """Return all inputs of an eye, each in the unit of its key."""
+    """Return all inputs of an eye, each in the unit of its key, to 12 digits."""
     globe = known.globe
-    return {
-        "youngs_modulus_mpa": _in_unit(known.modulus.mean_pa if known.modulus else None, "mpa"),
-        "iop_mmhg": _in_unit(known.iop_pa, "mmhg"),
-        "thickness_um": _in_unit(known.thickness_m, "um"),
-        "gap_mm": _in_unit(known.gap_m, "mm"),
-        "polar_angle_deg": _in_unit(known.polar_rad, "deg"),
-        "plane_direction_deg": _in_unit(known.direction_rad, "deg"),
+    values: dict[str, Value] = {
+        "youngs_modulus_mpa": from_si(known.modulus.mean_pa if known.modulus else None, "mpa"),
+        "iop_mmhg": from_si(known.iop_pa, "mmhg"),
+        "thickness_um": from_si(known.thickness_m, "um"),
+        "gap_mm": from_si(known.gap_m, "mm"),
+        "polar_angle_deg": from_si(known.polar_rad, "deg"),
+        "plane_direction_deg": from_si(known.direction_rad, "deg"),
         STIFFENING: known.stiffening,
         "globe": None if globe is None else globe.kind,
-        RIGIDITY: _in_unit(globe.mean, RIGIDITY_UNIT) if globe and globe.rigidity_told else None,
+        RIGIDITY: from_si(globe.mean if globe and globe.rigidity_told else None, "mmhg13_per_ul"),
     }
-
-
-def _in_unit(value: float | None, unit: HumanUnit) -> float | None:
-    return None if value is None else float(f"{from_si(value, unit):.12g}")
+    return {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in values.items()}

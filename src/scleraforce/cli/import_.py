@@ -1,15 +1,15 @@
 """`scleraforce import`: a laboratory's frames and force log as a recording folder."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from scleraforce.cli.options import GLOBE, PATH, Quantity
+from scleraforce.cli.options import GLOBE, PATH, Quantity, added
 from scleraforce.cli.output import Command, Report, count_bar, is_json
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from scleraforce.recording.scan import UnansweredError
     from scleraforce.recording.sources import ImportOptions
 
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 OPEN = "-"  # leaves an optional question open
 UNITS = {"_mm": "mm", "_um": "µm"}
 
@@ -33,44 +32,35 @@ OPTIONS = (
     click.option("--axes", metavar="NAME,NAME,...", help="Order of the axes frame, depth and lateral in an array or "
                  "volume; of pictures frame,lateral,depth where A-scans lie along the rows."),
     click.option("--array", help="Name of the array in a .npz."),
-    click.option("--width-mm", type=_given("width_mm"), help="Width of the frames; by default their own."),
-    click.option("--depth-mm", type=_given("depth_mm"), help="Depth of the frames, as stored; by default their own."),
-    click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="By which depth is stretched; 1 "
-                 "where the scanner has corrected it."),
+    click.option("--width-mm", type=_given("width_mm"), help="Width of the frames; default: the file's."),
+    click.option("--depth-mm", type=_given("depth_mm"), help="Depth of the frames as stored; default: the file's."),
+    click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Refractive index of the depth axis; 1 "
+                 "if the scanner has corrected it."),
     click.option("--bits", type=click.IntRange(8, 16), help="Bits of a 16-bit pixel that are used."),
     click.option("--grey-range", type=float, nargs=2, metavar="LOW HIGH", help="Pixel values that become black and "
-                 "white; floats and wide numbers are scaled from their smallest and largest by default."),
-    click.option("--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames taken in a second."),
+                 "white; default for floats and wide numbers: the smallest and the largest."),
+    click.option("--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames per second."),
     click.option("--times", type=PATH, help="Table of the frames' times (time_s or another "
                  "unit), with a column of file names or in the frames' order."),
-    click.option("--clock-offset-s", type=float, help="What the force log's clock shows more than the frames'."),
+    click.option("--clock-offset-s", type=float, help="Force log's clock minus the frames' clock, in seconds."),
     click.option("--column", "columns", multiple=True, metavar="COLUMN=NAME:UNIT", help="Column of a force log: time, "
                  "fx, fy, fz, tx, ty, tz or status, like fz=Pull:mN; 1000/N where 1000 counts are 1 N. Once for each."),
     click.option("--axis", type=click.Choice(["fx", "fy", "fz"]), help="Axis of the force sensor along the needle."),
     click.option("--contact-sign", type=click.Choice(["1", "-1"]), help="Sign of that axis in contact."),
-    click.option("--average-s", type=click.FloatRange(0.01, 60.0), help="Time over which a label averages; 2 by "
-                 "default, shorter for a needle that moves."),
-    click.option("--image-topic", help="Topic of the images in a ROS bag, where there are several."),
-    click.option("--force-topic", help="Topic of the forces in a ROS bag, where there are several."),
-    click.option("--by-arrival", is_flag=True, help="Take the times at which a bag's messages arrived, where they have "
-                 "no capture stamp."),
+    click.option("--average-s", type=click.FloatRange(0.01, 60.0), help="Averaging time of a label; default: 2; "
+                 "give less for a moving needle."),
+    click.option("--image-topic", help="Topic of the images in a ROS bag, if it has several."),
+    click.option("--force-topic", help="Topic of the forces in a ROS bag, if it has several."),
+    click.option("--by-arrival", is_flag=True, help="Use the arrival times of a bag's messages, if they have no "
+                 "capture stamp."),
     click.option("--eye", help="Name of the eye."),
-    click.option("--thickness-um", type=_given("thickness_um"), help="Thickness of its wall, where it was measured."),
-    click.option("--iop-mmhg", type=_given("iop_mmhg"), help="Its pressure at rest, where it was measured."),
-    click.option("--globe", type=GLOBE, help="Whether it is infused or vented, or sealed; unknown by "
-                 "default."),
+    click.option("--thickness-um", type=_given("thickness_um"), help="Measured thickness of the wall."),
+    click.option("--iop-mmhg", type=_given("iop_mmhg"), help="Measured intraocular pressure at rest."),
+    click.option("--globe", type=GLOBE, help="Open (infused or vented), or sealed (closed); default: unknown."),
     click.option("--gauge", type=click.IntRange(10, 36), help="Gauge of the needle."),
-    click.option("--gap-mm", type=_given("gap_mm"), help="B-scan plane to needle axis."),
-    click.option("--polar-angle-deg", type=_given("polar_angle_deg"), help="Contact, from the pole, where it is "
-                 "known."),
+    click.option("--gap-mm", type=_given("gap_mm"), help="Distance of the B-scan plane from the needle axis."),
+    click.option("--polar-angle-deg", type=_given("polar_angle_deg"), help="Measured polar angle of the contact."),
 )  # fmt: skip
-
-
-def _import_options(command: Decorated) -> Decorated:
-    """Add the options that are fields of `ImportOptions`."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
 
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
@@ -88,8 +78,8 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
               help="Recording folder to write; must not exist.")  # fmt: skip
 @click.option("--like", type=PATH, is_eager=True, callback=_like, metavar="RECORDING",
               help="Take scanner, needle, sensor and the columns of the log from another recording.")  # fmt: skip
-@_import_options
-@click.option("--model", type=PATH, help="Model whose limits are noted; by default the bundled reader.")
+@added(OPTIONS)
+@click.option("--model", type=PATH, help="Model whose training limits are noted; default: the bundled reader.")
 @click.pass_context
 def import_(
     ctx: click.Context, /, sources: tuple[Path, ...], out: Path, like: Path | None, model: Path | None, **given: Any
@@ -106,7 +96,6 @@ def import_(
 
     Example: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
     """
-    # Imported here: formats and figures take longer to import than the help to print.
     from scleraforce.models import SHIPPED_READER
     from scleraforce.notebook.importing import PREVIEW, write_imported
     from scleraforce.recording.importing import provenance

@@ -23,26 +23,26 @@ FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes withou
 
 # Command -> its module in `cli`, and one line of help.
 COMMANDS = {
-    "demo": ("first", "A first look: a virtual session, as a page."),
+    "demo": ("first", "Simulate and read a small session, as a web page."),
     "doctor": ("first", "Check this installation, and say what is missing."),
     "init": ("first", "Write a commented study.toml."),
-    "simulate": ("virtual", "One eye, one force: displacement, slice, picture."),
+    "simulate": ("virtual", "Bend one eye by one force."),
     "phantom": ("virtual", "Make a virtual acquisition: raw B-scans and a force log."),
-    "import": ("import_", "Frames and forces of other programs as a recording."),
+    "import": ("import_", "Import frames and forces of other programs."),
     "segment": ("frames", "Find the wall in raw frames."),
-    "scanner": ("scanner", "Measure a scanner on its frames, for a simulation."),
-    "library": ("train", "Solve the finite-strain load paths that others draw from."),
+    "scanner": ("scanner", "Measure a scanner on its frames, to simulate it."),
+    "library": ("train", "Compute a library of finite-strain load paths."),
     "calibrate": ("recordings", "Estimate Young's modulus from recordings."),
     "generate": ("train", "Simulate the slices that a classifier learns from."),
     "train": ("train", "Train a classifier, a reader or a wall finder."),
     "read": ("frames", "Read the force, or its class, from single frames."),
     "evaluate": ("recordings", "Compare a model's answers with recordings."),
     "show": ("show", "Describe or draw a study, recording, model, ..."),
-    "export": ("show", "A recording or answers for other programs."),
+    "export": ("show", "Write a recording or answers for other programs."),
     "monitor": ("monitor", "Tell a robot, from live B-scans, when to withdraw."),
-    "monitor-reset": ("monitor", "The operator's reset after a withdrawal."),
-    "replay": ("replay", "Play a recording to a monitor, as a scanner does."),
-    "reproduce": ("first", "The whole pipeline, to an HTML report."),
+    "monitor-reset": ("monitor", "Reset the monitor after a withdrawal."),
+    "replay": ("replay", "Play a recording to a monitor as a scanner would."),
+    "reproduce": ("first", "Run the whole pipeline and write an HTML report."),
 }
 ALIASES = {"classify": "read"}
 

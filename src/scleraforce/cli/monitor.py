@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, PATH, eye_options, options
+from scleraforce.cli.options import EYE, PATH, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
@@ -24,42 +24,44 @@ if TYPE_CHECKING:
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
 PORT = click.IntRange(0, 65535)
+STUDYS = "default: that of the model's study"
 UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
 
 
 @click.command(cls=Command, can_be_quiet=False)  # the operator has to see its lines
 @click.argument("model", type=PATH)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=PORT, default=18944, show_default=True, help="For OpenIGTLink; 0 takes a free one.")
-@click.option("--web-port", type=PORT, help="For the web console, which needs the extra [web].")
+@click.option("--port", type=PORT, default=18944, show_default=True, help="OpenIGTLink port; 0: any free port.")
+@click.option("--web-port", type=PORT, help="Port of the web console, which needs the extra [web].")
 @click.option("--web-host", default="127.0.0.1", show_default=True, help="Address of the web console.")
 @options("calibration")
 @click.option("--eye", help="Name of the eye in the calibration, and in recordings.")
-@eye_options(*EYE, default="by default it is not known", stiffening="by default it does not stiffen",
-             globe="by default it is not known, and intervals are wider")  # fmt: skip
-@click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
-@click.option("--rows", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
+@options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
+         globe="unknown, which widens intervals")  # fmt: skip
+@click.option("--columns", type=click.IntRange(16, 16384), help=f"Columns of a frame; {STUDYS}.")
+@click.option("--rows", type=click.IntRange(16, 16384), help=f"Rows of a frame; {STUDYS}.")
 @options("width_m", "depth_m", "refractive_index",
-         width_m="Of the frames, black bands included; by default the model's study's.",
-         depth_m="Of the frames, as stored; by default the model's study's.",
-         refractive_index="Of the frames' depth (1: corrected already); by default the model's study's.")  # fmt: skip
-@click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw from this class on; by default the highest.")
-@click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True),
-              help="Withdraw where the force's interval reaches this; by default the highest class's.")  # fmt: skip
-@click.option("--adaptive-bound", is_flag=True,
-              help="Withdraw at the force that stretches this eye's wall as the bound does the study's.")  # fmt: skip
+         width_m=f"Width of the frames, black bands included; {STUDYS}.",
+         depth_m=f"Depth of the frames as stored; {STUDYS}.",
+         refractive_index=f"Refractive index of the depth axis (1: already corrected); {STUDYS}.")  # fmt: skip
+@click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw at this class or a higher one; default: the "
+              "highest.")  # fmt: skip
+@click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True), help="Withdraw if the force's interval reaches "
+              "this; default: the lower bound of the highest class.")  # fmt: skip
+@click.option("--adaptive-bound", is_flag=True, help="Adapt the bound to this eye: the force that stretches its wall "
+              "as much as the bound stretches the study's wall.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
-              help="Withdraw after this number in a row that cannot be judged, once there was contact.")  # fmt: skip
+              help="After contact, withdraw after this number of unusable frames in a row.")  # fmt: skip
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
-              help="Withdraw after this number of second opinions in a row that cannot be judged.")  # fmt: skip
+              help="Withdraw after this number of unusable second opinions in a row.")  # fmt: skip
 @click.option("--unread-ms", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0, show_default=True,
-              help="Withdraw where more than this of a second's frames is never read.")  # fmt: skip
+              help="Withdraw if frames that cover more than this time of a second were not read.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
-              help="The robot's, from the order to its motion.")  # fmt: skip
+              help="The robot's delay, from the order to withdraw to its motion.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
-              help="Whether another process reads the frames with the fit as well.")  # fmt: skip
-@click.option("--record", type=PATH, help="Recording folder for the session; must not exist.")
-@click.option("--black-box", type=PATH, help="Folder of the log; by default the user's state.")
+              help="Read the frames with the fit as well, in another process.")  # fmt: skip
+@click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
+@click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
 def monitor(
     model: Path,
     host: str,
@@ -76,11 +78,11 @@ def monitor(
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
 
-    Frames come as OpenIGTLink IMAGEs; every frame is answered with a STATUS
-    `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
-    of silence, means withdraw. After a withdrawal only a reset leads back:
-    `scleraforce monitor-reset`, or the console, with the token that is printed
-    at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
+    Frames arrive as OpenIGTLink IMAGE messages. The monitor answers each one
+    with a STATUS `ForceMonitor`, which it also sends every 50 ms. Any code but
+    1, or 150 ms of silence, means withdraw. A withdrawal ends only with a
+    reset: `scleraforce monitor-reset`, or the console, with the token that is
+    printed at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
@@ -152,8 +154,9 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     from scleraforce.monitor import MonitorLimits
 
     oct_study = reader.study.oct
-    columns, rows = given["columns"] or oct_study.columns, given["rows"] or oct_study.rows
-    width_m, depth_m = given["width_m"] or oct_study.width_m, given["depth_m"] or oct_study.depth_m
+    columns, rows, width_m, depth_m = (
+        given[name] or getattr(oct_study, name) for name in ("columns", "rows", "width_m", "depth_m")
+    )
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
         bound_n=_bound_n(reader, known, given["bound_mn"], given["adaptive_bound"]),
@@ -206,10 +209,14 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
 
 
 def _eye_words(known: "Known") -> str:
+    from scleraforce.known import MODULUS_SOURCES
+
     modulus = known.modulus
     return ", ".join(
         (
-            f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
+            f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[modulus.source]})"
+            if modulus
+            else "modulus unknown",
             "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg",
             "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick",
             "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
@@ -274,13 +281,13 @@ def _write_line(text: str) -> None:
 
 
 @click.command(cls=Command)
-@click.option("--token", required=True, help="As the monitor printed it when it started.")
+@click.option("--token", required=True, help="The token that the monitor printed when it started.")
 @options("host", "port")
 def monitor_reset(token: str, host: str, port: int) -> Report:
     """Ask the monitor to leave a withdrawal.
 
-    It is granted only while fresh frames come that are usable and harmless;
-    otherwise the exit code is 2, and the answer says why.
+    The monitor grants it only while fresh frames arrive that are usable and
+    harmless. Otherwise the exit code is 2, and the answer says why.
 
     Example: scleraforce monitor-reset --token 3f0c52e6b91d4a78a1c6e0972bd85f14
     """

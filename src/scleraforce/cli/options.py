@@ -1,6 +1,6 @@
 """The options that commands share, in one table. A quantity arrives in SI, under the argument's name in `sf.*`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -11,7 +11,7 @@ from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.study import Study, read_study
 from scleraforce.study.eye import GLOBES
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
-from scleraforce.units import to_si
+from scleraforce.units import HumanUnit, to_si
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -57,9 +57,9 @@ class _Globe(click.Choice[str]):
 GLOBE = _Globe(GLOBES)
 
 
-def in_radians(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
-    """Convert an angle from degrees: the callback of an option."""
-    return to_si(value, "deg")
+def in_si(unit: HumanUnit) -> Callable[[click.Context, click.Parameter, float | None], float | None]:
+    """Return the callback of an option in a human unit."""
+    return lambda _, __, value: to_si(value, unit)
 
 
 def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
@@ -95,31 +95,31 @@ def _finder(_: click.Context, __: click.Parameter, folder: Path | None) -> Path 
 
 # Of each argument: the option, its type or other settings, and its help.
 TABLE: Mapping[str, tuple[str, Any, str]] = {
-    "study": ("--study", {"type": PATH, "callback": _study}, "Study file; the paper's by default."),
+    "study": ("--study", {"type": PATH, "callback": _study}, "Study file; default: the paper's study."),
     "calibration": ("--calibration", PATH, "File of `calibrate`: gives the eye's modulus."),
     "wall_finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
-               "Model of `train --kind wall-finder` that checks the walls; none: nothing checks them. Default: the "
-               "bundled one."),
+               "Model of `train --kind wall-finder` that checks the walls; `none`: no check. Default: the bundled "
+               "one."),
     "html": ("--html", {"type": PATH, "callback": new_file}, "Page to write as well; must not exist."),
     "plot": ("--plot", {"type": PATH, "callback": _new_figure},
              "Picture to write as well (PNG, SVG, PDF); must not exist."),
     "force": ("--force", {"is_flag": True}, "Replace files that exist."),
     "scheduler": ("--scheduler", {"metavar": "ADDRESS"}, "Dask scheduler whose workers do the work."),
-    "workers": ("--workers", click.IntRange(min=1), "Processes; default: one for each core."),
+    "workers": ("--workers", click.IntRange(min=1), "Number of processes; default: one for each core."),
     "mechanics": ("--mechanics", click.Choice(["linear", "finite-strain"]),
-                  "How the wall bends; the study's by default."),
+                  "Mechanics of the wall: small displacements (linear) or large ones; default: the study's."),
     "host": ("--host", {"default": "127.0.0.1", "show_default": True}, "Address of the monitor."),
     "port": ("--port", {"type": click.IntRange(1, 65535), "default": 18944, "show_default": True},
              "Port of the monitor."),
-    "width_m": ("--width-mm", Quantity("width_mm"), "Width of the frames; by default their recording's or their own "
-                "(DICOM, TIFF)."),
-    "depth_m": ("--depth-mm", Quantity("depth_mm"), "Depth of the frames, as stored; by default their recording's or "
-                "their own."),
-    "refractive_index": ("--refractive-index", click.FloatRange(1.0, 2.0), "By which depth is stretched (1: corrected "
-                         "already); by default the recording's, else that of the model's study (read) or 1."),
+    "width_m": ("--width-mm", Quantity("width_mm"), "Width of the frames; default: their recording's, else their "
+                "file's (DICOM, TIFF)."),
+    "depth_m": ("--depth-mm", Quantity("depth_mm"), "Depth of the frames as stored; default: their recording's, else "
+                "their file's (DICOM, TIFF)."),
+    "refractive_index": ("--refractive-index", click.FloatRange(1.0, 2.0), "Refractive index of the depth axis (1: "
+                         "already corrected); default: the recording's, else the model's study's (read), else 1."),
     "transpose": ("--transpose", {"is_flag": True}, "The frames' depth runs along their rows, from left to right."),
 }  # fmt: skip
-_AZIMUTH = {"type": click.FloatRange(-360.0, 360.0), "callback": in_radians}
+_ANGLE = {"type": click.FloatRange(-360.0, 360.0), "callback": in_si("deg")}
 FRAME_SIZE = ("width_m", "depth_m", "refractive_index", "transpose")
 # An eye's quantities; each command adds their default to the help.
 EYE: Mapping[str, tuple[str, Any, str]] = {
@@ -128,46 +128,40 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
     "thickness_m": ("--thickness-um", Quantity("thickness_um"), "Thickness of the wall"),
     "gap_m": ("--gap-mm", Quantity("gap_mm"), "Distance of the B-scan plane from the needle axis"),
     "polar_angle_rad": ("--polar-angle-deg", Quantity("polar_angle_deg"), "Polar angle of the contact"),
-    "plane_direction_rad": ("--plane-direction-deg", _AZIMUTH, "Direction of the B-scan's "
-                            "lateral axis, from the meridian that leads away from the pole"),
-    "stiffening": ("--stiffening", click.FloatRange(0.0), "b of the tissue"),
-    "globe": ("--globe", GLOBE, "Whether the pressure stays the same or rises with the dent (also: closed)"),
-    "rigidity_pa13_per_m3": ("--rigidity", Quantity("rigidity"), "Of a sealed globe, in mmHg^(1/3) per µl"),
+    "plane_direction_rad": ("--plane-direction-deg", _ANGLE, "Direction of the B-scan's lateral axis, from the "
+                            "meridian that leads away from the pole"),
+    "stiffening": ("--stiffening", click.FloatRange(0.0), "Stiffening parameter b of the tissue (docs/physics.md)"),
+    "globe": ("--globe", GLOBE, "Open: the pressure is constant; sealed (or closed): it rises with the dent"),
+    "rigidity_pa13_per_m3": ("--rigidity", Quantity("rigidity"), "Rigidity k of a sealed globe, mmHg^(1/3) per µl"),
 }  # fmt: skip
 
 
-def options(*names: str, required: tuple[str, ...] = (), **words: str) -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds options of the table, in this order; `words` replaces the help of some."""
-    return _decorator([_option(name, TABLE[name], words.get(name), name in required) for name in names])
-
-
-def eye_options(
-    *names: str, default: str, required: tuple[str, ...] = (), **defaults: str
+def options(
+    *names: str, default: str = "", required: tuple[str, ...] = (), **words: str
 ) -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds the options of an eye.
+    """Return a decorator that adds options of the tables, in this order.
 
     Args:
-        names: arguments, keys of `EYE`.
-        default: the value without the option, in the words of its help.
+        names: arguments, keys of `TABLE` or `EYE`.
+        default: the value of an eye's quantities without their option, in the words of their help.
         required: options without a default.
-        defaults: of options with another default.
+        words: another help, or another default of an eye's quantity.
     """
     made = []
     for name in names:
-        end = "" if name in required else f"; {defaults.get(name, default)}"
-        made.append(_option(name, EYE[name], f"{EYE[name][2]}{end}.", name in required))
-    return _decorator(made)
+        flag, settings, help_text = TABLE.get(name) or EYE[name]
+        if name in TABLE:
+            help_text = words.get(name, help_text)
+        else:
+            help_text += "." if name in required else f"; default: {words.get(name, default)}."
+        settings = settings if isinstance(settings, dict) else {"type": settings}
+        made.append(click.option(flag, name, help=help_text, required=name in required, **settings))
+    return added(made)
 
 
-def _option(
-    name: str, entry: tuple[str, Any, str], words: str | None, required: bool
-) -> Callable[[Decorated], Decorated]:
-    flag, settings, usual = entry
-    settings = settings if isinstance(settings, dict) else {"type": settings}
-    return click.option(flag, name, help=words or usual, required=required, **settings)
+def added(made: Sequence[Callable[[Any], Any]]) -> Callable[[Decorated], Decorated]:
+    """Return a decorator that adds options in this order."""
 
-
-def _decorator(made: list[Callable[[Any], Any]]) -> Callable[[Decorated], Decorated]:
     def decorated(command: Decorated) -> Decorated:
         for option in reversed(made):
             command = option(command)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import PATH, eye_options, options
+from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, Report, count_bar, is_json, say
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
@@ -38,18 +38,17 @@ class _Notes(list[str]):
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
 @options("study")
 @click.option("--out", type=PATH, required=True, help="File to write; must not exist.")
-@click.option("--frames", type=click.IntRange(1), help="Number of frames above 5 mN to take of each recording: the "
-              "highest force, and even shares of it.")  # fmt: skip
+@click.option("--frames", type=click.IntRange(1), help="Number of frames to use of each recording, all above 5 mN: the "
+              "one with the highest force, and others at even fractions of it; default: all.")  # fmt: skip
 @click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
-              show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
+              show_default=True, help="Mechanics of the wall; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",
-              help="Uncertain ones of e, stiffening, iop, thickness, gap.")  # fmt: skip
-@eye_options("thickness_m", default="by default the recordings'")
-@options("wall_finder")
+              help="Parameters to estimate: e, and any of stiffening, iop, thickness, gap.")  # fmt: skip
+@options("thickness_m", "wall_finder", default="the recordings'")
 @click.option("--resume", "earlier", type=PATH, help="Continue from an earlier file of this command.")
-@click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Stretch a reader's intervals (a folder's, or "
-              "`default`) to hold on these recordings; --out is its copy.")  # fmt: skip
-@options("plot", plot="Picture to write as well; must not exist.")
+@click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Adapt the intervals of this reader (a folder, "
+              "or `default`) to these recordings; --out is the adapted copy.")  # fmt: skip
+@options("plot")
 @click.pass_context
 def calibrate(
     ctx: click.Context,
@@ -66,10 +65,10 @@ def calibrate(
 
     A reduced-order unscented Kalman filter compares points on the wall's
     boundaries with the simulated section's, frame by frame. The
-    population's modulus is the mean of the eyes' means. How much the tissue
-    stiffens is found by trying it. Finite strain needs the response library:
-    that of another study than the paper's is made on first need (a minute).
-    Quantities that a reader of the study would ignore are noted at the start.
+    population's modulus is the mean of the eyes' means. The stiffening of the
+    tissue is found by a search. Finite strain needs a response library; for
+    another study than the paper's it is computed once (a minute). Notes at the
+    start name the quantities that a reader of the study would ignore.
 
     With --intervals, each eye is calibrated on three of its frames (or on
     --frames); the reader reads the others, and its copy in --out has intervals
@@ -84,30 +83,28 @@ def calibrate(
             )
         from scleraforce.notebook.calibrating import recalibrate_intervals
 
-        changes = recalibrate_intervals(
+        found = recalibrate_intervals(
             model, recordings, out, count_bar, frames=frames or CALIBRATED, wall_finder=wall_finder, note=notes
         )
-        each = [asdict(change) for change in changes]
-        result = {"model": str(out), "from": str(model), "stretches": each, "notes": notes}
-        return Report(result, [*_stretches(changes), f"wrote {out}"])
-    # Imported here: calibration takes longer to import than the help to print.
+        result = {"model": str(out), "from": str(model), "stretches": list(map(asdict, found)), "notes": notes}
+        return Report(result, [*_stretches(found), f"wrote {out}"])
     import scleraforce as sf
     from scleraforce.calibration.result import calibration_as_json
     from scleraforce.report.shown_recordings import calibration_lines
 
-    found = sf.calibrate(
+    calibration = sf.calibrate(
         recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given
     )
     if plot is not None:
         from scleraforce.report.calibration_figures import draw_calibration
         from scleraforce.report.files import write_figure
 
-        write_figure(draw_calibration(found), plot)
-    return Report({**calibration_as_json(found), "notes": notes}, [*calibration_lines(found), f"wrote {out}"])
+        write_figure(draw_calibration(calibration), plot)
+    lines = [*calibration_lines(calibration), f"wrote {out}"]
+    return Report({**calibration_as_json(calibration), "notes": notes}, lines)
 
 
 def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
-    """Yield a table of the changes of a reader's intervals."""
     from scleraforce.reader.intervals import FEW_EYES
 
     yield f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}"
@@ -115,7 +112,7 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
         yield f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
     if min(change.eyes for change in changes) < FEW_EYES:
-        yield f"note: of fewer than {FEW_EYES} eyes the widest reading counts; no interval narrows"
+        yield f"note: fewer than {FEW_EYES} eyes: the widest reading decides; no interval narrows"
 
 
 @click.command(cls=Command)
@@ -130,14 +127,14 @@ def evaluate(
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
 
-    A label is given with the standard deviation of its error, by the log's own
-    noise, steps and drift. Intervals are held against labels with that error,
-    and against truth.json where the eye is a virtual one.
+    Each label has the standard deviation of its error, from the noise, steps
+    and drift of the force log. Intervals are compared with the labels,
+    including that error, and for a virtual eye also with truth.json.
 
-    Trials over the largest force of the model's study, and pierced ones, are
+    Trials above the largest force of the model's study, and pierced ones, are
     listed and left out. A frame that cannot be judged counts as class 2. A
-    model of kind "reader" reads an eye that the calibration knows with its own
-    modulus, others with the population's; a classifier knows one modulus only.
+    model of kind "reader" uses an eye's own modulus if the calibration has it,
+    otherwise the population's; a classifier knows one modulus only.
     """
     import scleraforce as sf
 

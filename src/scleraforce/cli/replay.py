@@ -39,16 +39,18 @@ def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str
 @click.command(cls=Command)
 @click.argument("recording_path", metavar="RECORDING", type=PATH)
 @options("host", "port")
-@click.option("--speed", type=click.FloatRange(0.01, 10_000), help="Recorded seconds in a second; 1 by default.")
-@click.option("--step", is_flag=True, help="Enter sends the next frame, and its answer is printed.")
-@click.option("--preload", is_flag=True, help="Read all frames before the first goes out, where memory allows: then "
-              "reading takes no time from a monitor on the same machine.")  # fmt: skip
+@click.option("--speed", type=click.FloatRange(0.01, 10_000), help="Speed; default: 1 (the recording's own).")
+@click.option("--step", is_flag=True, help="Send one frame each time Enter is pressed, and print its answer.")
+@click.option("--preload", is_flag=True, help="Read all frames into memory before the first is sent, so that reading "
+              "takes no time from a monitor on the same machine.")  # fmt: skip
 @click.option("--version", type=click.IntRange(1, 3), default=2, show_default=True,
-              help="Of the OpenIGTLink headers; 1 carries no frame number.")  # fmt: skip
+              help="Version of the OpenIGTLink headers; 1 has no frame number.")  # fmt: skip
 @click.option("--fault", metavar="NAME", callback=_fault, is_eager=True,
-              help="Inject a fault of the scanner after contact; `list` names them.")  # fmt: skip
-@click.option("--fault-at-s", type=float, help="When, on the recording's clock; drawn from --seed by default.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the fault.")
+              help="Inject a fault of the scanner after contact; `list` prints their names.")  # fmt: skip
+@click.option("--fault-at-s", type=float, help="Time of the fault on the recording's clock; default: drawn at random.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the fault's random choices."
+)
 def replay(
     recording_path: Path,
     host: str,
@@ -61,11 +63,11 @@ def replay(
     fault_at_s: float | None,
     seed: int,
 ) -> None:
-    """Play a recording to a monitor, as a scanner does.
+    """Play a recording to a monitor as a scanner would.
 
-    Frames go out at their times, over OpenIGTLink; forces.csv goes along as
-    SENSOR RobotForce. Each change of the monitor's status is printed, and a
-    summary at the end. With --fault, exit code 1 says that the monitor did not
+    It sends the frames at their times over OpenIGTLink, and forces.csv as
+    SENSOR RobotForce. It prints each change of the monitor's status, and a
+    summary at the end. With --fault, exit code 1 means that the monitor did not
     make the robot withdraw.
 
     Example: scleraforce replay moving-eye --fault frozen
@@ -138,14 +140,7 @@ def _logged_frame_forces(recording: "Recording") -> list[float] | None:
 
 
 class _Show:
-    """Lines that are printed while a recording plays, and the summary at its end.
-
-    Args:
-        recording: the recording.
-        log: the monitor's answers.
-        forces_n: the true force at each frame, where it is known.
-        quiet: print nothing while it plays.
-    """
+    """Prints lines while a recording plays, unless `quiet`, and the summary at its end."""
 
     def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
         self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
@@ -207,8 +202,7 @@ class _Show:
 
         log = self._log
         took_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
-        quantiles_ms = dict(zip(("median", "p99", "max"), np.percentile(took_ms, (50, 99, 100)).tolist(), strict=True)
-                            ) if len(took_ms) else None  # fmt: skip
+        median, p99, most = np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else (None,) * 3
         withdrawal = log.first_doubt(0.0, (3,))
         return {
             "recording": str(self._recording.path),
@@ -220,7 +214,7 @@ class _Show:
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
-            "latency_ms": quantiles_ms,
+            "latency_ms": {"median": median, "p99": p99, "max": most} if len(took_ms) else None,
             "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
             "withdrawal": None if withdrawal is None else self._change_record(withdrawal),

@@ -1,7 +1,7 @@
 """`scleraforce scanner`: measure a scanner on its own frames, for a simulation."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,29 +43,27 @@ def _new_study(ctx: click.Context, option: click.Parameter, path: Path) -> Path:
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @options(*FRAME_SIZE)
 @click.option("--bits", type=click.IntRange(8, 16),
-              help="Bits of a pixel that are used; by default the recording's, or 8 of a frame of bytes.")  # fmt: skip
+              help="Bits of a pixel that are used; default: the recording's, or 8 if pixels are bytes.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=_new_study,
               help="Study file to write (.toml); its picture has the same name, .png.")  # fmt: skip
 @options("wall_finder")
 def scanner(
     frames: tuple[Path, ...],
-    width_m: float | None,
-    depth_m: float | None,
-    refractive_index: float | None,
     transpose: bool,
     bits: int | None,
     out: Path,
     wall_finder: Path | None,
+    **size: float | None,
 ) -> Report:
     """Measure a scanner on its own frames of an eye at rest, for a simulation.
 
-    Noise, display, speckle, attenuation, the surface's reflection, the layer
-    below the wall, shadows, lines and black bands become ranges of [phantom] in
-    a study: `phantom --study` draws recordings of such frames, and
+    It writes a study whose [phantom] has the measured ranges of noise, display,
+    speckle, attenuation, reflection of the surface, the layer below the wall,
+    shadows, lines and black bands. `phantom --study` draws such frames, and
     `train LIBRARY --kind raw-reader --study` learns to read them. (No other
-    network learns from [phantom].) The picture beside it shows a real frame, a
-    drawn one and the histograms of both. Quantities that the frames do not show
-    keep the values of the paper's study; the report names them.
+    network learns from [phantom].) The picture beside the study compares a real
+    frame and a drawn one, with their histograms. Quantities that cannot be
+    measured keep the values of the paper's study; the report names them.
 
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
@@ -73,8 +71,7 @@ def scanner(
     from scleraforce.laboratory.scanner import measure_scanner
     from scleraforce.recording.folder import Scanner
 
-    size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    measured = measure_scanner(_imaged(frames, size, transpose, bits, wall_finder))
+    measured = measure_scanner(_imaged(frames, Scanner(**size), transpose, bits, wall_finder))
     picture = out.with_suffix(".png")
     overlap = _write(measured, frames, out, picture)
     result = {"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap}
@@ -147,20 +144,19 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
     return histogram_overlap(frame.eye.pixels, drawn, frame.eye.top)
 
 
-def _ranges(
-    measured: "MeasuredScanner",
-) -> "Iterator[tuple[str, Callable[[float], float], MeasuredRange | Unmeasured, bool]]":
-    """Yield each quantity: its key in a study, its conversion from SI, its range, and whether a study draws it."""
-    from scleraforce.laboratory.scanner import NOT_DRAWN
+def _ranges(measured: "MeasuredScanner") -> "Iterator[tuple[str, MeasuredRange | Unmeasured, bool]]":
+    """Yield each quantity: its key in a study, its range in the unit of the key, and whether a study draws it."""
+    from scleraforce.laboratory.scanner import NOT_DRAWN, MeasuredRange
 
     items = {item.name: item for item in fields(PhantomStudy)}
     for name, found in measured.ranges.items():
+        key, change = (field_key(items[name]), field_unit(items[name]).from_si) if name in items else (name, float)
         if name == "roll_off_db_per_m":
-            yield "roll_off_db_per_mm", lambda value: from_si(value, "per_mm"), found, name not in NOT_DRAWN
-        elif name in items:
-            yield field_key(items[name]), field_unit(items[name]).from_si, found, name not in NOT_DRAWN
-        else:
-            yield name, lambda value: value, found, name not in NOT_DRAWN
+            key, change = "roll_off_db_per_mm", lambda value: from_si(value, "per_mm")
+        if isinstance(found, MeasuredRange):
+            median, low, high = map(change, (found.median, found.low, found.high))
+            found = replace(found, median=median, low=low, high=high)
+        yield key, found, name not in NOT_DRAWN
 
 
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
@@ -170,12 +166,12 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
     found: dict[str, Any] = {}
     missing: dict[str, str] = {}
     not_drawn: dict[str, Any] = {}
-    for key, change, result, is_drawn in _ranges(measured):
+    for key, result, is_drawn in _ranges(measured):
         if isinstance(result, MeasuredRange):
             (found if is_drawn else not_drawn)[key] = {
-                "median": change(result.median),
-                "min": change(result.low),
-                "max": change(result.high),
+                "median": result.median,
+                "min": result.low,
+                "max": result.high,
                 "seen": result.seen,
                 "at_most": result.at_most,
             }
@@ -197,17 +193,13 @@ def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
 
     yield f"display = {measured.display.name}"
     missing = []
-    for key, change, found, is_drawn in _ranges(measured):
-        if not is_drawn:
-            continue
-        if not isinstance(found, MeasuredRange):
+    for key, found, is_drawn in _ranges(measured):
+        if is_drawn and not isinstance(found, MeasuredRange):
             missing.append(f"not measured: {key}: {found.reason}")
-            continue
-        median, low, high = (f"{change(value):.4g}" for value in (found.median, found.low, found.high))
-        if found.at_most:
-            yield f"{key} = {median} at most: finer than the pixels show"
-        else:
-            yield f"{key} = {median}" if low == high else f"{key} = {median} ({low} to {high})"
+        elif is_drawn and isinstance(found, MeasuredRange):
+            median, low, high = (f"{value:.4g}" for value in (found.median, found.low, found.high))
+            span = "" if low == high else f" ({low} to {high})"
+            yield f"{key} = {median}{' at most: finer than the pixels show' if found.at_most else span}"
     for name, counts in measured.counts.items():
         yield f"{name} = {', '.join(map(str, counts))} (of each frame)"
     yield from map(wrapped, missing)
@@ -224,7 +216,7 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
         for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
     )
     if not isinstance(slope, MeasuredRange):
-        yield f"that the display is {kind} is taken for granted: {slope.reason}"
+        yield f"the display is assumed to be {kind}: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         yield (
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
@@ -233,17 +225,17 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     if isinstance(looks, MeasuredRange) and looks.median > MOST_LOOKS:
         yield (
             f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its "
-            "scale is that of the wall's speckle; a study draws noise of one look, which is rougher"
+            "scale is taken from the wall's speckle; a study draws noise of one look, which is rougher"
         )
     if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
         yield (
-            f"the noise lies {misfit.median:.1f} dB off that of a {kind} display: it is processed, or something "
-            "shows in it"
+            f"the noise differs by {misfit.median:.1f} dB from that of a {kind} display: it is processed, or contains "
+            "other light"
         )
     if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
         yield (
-            f"the wall's speckle has a skew of {skew.median:.2f} in dB, that of one look is -0.20: fibres lie among "
-            f"it, or the display is no {kind} one, and levels in dB are wrong"
+            f"the wall's speckle has a skew of {skew.median:.2f} in dB, speckle of one look has -0.20: it contains "
+            f"fibres, or the display is not {kind}, and levels in dB are wrong"
         )
     if overlap < DRAWN_OVERLAP:
         yield (

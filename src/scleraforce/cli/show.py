@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from scleraforce.cli.options import PATH, options
-from scleraforce.cli.output import Command, Report, progress_bar
+from scleraforce.cli.output import Command, Report, count_bar
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 
@@ -26,11 +26,10 @@ ENDINGS = (*TABLES, ".mcap", ".nrrd")
 
 @click.command(cls=Command)
 @click.argument("thing", type=PATH)
-@options("plot", "html", plot="Draw it to this file as well (PNG, SVG, PDF).",
-         html="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
-@click.option("--model", type=PATH, help="Of a recording: the model that reads the frames of --html, and whose limits "
-              "are noted; by default the bundled reader's.")  # fmt: skip
-@options("calibration", "wall_finder", calibration="File of `calibrate`: gives a reader the eye's modulus.")
+@options("plot", "html", html="For a recording: page to browse its frames, read with --model; must not exist.")
+@click.option("--model", type=PATH, help="For a recording: model whose training limits are noted, and which reads the "
+              "frames of --html; default for the limits: the bundled reader.")  # fmt: skip
+@options("calibration", "wall_finder")
 @click.pass_context
 def show(
     ctx: click.Context,
@@ -42,7 +41,7 @@ def show(
     calibration: Path | None,
     wall_finder: Path | None,
 ) -> Report:
-    """Say what THING is and what is in it.
+    """Describe THING: its kind and its content.
 
     THING is a study, a library, a data set, a model (or the name of a bundled
     one: default, paper, wall-finder), a recording, a calibration file, or the
@@ -50,7 +49,6 @@ def show(
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
-    # Imported here: figures take longer to import than the help to print.
     from scleraforce.report.files import write_figure
     from scleraforce.report.shown import thing_at
 
@@ -80,9 +78,9 @@ def _write_page(recording: Path, html: Path, model: Path, calibration: Path | No
 
     reader = sf.load_model(model, wall_finder=finder)
     frames = len(sf.read_recording(recording).frames)
-    with progress_bar(range(2 * frames), "frames") as bar:
-        evaluation = sf.evaluate(reader, recording, calibration, progress=bar.update)
-        write_browser_html(evaluation, html, datetime.now(UTC), bar.update)
+    with count_bar("frames", 2 * frames) as advance:
+        evaluation = sf.evaluate(reader, recording, calibration, progress=advance)
+        write_browser_html(evaluation, html, datetime.now(UTC), advance)
 
 
 def _lines(path: Path, found: "Thing") -> list[str]:
@@ -96,17 +94,16 @@ def _lines(path: Path, found: "Thing") -> list[str]:
 @click.argument("thing", type=PATH)
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
               help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.")  # fmt: skip
-@click.option("--answers", type=PATH, help="Output of evaluate, read or segment with --json on the recording: it "
-              "joins the rows of its frames.")  # fmt: skip
+@click.option("--answers", type=PATH, help="Output of evaluate, read or segment with --json on the recording, to "
+              "add to the rows of its frames.")  # fmt: skip
 @options("force", force="Replace a file that exists.")
 def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
     """Write a recording, or a file of answers, for other programs.
 
     THING is a recording folder, or the output of evaluate, read or segment
     with --json. .csv and .json have a row for each frame: time, measured force,
-    class, answers. .mcap has images, wrenches and rows as ROS 2 and Foxglove
-    read them; .nrrd the frames as a sequence of 3D Slicer. The last two take a
-    recording.
+    class, answers. .mcap has images, wrenches and rows for ROS 2 and Foxglove;
+    .nrrd has the frames as a sequence for 3D Slicer. Both need a recording.
 
     Example: scleraforce export eye-1 --answers answers.json --out eye-1.csv
     """

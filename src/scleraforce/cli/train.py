@@ -16,18 +16,17 @@ from scleraforce.study import Study
 
 @click.command(cls=Command)
 @options("study")
-@click.option("--out", type=PATH, required=True, help="Where the library goes (Zarr).")
+@click.option("--out", type=PATH, required=True, help="Library to write (Zarr).")
 @options("scheduler", "workers", scheduler="Dask scheduler whose workers solve the paths.")
 def library(study: Study, out: Path, scheduler: str | None, workers: int | None) -> Report:
-    """Solve the load paths of the response library.
+    """Compute a response library: load paths of walls at finite strain.
 
-    Other commands take the library of the paper's study from the bundled
-    reader; another one they make on first need, and keep it in the user's
-    cache. This command writes it where you say, on a Dask cluster if you like.
-    The same command resumes an interrupted run. The library is the same
-    wherever it is made, by any number of workers.
+    Other commands use the bundled reader's library for the paper's study. For
+    another study they compute one when they first need it, and keep it in the
+    user's cache. This command writes it to --out, on a Dask cluster if --scheduler
+    is given. The same command resumes an interrupted run. The library does not
+    depend on the number of workers.
     """
-    # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.library.build import build_library
     from scleraforce.library.plan import plan_library
     from scleraforce.study.unused import refuse_unused
@@ -42,7 +41,7 @@ def library(study: Study, out: Path, scheduler: str | None, workers: int | None)
 
 @click.command(cls=Command)
 @options("study", required=("study",), study="Study file (TOML).")
-@click.option("--out", type=PATH, required=True, help="Where the data set goes (Zarr).")
+@click.option("--out", type=PATH, required=True, help="Data set to write (Zarr).")
 @options("calibration", "mechanics", "scheduler", "workers",
          calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
          scheduler="Dask scheduler whose workers make the slices.")  # fmt: skip
@@ -56,12 +55,10 @@ def generate(
 ) -> Report:
     """Simulate slices of the deformed sclera with their forces.
 
-    Finite strain draws from the response library: that of another study than
-    the paper's is made on first need (a minute). The same command resumes an
-    interrupted run. The data set is the same wherever it is made, by any
-    number of workers.
+    Finite strain needs a response library; for another study than the paper's
+    it is computed once (a minute). The same command resumes an interrupted run.
+    The data set does not depend on the number of workers.
     """
-    # Imported here: the simulation takes longer to import than the help to print.
     from scleraforce.learning.dataset import read_population_modulus
     from scleraforce.notebook.training import simulate_slices
     from scleraforce.study.unused import refuse_unused
@@ -87,12 +84,11 @@ def generate(
 @click.option("--out", type=PATH, required=True, help="Model folder to write; must not exist.")
 @click.option("--kind", type=click.Choice(["classifier", "reader", "raw-reader", "wall-finder"]),
               default="classifier", show_default=True, help="Kind of network: its answer and its input.")  # fmt: skip
-@click.option(
-    "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
-)
+@click.option("--search", is_flag=True,
+              help="Try every size of the grid (search_widths x search_depths), keep the best.")  # fmt: skip
 @options("study", "scheduler",
-         study="Study file whose [network], [reader], [raw_reader] or [wall_finder] to use, with the sections that "
-         "samples are drawn from; default: the data set's, the paper's.",
+         study="Study file: settings of the network, and of the samples that it learns from; default: the data set's "
+         "(classifier) or the paper's.",
          scheduler="Dask scheduler whose workers train the sizes of --search, or draw the scenes of a wall "
          "finder.")  # fmt: skip
 @click.pass_context
@@ -108,15 +104,16 @@ def train(
 ) -> Report:
     """Train a network on DATASET, or on drawings alone.
 
-    The classifier learns from a data set of `scleraforce generate`, the reader
-    from a response library of `scleraforce library`. So does the raw reader,
-    which sees raw frames of its walls: of the scanner that [phantom] in the
-    study describes (`scleraforce scanner` measures one). The wall finder needs
-    no DATASET: it draws the scenes that it learns from.
+    DATASET depends on --kind. A classifier learns from a data set of
+    `scleraforce generate`; a reader and a raw reader from a response library of
+    `scleraforce library`. A raw reader sees raw frames of the library's walls,
+    from the scanner that [phantom] of the study describes (`scleraforce
+    scanner` measures one). A wall finder draws its own scenes: it needs no
+    DATASET.
 
-    Writes a model folder: model.onnx, study.toml, card.md and model.json with
-    the curves of the training; a reader's has library.npz, too. The same data
-    and study give the same weights on the same machine.
+    It writes a model folder: model.onnx, study.toml, card.md and model.json
+    with the curves of the training; a reader's also has library.npz. The same
+    data and study give the same weights on the same machine.
 
     Example: scleraforce train paper.zarr --out model
 
@@ -137,7 +134,6 @@ def train(
     if search and kind != "classifier":
         raise click.UsageError(f"--search is for --kind classifier: a {kind} has the sizes of [{section}]")
     start = time.perf_counter()
-    # Imported here: stores and PyTorch take longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.models import read_folder
     from scleraforce.study.unused import refuse_unused

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import PATH, Quantity, chosen_workers, eye_options, in_radians, new_file, options
+from scleraforce.cli.options import PATH, Quantity, chosen_workers, in_si, new_file, options
 from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, share_bar
 from scleraforce.errors import StudyError
 from scleraforce.study import Study
@@ -18,45 +18,35 @@ from scleraforce.units import from_si, to_si
 if TYPE_CHECKING:
     from scleraforce.laboratory.simulation import SimulatedEye
 
-STUDYS = "the study's by default"
-GLOBE, RIGIDITY = f"finite strain only; {STUDYS} (open, if it does not say)", f"{STUDYS} (0.03, if it does not say)"
+STUDYS = "the study's"
+GLOBE, RIGIDITY = f"{STUDYS} (open, if it sets none); sealed needs finite strain", f"{STUDYS} (0.03, if it sets none)"
+MECHANICS = "Small displacements (linear) or large ones; default: the study's (linear, if it sets none)."
 THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
 
 
 @click.command(cls=Command)
-@options("study")
-@eye_options("thickness_m", default="", required=("thickness_m",))
+@options("study", "thickness_m", required=("thickness_m",))
 @click.option("--force-mn", "force_n", type=Quantity("force_mn"), required=True,
               help="Force of the needle, along the inward normal.")  # fmt: skip
-@eye_options("youngs_modulus_pa", "iop_pa", "polar_angle_rad", "gap_m", "globe", "rigidity_pa13_per_m3",
-             default=STUDYS, polar_angle_rad="the middle of the study's by default", globe=GLOBE,
-             rigidity_pa13_per_m3=RIGIDITY)  # fmt: skip
-@options("mechanics", mechanics="Small displacements, or any; the study's by default (linear, if it does not say).")
-@click.option("--vtu", type=PATH, callback=new_file, help="Write the mesh and its displacement (VTK) here.")
-@click.option("--xdmf", type=PATH, callback=new_file, help="Write it at rest and under the force here (XDMF).")
-@options("html", "plot", html="Write a page here, with the wall to be turned in 3-D.",
-         plot="Write a picture of the deformed mesh and the slice here (PNG, SVG, PDF).")  # fmt: skip
+@options("youngs_modulus_pa", "iop_pa", "polar_angle_rad", "gap_m", "globe", "rigidity_pa13_per_m3", "mechanics",
+         default=STUDYS, polar_angle_rad="the middle of the study's range", globe=GLOBE,
+         rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)  # fmt: skip
+@click.option("--vtu", type=PATH, callback=new_file, help="File to write: the mesh and its displacement (VTK).")
+@click.option("--xdmf", type=PATH, callback=new_file, help="File to write: the mesh at rest and under the force.")
+@options("html", "plot", html="Page to write, with a 3-D view of the wall.",
+         plot="Picture to write: the deformed mesh and the slice (PNG, SVG, PDF).")  # fmt: skip
 def simulate(
-    study: Study,
-    globe: str | None,
-    rigidity_pa13_per_m3: float | None,
-    mechanics: str | None,
-    vtu: Path | None,
-    xdmf: Path | None,
-    html: Path | None,
-    plot: Path | None,
-    **given: Any,
+    study: Study, vtu: Path | None, xdmf: Path | None, html: Path | None, plot: Path | None, **given: Any
 ) -> Report:
     """Bend one eye by one force: displacement, slice, picture.
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
-    # Imported here: mechanics and figures take longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.laboratory.simulation import write_vtu, write_xdmf
     from scleraforce.notebook.virtual import declared
 
-    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
+    study = declared(study, *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")))
     start = perf_counter()
     with share_bar("load path") as reach:
         eye = sf.simulate(study, progress=reach, **given)
@@ -127,31 +117,30 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 
 
 @click.command(cls=Command)
-@click.option("--out", type=PATH, required=True, help="Recording folder to write; must not exist. With --count the "
+@click.option("--out", type=PATH, required=True, help="Recording folder to write; must not exist. With --count, the "
               "folder of all recordings.")  # fmt: skip
 @options("study")
-@click.option("--eye", "name", help="Name of the eye; eye-1 by default. With --count the part before the number.")
+@click.option("--eye", "name", help="Name of the eye; default: eye-1. With --count, the part before the number.")
 @click.option("--count", type=click.IntRange(1, 1_000_000), help="Number of eyes: contact, B-scan plane and thickness "
               "of each are drawn from the study, unless an option gives them.")  # fmt: skip
 @options("scheduler", "workers", scheduler="Dask scheduler whose workers make the recordings of --count.")
 @click.option("--forces-mn", "forces_n", type=_Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
-@click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames a second of a needle that moves: --forces-mn "
+@click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames per second of a moving needle: --forces-mn "
               "are then the turning points of its force, which begins at 0.")  # fmt: skip
-@click.option("--ramp-mn-per-s", type=click.FloatRange(0.01, 1e5), help="Rate of change of the force between them; "
-              "20 by default.")  # fmt: skip
-@click.option("--hold-s", type=click.FloatRange(0, 3600), help="Time at each of them; 1 by default.")
-@eye_options("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m", "polar_angle_rad", default=STUDYS,
-             thickness_m="600 by default", polar_angle_rad="35 by default")  # fmt: skip
-@click.option("--azimuth-deg", "azimuth_rad", type=float, callback=in_radians,
-              help="Contact, about the pole; 0 by default.")  # fmt: skip
-@click.option("--direction-deg", "direction_rad", type=float, callback=in_radians,
-              help="B-scan plane about the needle axis; 0 by default.")  # fmt: skip
-@click.option("--tilt-deg", "tilt_rad", type=float, callback=in_radians,
-              help="B-scan plane against the needle axis; 0 by default.")  # fmt: skip
-@eye_options("globe", "rigidity_pa13_per_m3", default=STUDYS, globe=GLOBE, rigidity_pa13_per_m3=RIGIDITY)
-@options("mechanics", mechanics="How the wall bends; the study's by default (linear, if it does not say).")
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of all random choices; the study's by default.")
+@click.option("--ramp-mn-per-s", "ramp_n_per_s", type=click.FloatRange(0.01, 1e5), callback=in_si("mn_per_s"),
+              help="Rate of change of a moving needle's force; default: 20.")  # fmt: skip
+@click.option("--hold-s", type=click.FloatRange(0, 3600), help="Time at each turning point; default: 1.")
+@options("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m", "polar_angle_rad", default=STUDYS,
+         thickness_m="600", polar_angle_rad="35")  # fmt: skip
+@click.option("--azimuth-deg", "azimuth_rad", type=float, callback=in_si("deg"),
+              help="Azimuth of the contact about the pole; default: 0.")  # fmt: skip
+@click.option("--direction-deg", "direction_rad", type=float, callback=in_si("deg"),
+              help="Rotation of the B-scan plane about the needle axis; default: 0.")  # fmt: skip
+@click.option("--tilt-deg", "tilt_rad", type=float, callback=in_si("deg"),
+              help="Tilt of the B-scan plane against the needle axis; default: 0.")  # fmt: skip
+@options("globe", "rigidity_pa13_per_m3", "mechanics", globe=GLOBE, rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Seed of all random choices; default: the study's.")
 def phantom(
     out: Path,
     study: Study,
@@ -160,12 +149,6 @@ def phantom(
     scheduler: str | None,
     workers: int | None,
     forces_n: tuple[float, ...],
-    rate_hz: float | None,
-    ramp_mn_per_s: float | None,
-    hold_s: float | None,
-    globe: str | None,
-    rigidity_pa13_per_m3: float | None,
-    mechanics: str | None,
     seed: int | None,
     **values: Any,
 ) -> Report:
@@ -183,38 +166,36 @@ def phantom(
     Twenty eyes, in eyes/eye-1 to eyes/eye-20; the same command resumes an
     interrupted run: scleraforce phantom --out eyes --count 20
     """
-    # Imported here: mechanics takes longer to import than the help to print.
     import scleraforce as sf
     from scleraforce.notebook.virtual import declared, given
 
-    if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
+    study = declared(study, *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")))
+    moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s")})
+    if moves and "rate_hz" not in moves:
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
     if count is None and not (scheduler is None and workers is None):
         raise click.UsageError("--scheduler and --workers are for --count: one eye is one process's work")
-    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     eye, seed = given(**values), study.phantom.seed if seed is None else seed
-    moves = given(ramp_n_per_s=to_si(ramp_mn_per_s, "mn_per_s"), hold_s=hold_s)
     if count is None:
         eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
-        made = sf.phantom(out, study, forces_n=forces_n, eye=name or "eye-1", seed=seed, rate_hz=rate_hz,
-                          counting=count_bar, **eye, **moves)  # fmt: skip
-        result: dict[str, Any] = {"recording": str(out), "frames": len(made.frames)}
+        made = sf.phantom(
+            out, study, forces_n=forces_n, eye=name or "eye-1", seed=seed, counting=count_bar, **eye, **moves
+        )
+        wrote: dict[str, Any] = {"recording": str(out), "frames": len(made.frames)}
     else:
         from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
         from scleraforce.study.unused import refuse_unused
 
         refuse_unused(study, "phantom", study.mechanics.kind)
-        acquisition = Acquisition(forces_n, study, seed, rate_hz=rate_hz, **moves)
+        acquisition = Acquisition(forces_n, study, seed, **moves)
         if "polar_angle_rad" in eye:
             eye["polar_rad"] = eye.pop("polar_angle_rad")
         eyes = sample_eyes(study, count, seed, name or "eye", eye)
         with resumable_bar(out, "recordings", "eyes", count) as advance:
             acquire_all(out, eyes, acquisition, workers=chosen_workers(scheduler, workers), progress=advance)
         frames = sum(len(acquisition.plan(one).frames) for one in eyes)
-        result = {"recordings": [str(out / one.id) for one in eyes], "frames": frames}
-    result |= {"seed": seed, "mechanics": study.mechanics.kind, "globe": study.globe.kind}
+        wrote = {"recordings": [str(out / one.id) for one in eyes], "frames": frames}
+    more = {"mechanics": study.mechanics.kind, "globe": study.globe.kind, "stiffening": study.tissue.stiffening}
     recordings = "" if count is None else f"{count} recordings, "
-    return Report(
-        {**result, "stiffening": study.tissue.stiffening},
-        [f"wrote {out}: {recordings}{result['frames']} frames, seed {seed}"],
-    )
+    line = f"wrote {out}: {recordings}{wrote['frames']} frames, seed {seed}"
+    return Report({**wrote, "seed": seed, **more}, [line])

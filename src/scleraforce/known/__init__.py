@@ -196,6 +196,10 @@ LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are wha
 _SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
 
 
+# Sources of a modulus, in words.
+MODULUS_SOURCES = {"own": "calibrated", "population": "mean of the calibrated eyes", "stated": "given"}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Modulus:
     """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""

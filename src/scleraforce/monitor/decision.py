@@ -202,7 +202,7 @@ def _only_doubts(
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
     """Return the doubt that the second opinions leave; a cause in the last one has led to a withdrawal already."""
     if now.opinion is None:
-        return "no second opinion yet" if limits.expects_opinion else None
+        return "the second opinion has not answered yet" if limits.expects_opinion else None
     if not now.opinion.verdict.usable:
         return f"second opinion: {now.opinion.verdict.reason or 'cannot be judged'}"
     return "the second opinion is not recent" if _waited(now, at_s) >= limits.opinion_s else None

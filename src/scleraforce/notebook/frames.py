@@ -84,7 +84,7 @@ def segment(
         frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
         width_m: of the frame; None: the recording's beside the file, or the file's own. An array needs it.
         depth_m: of the frame as stored; None: the recording's, or the file's own. An array needs it.
-        refractive_index: by which depth is stretched; None: the recording's, or 1 (corrected).
+        refractive_index: of the depth axis; None: the recording's, or 1 (corrected).
         wall_finder: model folder of a network that checks the wall, and whose wall it is where the two methods
             differ; by default the bundled one. None: nothing checks it.
 
@@ -100,10 +100,17 @@ def segment(
     (True, (512, 512))
     """
     given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    seen = scaled(frame, given, Scanner(refractive_index=1.0), "assumed")
+    return segmented(frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder))[1]
+
+
+def segmented(
+    frame: Frame, given: Scanner, assumed: Scanner, finder: WallFinder | None, transpose: bool = False
+) -> tuple[ScaledFrame, Segmentation]:
+    """Return a frame with its scale, as `scaled`, and its wall."""
+    seen = scaled(frame, given, assumed, "assumed", transpose)
     try:
         thickness_m = None if seen.info is None else seen.info.eye.thickness_m
-        return find_wall(seen.pixels, seen.scale, thickness_m, finder_of(wall_finder))
+        return seen, find_wall(seen.pixels, seen.scale, thickness_m, finder)
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
 
@@ -172,12 +179,12 @@ def read(
         gap_m: distance of the B-scan plane from the needle axis.
         polar_angle_rad: of the contact, from the pole.
         plane_direction_rad: of the B-scan's lateral axis, from the meridian that leads away from the pole.
-        stiffening: b of the tissue; None: the calibration's, or it does not stiffen.
+        stiffening: parameter b of the tissue (docs/physics.md); None: the calibration's, else 0.
         globe: "open" or "sealed"; None: the recording's, or it is not known, and the interval is wider.
         rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3) per µl).
         width_m: of the frame; an array needs it.
         depth_m: of the frame as stored; an array needs it.
-        refractive_index: by which depth is stretched; None: the recording's, or that of the model's study.
+        refractive_index: of the depth axis; None: the recording's, or the model's study's.
         transpose: the depth runs along the file's rows, from left to right.
 
     Returns:

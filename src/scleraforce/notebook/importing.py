@@ -85,7 +85,7 @@ def import_recording(
         eye: its name.
         width_m: of the frames.
         depth_m: of the frames as stored.
-        refractive_index: by which depth is stretched; 1 where the scanner has corrected it.
+        refractive_index: of the depth axis; 1 if the scanner has corrected it.
         gauge: of the needle.
         gap_m: distance of the B-scan plane from the needle axis.
         axis: of the force sensor along the needle: "fx", "fy" or "fz".
@@ -93,7 +93,7 @@ def import_recording(
         columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
         rate_hz: frames taken in a second.
         times: table of the frames' times.
-        clock_offset_s: what the force log's clock shows more than the frames'.
+        clock_offset_s: force log's clock minus the frames' clock.
         axes: their order in an array or volume, like "frame,depth,lateral".
         array: its name in a .npz.
         bits: of a 16-bit pixel that are used.

@@ -71,7 +71,7 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     >>> far = replace(near, force_n=0.013, interval_n=(0.011, 0.015))
     >>> disagreement(near, near, ("network", "fit"))
     >>> disagreement(near, far, ("network", "fit"))
-    'the network reads 10.0 mN, the fit 13.0 mN: more apart than their intervals allow'
+    'the network reads 10.0 mN, the fit 13.0 mN: they differ by more than their intervals allow'
     """
     if not check.finite:
         return f"the reading of the {names[1]} is not a number: nothing checks the {names[0]}"
@@ -81,7 +81,7 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
         return None
     return (
         f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, "
-        f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: more apart than their intervals allow"
+        f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
     )
 
 

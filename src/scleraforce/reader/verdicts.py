@@ -94,12 +94,13 @@ def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
     """Return a sentence if too little of a wall is seen, else None.
 
     >>> wall_seen(6e-3, SliceStudy()), wall_seen(12e-3, SliceStudy())
-    ('6.0 mm of the wall are seen, not 9.8 mm', None)
+    ('6.0 mm of the wall are visible; at least 9.8 mm are needed', None)
     """
     least_m = least_wall_m(slice_study)
     if extent_m >= least_m:
         return None
-    return f"{from_si(extent_m, 'mm'):.1f} mm of the wall are seen, not {from_si(least_m, 'mm'):.1f} mm"
+    seen_mm, least_mm = from_si(extent_m, "mm"), from_si(least_m, "mm")
+    return f"{seen_mm:.1f} mm of the wall are visible; at least {least_mm:.1f} mm are needed"
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
@@ -114,6 +115,9 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
     )
 
 
+NO_EYE = "does not look like the wall of an eye"
+
+
 def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     """Return why a frame does not show a wall that the library knows; None if it does.
 
@@ -121,15 +125,15 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     this eye can be.
     """
     if not fit.misfit_m <= NO_WALL_M:
-        return f"not the wall of an eye: {from_si(fit.misfit_m, 'um'):.0f} µm off the nearest that is known"
+        return f"{NO_EYE}: {from_si(fit.misfit_m, 'um'):.0f} µm from the closest simulated one"
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
-        return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"
+        return f"{NO_EYE}: {fit.outliers:.0%} of the columns are far from the closest simulated one"
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[at.SIZE] <= DEVIATION_SD:
-        return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+        return f"{NO_EYE}: its curvature is that of an eye {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
     form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
     if all(form[f"{side}_angle_rad"] < CORNEA_RAD or form[f"{side}_curvature"] > CORNEA_CURVATURE for side in SIDES):
-        return "not the wall of an eye: it bends like a cornea on both sides of the contact"
+        return f"{NO_EYE}: it bends like a cornea on both sides of the contact"
     shown_m, stated_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]), float(prior.mean[at.THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:

@@ -240,7 +240,7 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Scanner:
-    """Width and depth of frames in m, and the index by which depth is stretched; None: not stated."""
+    """Width and depth of frames in m, and the refractive index of the depth axis; None: not stated."""
 
     width_m: float | None = None
     depth_m: float | None = None

@@ -72,12 +72,12 @@ QUESTIONS = {
     "width_mm": Question("width of the frames", "--width-mm"),
     "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
     "refractive_index": Question(
-        "index by which depth is stretched: 1 where the scanner has corrected it (geometric depth), else that of the "
-        "tissue, about 1.38 (optical depth)", "--refractive-index",
+        "refractive index of the depth axis: 1 if the scanner has corrected it (geometric depth), otherwise the "
+        "tissue's, about 1.38 (optical depth)", "--refractive-index",
     ),
     "bits": Question("bits of a pixel that are used", "--bits"),
     "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
-    "clock_offset_s": Question("seconds that the force log's clock shows more than the frames'", "--clock-offset-s"),
+    "clock_offset_s": Question("force log's clock minus the frames' clock, in seconds", "--clock-offset-s"),
     "axis": Question("axis of the force sensor along the needle", "--axis"),
     "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
     "eye": Question("name of the eye", "--eye", eye_id_fault),

@@ -11,6 +11,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
+from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.recording.folder import read_recording
@@ -76,7 +77,9 @@ def _lead(evaluation: Evaluation) -> str:
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
     eyes = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in evaluation.frames}
     moduli = (
-        f"{eye}: not known" if modulus_pa is None else f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa ({source})"
+        f"{eye}: not known"
+        if modulus_pa is None
+        else f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa ({MODULUS_SOURCES[str(source)]})"
         for eye, (modulus_pa, source) in eyes.items()
     )
     return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."

@@ -153,7 +153,7 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     mean_pa, sd_pa = calibration.population
     population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
     if sd_pa is None:
-        population = wrapped("one eye says nothing of how eyes differ", f"{population}{'-':>9}{'':>9}  ")
+        population = wrapped("the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  ")
     else:
         population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
     return [*lines, population, *notes]
