@@ -115,12 +115,7 @@ class RecordingInfo:
 
 
 def eye_id_fault(name: str) -> str | None:
-    r"""Return why a text cannot name an eye in a table, log or message, None if it can.
-
-    >>> eye_id_fault("eye\nE = 0.3 MPa")
-    "'eye\\nE = 0.3 MPa' has a line break or another unprintable character; give a name of one line"
-    >>> eye_id_fault("Auge 3 (links), ö")
-    """
+    """Return why a text cannot name an eye in a table, log or message, None if it can."""
     if not name.strip():
         return "empty; give the eye a name"
     if not name.isprintable():

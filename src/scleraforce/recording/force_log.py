@@ -132,9 +132,14 @@ class LogColumn:
         """The size of its unit in SI."""
         return unit_factor(self.unit, quantity_of(self.ours)) or 1.0
 
-    def answer(self) -> str:
-        """Return the column as `parse_column` reads it."""
-        return f"{self.ours.partition('_')[0]}={self.name}:{self.unit}"
+    @property
+    def short(self) -> str:
+        """Our name of the column without its unit: time, fx, ..., tz, status."""
+        return self.ours.partition("_")[0]
+
+    def answer(self, unit: str | None = None) -> str:
+        """Return the column, in its own unit or another, as `parse_column` reads it."""
+        return f"{self.short}={self.name}:{unit or self.unit}"
 
 
 def parse_column(text: str) -> LogColumn:
@@ -177,10 +182,8 @@ def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[Lo
     for column in by_header:
         other = answered.setdefault(column.ours, column)
         if other != column and other not in given and column.ours != "time_s":
-            short = column.ours.partition("_")[0]
-            raise UnansweredError(
-                "--column", f"{path}: {short}: is it {other.name!r} or {column.name!r}?", f"{short}=NAME:UNIT"
-            )
+            question = f"{path}: {column.short}: is it {other.name!r} or {column.name!r}?"
+            raise UnansweredError("--column", question, f"{column.short}=NAME:UNIT")
     return list(answered.values())
 
 
@@ -193,18 +196,11 @@ def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[s
             raise InputError(f"{path}: --column: no column {column.name!r}; there are {listed}")
         if list(names).count(column.name) > 1:
             raise InputError(f"{path}: two columns are named {column.name!r}; rename one of them")
-    missing = [
-        word
-        for word, there in (("time", "time_s" in found), ("fz", any(quantity_of(ours) == FORCE for ours in found)))
-        if not there
-    ]
+    missing = {} if "time_s" in found else {"time=NAME:UNIT": "the time"}
+    missing |= {} if any(quantity_of(ours) == FORCE for ours in found) else {"fz=NAME:UNIT": "a force"}
     if missing:
-        what = "the time" if missing == ["time"] else "a force" if missing == ["fz"] else "the time, and which a force"
-        raise UnansweredError(
-            "--column",
-            f"{path}: which column is {what}, and in what unit? There are {listed}",
-            *(f"{short}=NAME:UNIT" for short in missing),
-        )
+        question = f"which column is {', and which '.join(missing.values())}, and in what unit? There are {listed}"
+        raise UnansweredError("--column", f"{path}: {question}", *missing)
     return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
 
 
@@ -214,11 +210,10 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
     bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
     for word, own in (*parted, (bare, unit)):
-        ours = _ours(word)
-        if ours is None:
+        if (ours := _ours(word)) is None:
             continue
         quantity = quantity_of(ours)
-        for text in (own, *([unit] if unit else []), *([stated_units[quantity]] if quantity in stated_units else [])):
+        for text in (own, unit, stated_units.get(quantity, "")):
             if text and unit_factor(text, quantity) is not None:
                 return LogColumn(ours, name, text.strip())
     return None
@@ -298,7 +293,8 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
 
 def _stated_units(text: Table) -> dict[str, str]:
     """Return the units of force and torque by the lines above the header; of counts, their number in one unit."""
-    units = {quantity: unit for quantity, pattern in STATED.items() if (unit := _first(pattern, text.above))}
+    units = {quantity: found[1] for quantity, pattern in STATED.items() for line in reversed(text.above)
+             if (found := re.search(pattern, line))}  # fmt: skip
     counts = {quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()}
     return {quantity: f"{count:.12g}/{unit}" if (count := counts[quantity]) is not None else unit
             for quantity, unit in units.items()}  # fmt: skip
@@ -337,9 +333,8 @@ def _check_whole(
 
 def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
     """Return the question which of two units columns have, with one of them as the example."""
-    short = f"{column.ours.partition('_')[0]}={column.name}"
-    forms = (f"{each.ours.partition('_')[0]}={each.name}:UNIT" for each in columns)
-    return UnansweredError("--column", f"{said}: {short}:{column.unit} or {short}:{other}?", *forms)
+    forms = (each.answer("UNIT") for each in columns)
+    return UnansweredError("--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms)
 
 
 def _range_n(text: Table) -> float | None:
@@ -369,10 +364,6 @@ def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tu
     )
 
 
-def _first(pattern: str, lines: Sequence[str]) -> str | None:
-    return next((found[1] for line in lines if (found := re.search(pattern, line))), None)
-
-
 def _stated_number(pattern: str, text: Table) -> float | None:
     """Return the number that a line above the header states, None without such a line; "1,000" is refused."""
     for nth, line in enumerate(text.above, start=1):
@@ -397,12 +388,8 @@ def _clock_column(text: Table) -> list[LogColumn]:
         if known:
             return [LogColumn("time_s", name, known[0])]
         if found:
-            raise UnansweredError(
-                "--column",
-                f"{text.path}: {name}: {moments[0]!r}: is the day or the month first? time={name}:dmy says the day, "
-                f"time={name}:mdy the month",
-                "time=NAME:UNIT",
-            )
+            question = f"is the day or the month first? time={name}:dmy says the day, time={name}:mdy the month"
+            raise UnansweredError("--column", f"{text.path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT")
     return []
 
 

@@ -286,15 +286,13 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     mark = decimal_mark(table, (table.names.index("time_s"),))
     entries: list[FrameEntry] = []
-    seen: dict[str, str] = {}
-    for index in range(len(table.lines)):
-        place = table.place(index)
-        fields = fields_of(table.lines[index], table.separator, place)
+    seen: dict[str, int] = {}
+    for index, line in enumerate(table.numbers):
+        place, fields = table.place(index), table.fields(index)
         # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
-        missing = len(table.names) - len(fields)
-        if missing < 0 or any(name != "pierced" for name in table.names[len(fields) :]):
+        if len(fields) > len(table.names) or any(name != "pierced" for name in table.names[len(fields) :]):
             raise RecordingError(f"{place}: {_other_count(table, len(fields))}")
-        entry = _frame_entry(place, dict(zip(table.names, (*fields, *[""] * missing), strict=True)), mark)
+        entry = _frame_entry(place, dict(zip(table.names, fields, strict=False)), mark)
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
@@ -302,7 +300,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
                 f"{place}: time_s: {entry.time_s:g} does not come after {entries[-1].time_s:g}; "
                 "frames are in the order of their times, with one at a time"
             )
-        seen[entry.file] = place.rsplit(":", 1)[1]
+        seen[entry.file] = line
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
@@ -335,8 +333,7 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     _check_range(log, place)
     rate_hz = _check_clock(log.time_s, path, place)
     notes = list(log.notes)
-    wrench_sc, note = _without_implausible(log, place, range_n)
-    notes += [note] if note else []
+    wrench_sc = _without_implausible(log, place, range_n, notes)
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         notes.append(
             f"{path.name}: {rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended: the noise of a "
@@ -353,9 +350,9 @@ def gap_notes(path: Path, wrench_sc: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def _without_implausible(
-    log: ForceLog, place: Callable[[int], str], range_n: float | None
-) -> tuple[NDArray[np.float64], str | None]:
-    """Return the log's columns with NaN for samples that no sensor can have measured, and a sentence on them."""
+    log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]
+) -> NDArray[np.float64]:
+    """Return the log's columns with NaN for samples that no sensor can have measured, and add a note on them."""
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
     for column, name in enumerate(log.columns):
@@ -363,32 +360,26 @@ def _without_implausible(
         known_n = force_n[np.isfinite(force_n)]
         if not name.endswith("_n") or not len(known_n):
             continue
-        middle_n = float(np.median(known_n))
-        typical_n = max(float(np.median(np.abs(known_n - middle_n))), _step_n(known_n))
+        middle_n, levels_n = float(np.median(known_n)), np.unique(known_n)
+        step_n = float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
+        typical_n = max(float(np.median(np.abs(known_n - middle_n))), step_n)
         limits_n[column] = limit_n = max(IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N)
         beyond[:, column] = np.abs(force_n - middle_n) > limit_n
         if range_n is not None:
             beyond[:, column] |= np.abs(force_n) > range_n
     if not beyond.any():
-        return log.wrench_sc, None
+        return log.wrench_sc
     flagged: NDArray[np.bool_] = np.asarray(beyond.any(axis=1))
     sample, column = (int(at) for at in np.argwhere(beyond)[0])
     value_n, name = log.wrench_sc[sample, column], log.columns[column]
-    over_range = range_n is not None and abs(value_n) > range_n
-    why = (
-        f"the sensor's range is {range_n:g} N" if over_range else f"{limits_n[column]:.3g} N off its median is the most"
-    )
+    why = f"{limits_n[column]:.3g} N off its median is the most"
+    if range_n is not None and abs(value_n) > range_n:
+        why = f"the sensor's range is {range_n:g} N"
     found, count = f"{name}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
-    kept_sc = np.where(flagged[:, None], np.nan, log.wrench_sc)
-    return kept_sc, f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
-
-
-def _step_n(force_n: NDArray[np.float64]) -> float:
-    """Return the smallest step between values of a log, 0 if it has too few values."""
-    levels_n = np.unique(force_n)
-    return float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
+    notes.append(f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?")
+    return np.where(flagged[:, None], np.nan, log.wrench_sc)
 
 
 def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
