@@ -2,12 +2,13 @@
 
 import gzip
 import zlib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from effects import less_than
-from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields
+from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields, sizes_of
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scan import UnansweredError
@@ -19,69 +20,76 @@ metaimageio = pytest.importorskip("metaimageio")
 
 IJK = ("lateral", "depth", "frame")  # the fastest first
 VOLUME = np.ascontiguousarray(FRAMES.T)  # by these indices
+SIZE = pytest.approx((4e-6, 15e-6))  # depth and width of a pixel
+PLUS = plus_fields([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
 
 
 def nifti(
-    path: Path, volume: np.ndarray = VOLUME, steps=(0.015, 0.004, 0.1), unit: str = "mm", time: str = "sec"
+    path: Path, volume=VOLUME, steps=(0.015, 0.004, 0.1), unit: str = "mm", time: str = "sec", sform=None
 ) -> Path:
-    image = nibabel.Nifti1Image(volume, np.eye(4))
+    """Write a NIfTI; `sform` has its diagonal and code."""
+    image = nibabel.Nifti1Image(volume, np.eye(4) if sform is None else None)
     image.header.set_xyzt_units(unit, time)
     image.header.set_zooms(steps)
+    if sform is not None:
+        image.header.set_sform(np.diag([*sform[0], 1.0]), sform[1])
     nibabel.save(image, path)
     return path
 
 
-def test_a_nifti_volume_comes_back_with_its_spacing(tmp_path: Path) -> None:
+def patched(path: Path, at: int, value: bytes) -> Path:
+    data = bytearray(path.read_bytes())
+    data[at : at + len(value)] = value
+    path.write_bytes(data)
+    return path
+
+
+def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) -> None:
     for name in ["a.nii", "a.nii.gz"]:
         scan = read_nifti(nifti(tmp_path / name), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-        assert scan.lateral_pixel_m.value == pytest.approx(15e-6)
-        assert scan.depth_pixel_m.value == pytest.approx(4e-6)
-        assert scan.times is None
+        assert (sizes_of(scan), scan.times) == (SIZE, None)
+    in_time = VOLUME[:, :, np.newaxis]
+    for steps, units, sizes in [
+        ((15.0, 4.0, 7.0, 250.0), ("micron", "msec"), SIZE),
+        ((1.0, 1.0, 1.0, 0.25), ("mm", "sec"), (None, None)),  # a step of time is not a scale
+    ]:
+        scan = read_nifti(nifti(tmp_path / "a.nii", in_time, steps, *units), IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert sizes_of(scan) == sizes
+        np.testing.assert_allclose(scan.times.time_s, 0.25 * np.arange(COUNT))
 
 
-def test_a_nifti_in_micrometres_with_a_time_axis(tmp_path: Path) -> None:
-    path = nifti(tmp_path / "a.nii", VOLUME[:, :, np.newaxis], (15.0, 4.0, 7.0, 250.0), "micron", "msec")
-    scan = read_nifti(path, IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-    np.testing.assert_allclose(scan.times.time_s, 0.25 * np.arange(COUNT))
-
-
-def test_a_spacing_that_nobody_stated_stays_open(tmp_path: Path) -> None:
-    for steps, unit in [((1.0, 1.0, 1.0), "mm"), ((0.015, 0.004, 0.1), "unknown")]:
-        scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit), IJK)
-        assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
-
-
-def test_a_step_of_time_is_no_scale(tmp_path: Path) -> None:
-    scan = read_nifti(nifti(tmp_path / "a.nii", VOLUME[:, :, np.newaxis], (1.0, 1.0, 1.0, 0.25)), IJK)
-    assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
-    np.testing.assert_allclose(scan.times.time_s, 0.25 * np.arange(COUNT))
-
-
-def test_scaled_values_of_a_nifti_are_floats_with_their_slope(tmp_path: Path) -> None:
-    image = nibabel.Nifti1Image(VOLUME * 0.5 - 3.0, np.eye(4))
-    image.set_data_dtype(np.int16)  # the slope that is written makes the most of its range
-    nibabel.save(image, tmp_path / "a.nii")
-    np.testing.assert_allclose(pictures_of(read_nifti(tmp_path / "a.nii", IJK)), FRAMES * 0.5 - 3.0, atol=0.02)
+def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform(tmp_path: Path) -> None:
+    known, ones = (0.015, 0.004, 0.1), (1.0, 1.0, 1.0)
+    for steps, unit, sform, source, notes in [
+        (ones, "mm", None, None, 0),
+        (known, "unknown", None, None, 0),
+        (known, "mm", ((-0.015, -0.004, 0.1), 1), "NIfTI's pixdim", 0),
+        (ones, "mm", (known, 2), "NIfTI's sform", 1),
+        (known, "mm", (ones, 2), "NIfTI's pixdim", 1),
+        (known, "mm", ((9.0, 9.0, 9.0), 0), "NIfTI's pixdim", 0),
+    ]:
+        scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit, sform=sform), IJK)
+        assert sizes_of(scan) == ((None, None) if source is None else SIZE)
+        assert source is None or scan.depth_pixel_m.source == source
+        assert len(scan.notes) == notes
+    with pytest.raises(
+        FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* 0\.015 x 0\.008 x 0\.1"
+    ):
+        read_nifti(nifti(tmp_path / "a.nii", sform=((0.015, 0.008, 0.1), 1)), IJK)
+    with pytest.raises(FrameError, match="xyzt_units: 5 "):
+        read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
 
 
 def test_axes_that_no_file_names_are_asked_for(tmp_path: Path) -> None:
-    for read in [read_nifti, read_metaimage, read_nrrd]:
-        nifti(tmp_path / "a.nii")
-        metaimageio.write(tmp_path / "a.mha", FRAMES)
-        nrrd.write(str(tmp_path / "a.nrrd"), VOLUME)
-        ending = {read_nifti: "nii", read_metaimage: "mha", read_nrrd: "nrrd"}[read]
-        with pytest.raises(
-            UnansweredError, match=r"an array of 40 x 24 x 5: which axis is .* in the order.*; give --axes"
-        ):
+    nifti(tmp_path / "a.nii")
+    metaimageio.write(tmp_path / "a.mha", FRAMES)
+    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME)
+    for read, ending in [(read_nifti, "nii"), (read_metaimage, "mha"), (read_nrrd, "nrrd")]:
+        question = rf"a\.{ending}: an array of 40 x 24 x 5: which axis is .* in the order.*; give --axes"
+        with pytest.raises(UnansweredError, match=question):
             read(tmp_path / f"a.{ending}", None)
-
-
-def test_an_nrrd_whose_pixels_lie_beside_it(tmp_path: Path) -> None:
-    nrrd.write(str(tmp_path / "a.nhdr"), VOLUME)
-    np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
 
 
 def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
@@ -96,80 +104,18 @@ def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
                 read(tmp_path / name, IJK)
 
 
-def test_an_nrrd_with_labels_needs_no_names(tmp_path: Path) -> None:
-    header = {"labels": list(IJK), "spacings": [15.0, 4.0, np.nan], "units": ["um", "um", ""]}
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, header)
-    scan = read_nrrd(tmp_path / "a.nrrd", None)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-
-
-def test_an_nrrd_in_space_is_in_mm(tmp_path: Path) -> None:
-    header = {"space": "left-posterior-superior", "space directions": np.diag([0.015, 0.004, 0.1])}
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, header)
-    scan = read_nrrd(tmp_path / "a.nrrd", IJK)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-
-
-def test_a_spacing_without_a_unit_stays_open(tmp_path: Path) -> None:
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, {"spacings": [15.0, 4.0, 7.0]})
-    assert read_nrrd(tmp_path / "a.nrrd", IJK).depth_pixel_m is None
-
-
-def with_sform(path: Path, sform, pixdim=(0.015, 0.004, 0.1), code: int = 1) -> Path:
-    image = nibabel.Nifti1Image(VOLUME, None)
-    image.header.set_xyzt_units("mm", "sec")
-    image.header.set_zooms(pixdim)
-    image.header.set_sform(np.diag([*sform, 1.0]), code)
-    nibabel.save(image, path)
-    return path
-
-
-def test_an_sform_that_contradicts_pixdim_is_refused_with_both(tmp_path: Path) -> None:
-    path = with_sform(tmp_path / "a.nii", (0.015, 0.008, 0.1))
-    with pytest.raises(
-        FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* 0\.015 x 0\.008 x 0\.1"
-    ):
-        read_nifti(path, IJK)
-
-
-def test_an_sform_without_code_or_of_ones_states_no_spacing(tmp_path: Path) -> None:
-    for sform, pixdim, code, source, notes in [
-        ((-0.015, -0.004, 0.1), (0.015, 0.004, 0.1), 1, "NIfTI's pixdim", 0),
-        ((0.015, 0.004, 0.1), (1.0, 1.0, 1.0), 2, "NIfTI's sform", 1),
-        ((1.0, 1.0, 1.0), (0.015, 0.004, 0.1), 2, "NIfTI's pixdim", 1),
-        ((9.0, 9.0, 9.0), (0.015, 0.004, 0.1), 0, "NIfTI's pixdim", 0),
-    ]:
-        scan = read_nifti(with_sform(tmp_path / "a.nii", sform, pixdim, code), IJK)
-        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-        assert scan.depth_pixel_m.source == source
-        assert len(scan.notes) == notes
-
-
-def test_a_unit_that_nifti_does_not_have_is_refused_by_name(tmp_path: Path) -> None:
-    data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
-    data[123] = 5  # xyzt_units
-    (tmp_path / "a.nii").write_bytes(data)
-    with pytest.raises(FrameError, match="xyzt_units: 5 "):
-        read_nifti(tmp_path / "a.nii", IJK)
-
-
 def test_slices_behind_those_that_dim_states_are_refused(tmp_path: Path) -> None:
+    data = patched(nifti(tmp_path / "whole.nii"), 46, (COUNT - 1).to_bytes(2, "little")).read_bytes()  # dim[3]
     for name in ["a.nii", "a.nii.gz"]:
-        image = nibabel.load(nifti(tmp_path / "whole.nii"))
-        data = bytearray(Path(image.get_filename()).read_bytes())
-        data[46:48] = (COUNT - 1).to_bytes(2, "little")  # dim[3]
         (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
         with pytest.raises(FrameError, match=r"dim states 40 x 24 x 4 pixels, and more follow"):
             read_nifti(tmp_path / name, IJK)
 
 
-def test_the_slope_of_a_nifti_is_honoured(tmp_path: Path) -> None:
+def test_the_slope_of_a_nifti_is_applied(tmp_path: Path) -> None:
     for slope, intercept in [(-0.5, 10.0), (2.0, 0.0), (0.0, 7.0), (np.nan, 0.0)]:
-        data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
-        data[112:120] = np.array([slope, intercept], "<f4").tobytes()
-        (tmp_path / "a.nii").write_bytes(data)
-        scan = read_nifti(tmp_path / "a.nii", IJK)
+        path = patched(nifti(tmp_path / "a.nii"), 112, np.array([slope, intercept], "<f4").tobytes())
+        scan = read_nifti(path, IJK)
         scaled = np.isfinite(slope) and slope != 0.0
         np.testing.assert_allclose(pictures_of(scan), FRAMES * slope + intercept if scaled else FRAMES)
         assert any("scl_slope" in note for note in scan.notes) == scaled
@@ -182,74 +128,52 @@ def test_colour_and_complex_numbers_are_refused(tmp_path: Path) -> None:
             read_nifti(tmp_path / "a.nii", None)
 
 
-def test_a_sequence_of_plus_in_an_nrrd_is_read_alike(tmp_path: Path) -> None:
-    fields = plus_fields([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
-    lines = [f"{name}:={value}" for name, value in fields.items()]
-    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
-    np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
-    with pytest.raises(FrameError, match="UltrasoundImageOrientation = MN"):
-        read_nrrd(nhdr(tmp_path / "b.nrrd", "UltrasoundImageOrientation:=MN"), IJK)
-
-
 BIG = FRAMES.astype(">u2").tobytes()
 
 
-def nhdr(path: Path, *lines: str, pixels: bytes | None = None) -> Path:
+def nhdr(path: Path, *lines: str, pixels: bytes = FRAMES.tobytes()) -> Path:
     known = ["type: uint16", "dimension: 3", f"sizes: {COLUMNS} {ROWS} {COUNT}", "endian: little", "encoding: raw"]
     names = [line.partition(":")[0] for line in lines]
     header = [line for line in known if line.partition(":")[0] not in names] + list(lines)
-    path.write_bytes(
-        "\n".join(["NRRD0004", *header, "", ""]).encode() + (FRAMES.tobytes() if pixels is None else pixels)
-    )
+    path.write_bytes("\n".join(["NRRD0004", *header, "", ""]).encode() + pixels)
     return path
 
 
-def test_units_of_an_nrrd_are_those_of_each_axis(tmp_path: Path) -> None:
-    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", "spacings: 0.015 4 1", 'units: "mm" "um" ""'), IJK)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-    scan = read_nrrd(nhdr(tmp_path / "b.nrrd", "spacings: 0.015 4 1", 'units: "mm" "" ""'), IJK)
-    assert scan.depth_pixel_m is None
-
-
-def test_space_units_of_an_nrrd_are_those_of_each_direction(tmp_path: Path) -> None:
-    directions = "space directions: (0,0.015,0) (4,0,0) (0,0,1)"
-    space = ("space dimension: 3", 'space units: "um" "mm" "mm"')
-    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *space, directions), IJK)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-    with pytest.raises(FrameError, match="axis 1 runs along directions of several space units"):
-        read_nrrd(nhdr(tmp_path / "b.nrrd", *space, directions.replace("(0,0.015,0)", "(1,0.015,0)")), IJK)
-
-
-def test_ends_of_axes_go_with_spacings_between_samples_or_edges(tmp_path: Path) -> None:
-    for maxs in ["0.6 0.096 5", "0.585 0.092 4", "0.6 nan nan"]:
-        lines = ["spacings: 0.015 0.004 1", 'units: "mm" "mm" "mm"', "axis mins: 0 0 0", f"axis maxs: {maxs}"]
-        assert read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK).depth_pixel_m.value == pytest.approx(4e-6)
-
-
-def test_directions_without_a_unit_are_in_mm_in_an_anatomical_space_alone(tmp_path: Path) -> None:
-    directions = "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)"
-    for nth, (space, depth_m) in enumerate(
-        [("space: LPS", 4e-6), ("space: right-anterior-superior", 4e-6), ("space: 3D-right-handed", None)]
-    ):
-        scan = read_nrrd(nhdr(tmp_path / f"{nth}.nrrd", space, directions), IJK)
-        assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
+def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
+    in_mm, in_um = "spacings: 0.015 0.004 1", "spacings: 15 4 1"
+    ends, directions = (
+        ('units: "mm" "mm" "mm"', "axis mins: 0 0 0"),
+        "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)",
+    )
+    for lines, sizes in [
+        ((in_um, 'units: "um" "um" ""'), SIZE),
+        (("spacings: 0.015 4 1", 'units: "mm" "um" ""'), SIZE),
+        (("spacings: 0.015 4 1", 'units: "mm" "" ""'), (None, pytest.approx(15e-6))),
+        ((in_um,), (None, None)),
+        *(((in_mm, *ends, f"axis maxs: {maxs}"), SIZE)  # between samples or edges
+          for maxs in ("0.6 0.096 5", "0.585 0.092 4", "0.6 nan nan")),
+        (("space: LPS", directions), SIZE),
+        (("space: left-posterior-superior", directions), SIZE),
+        (("space: right-anterior-superior", directions), SIZE),
+        (("space: 3D-right-handed", directions), (None, None)),  # not anatomical
+        (("space dimension: 3", 'space units: "um" "mm" "mm"', "space directions: (0,0.015,0) (4,0,0) (0,0,1)"), SIZE),
+    ]:  # fmt: skip
+        scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert sizes_of(scan) == sizes
+    scan = read_nrrd(nhdr(tmp_path / "b.nrrd", 'labels: "lateral" "depth" "frame"'), None)  # named by the file
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
 
 
 def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path) -> None:
+    space = ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)")
+    several = ("space dimension: 3", 'space units: "um" "mm" "mm"', "space directions: (1,0.015,0) (4,0,0) (0,0,1)")
     for lines, message in [
-        (
-            ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)", "spacings: 0.015 0.008 1"),
-            "axis 2: spacings states 0.008, and space directions 0.004",
-        ),
-        (
-            ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)", 'units: "um" "um" ""'),
-            "axis 1: units states 'um', and space units",
-        ),
-        (
-            ("spacings: 0.015 0.004 1", "axis mins: 0 0 0", "axis maxs: 0.6 0.2 5"),
-            "axis 2: spacings states 0.004, and 24 samples from axis mins 0 to maxs 0.2",
-        ),
+        ((*space, "spacings: 0.015 0.008 1"), "axis 2: spacings states 0.008, and space directions 0.004"),
+        ((*space, 'units: "um" "um" ""'), "axis 1: units states 'um', and space units"),
+        (("spacings: 0.015 0.004 1", "axis mins: 0 0 0", "axis maxs: 0.6 0.2 5"),
+         "axis 2: spacings states 0.004, and 24 samples from axis mins 0 to maxs 0.2"),
+        (several, "axis 1 runs along directions of several space units"),
         (("kinds: vector domain domain",), "kinds: axis 1 of 40 is 'vector'"),
         (("kinds: domain domain RGB-color",), "kinds: axis 3 of 5 is 'RGB-color'"),
         (("data file: LIST",), "data file: LIST"),
@@ -258,76 +182,42 @@ def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path)
         (("encoding: hex",), "hex"),
         (("sizes: 40 24 4",), "Size of the data"),
         (("type: block", "block size: 2"), "type: block"),
-    ]:
+        (("UltrasoundImageOrientation:=MN",), "UltrasoundImageOrientation = MN"),
+    ]:  # fmt: skip
         with pytest.raises(FrameError, match=message):
             read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
 
 
 def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(tmp_path: Path) -> None:
-    for skip in ["byte skip: 12", "byte skip: -1", "line skip: 2"]:
-        for big in [False, True]:
-            pixels = BIG if big else FRAMES.tobytes()
-            endian = f"endian: {'big' if big else 'little'}"
-            nhdr(tmp_path / "a.nhdr", "data file: a.raw", skip, endian, pixels=b"")
-            (tmp_path / "a.raw").write_bytes(b"two..\nlines\n" + pixels if skip.startswith("l") else b"x" * 12 + pixels)
-            np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
+    for skip, big in product(["byte skip: 12", "byte skip: -1", "line skip: 2"], [False, True]):
+        nhdr(tmp_path / "a.nhdr", "data file: a.raw", skip, f"endian: {'big' if big else 'little'}", pixels=b"")
+        before = b"two..\nlines\n" if skip.startswith("line") else b"x" * 12
+        (tmp_path / "a.raw").write_bytes(before + (BIG if big else FRAMES.tobytes()))
+        np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
 
 
 def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(tmp_path: Path) -> None:
-    for kind in ["nrrd", "mha"]:
-        packed = zlib.compress(bytes(2**28), 9)
-        headers = {
-            "nrrd": b"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 24 5\nendian: little\nencoding: gzip\n\n",
-            "mha": b"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\n"
-            b"CompressedData = True\n"
-            b"CompressedDataSize = %d\nElementDataFile = LOCAL\n" % len(packed),
-        }
-        (tmp_path / f"a.{kind}").write_bytes(headers[kind] + packed)
+    packed = zlib.compress(bytes(2**28), 9)
+    nhdr(tmp_path / "a.nrrd", "encoding: gzip", pixels=packed)
+    mha(tmp_path / "a.mha", packed, CompressedData="True", CompressedDataSize=len(packed))
+    for read, name in [(read_nrrd, "a.nrrd"), (read_metaimage, "a.mha")]:
         with less_than(2**27), pytest.raises(FrameError, match="more is packed in it"):
-            (read_nrrd if kind == "nrrd" else read_metaimage)(tmp_path / f"a.{kind}", IJK)
+            read(tmp_path / name, IJK)
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
-    for read, name in [(read_nifti, "a.nii"), (read_metaimage, "a.mha"), (read_nrrd, "a.nrrd")]:
-        nifti(tmp_path / "a.nii")
-        metaimageio.write(tmp_path / "a.mha", FRAMES)
-        nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, {"encoding": "raw"})
-        (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-100])
-        with pytest.raises(FrameError, match=f"{name}: damaged"):
-            pictures_of(read(tmp_path / name, IJK))
+    for read, path in [(read_nifti, nifti(tmp_path / "a.nii")), (read_metaimage, mha(tmp_path / "a.mha")),
+                       (read_nrrd, nhdr(tmp_path / "a.nrrd"))]:  # fmt: skip
+        path.write_bytes(path.read_bytes()[:-100])
+        with pytest.raises(FrameError, match=f"{path.name}: damaged"):
+            pictures_of(read(path, IJK))
 
 
-def test_a_package_that_is_missing_is_named_with_the_way_to_get_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_named_with_its_installation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = nifti(tmp_path / "a.nii")
     monkeypatch.setitem(__import__("sys").modules, "nibabel", None)
     with pytest.raises(InputError, match=r"NIfTI takes the package nibabel.*pip install 'scleraforce\[formats\]'"):
-        read_nifti(nifti(tmp_path / "a.nii"), IJK)
-
-
-def test_a_metaimage_comes_back_with_its_spacing(tmp_path: Path) -> None:
-    for packed in [False, True]:
-        metaimageio = pytest.importorskip("metaimageio")
-        metaimageio.write(tmp_path / "a.mha", FRAMES, ElementSpacing=[0.015, 0.004, 0.1], CompressedData=packed)
-        scan = read_metaimage(tmp_path / "a.mha", IJK)
-        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-
-
-def test_a_metaimage_by_the_letter_of_its_specification(tmp_path: Path) -> None:
-    header = (
-        f"ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = {COLUMNS} {ROWS} "
-        f"{COUNT}\nElementSpacing = 0.015 0.004 1\nElementType = MET_USHORT\nElementDataFile = "
-    )
-    (tmp_path / "a.mha").write_bytes(f"{header}LOCAL\n".encode() + FRAMES.tobytes())
-    (tmp_path / "b.mhd").write_text(f"{header}b.raw\n")
-    (tmp_path / "b.raw").write_bytes(FRAMES.tobytes())
-    packed = zlib.compress(FRAMES.tobytes())
-    sizes = f"CompressedData = True\nCompressedDataSize = {len(packed)}\nElementDataFile"
-    (tmp_path / "c.mhd").write_text(f"{header}c.zraw\n".replace("ElementDataFile", sizes))
-    (tmp_path / "c.zraw").write_bytes(packed)
-    for name in ("a.mha", "b.mhd", "c.mhd"):
-        np.testing.assert_array_equal(pictures_of(read_metaimage(tmp_path / name, IJK)), FRAMES)
+        read_nifti(path, IJK)
 
 
 def mha(path: Path, pixels: bytes | None = None, **fields: object) -> Path:
@@ -350,7 +240,7 @@ def mha(path: Path, pixels: bytes | None = None, **fields: object) -> Path:
 TEXT = " ".join(map(str, FRAMES.ravel().tolist())).encode()
 
 
-def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path) -> None:
+def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
     for pixels, fields in [
         (None, {}),
         (None, {"BinaryData": None}),
@@ -364,11 +254,16 @@ def test_the_storage_that_a_metaimage_states_is_honoured(tmp_path: Path) -> None
         (FRAMES.astype("<i4").tobytes(), {"ElementType": "MET_LONG"}),
         (FRAMES.astype("<u8").tobytes(), {"ElementType": "MET_ULONG_LONG"}),
         (zlib.compress(BIG), {"CompressedData": "True", "BinaryDataByteOrderMSB": "True"}),
+        (zlib.compress(FRAMES.tobytes()), {"CompressedData": "True", "ElementDataFile": "a.zraw"}),
     ]:
         scan = read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-        assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-        assert scan.notes == ()
+        assert (sizes_of(scan), scan.notes) == (SIZE, ())
+    for packed in [False, True]:  # as another program writes it
+        metaimageio.write(tmp_path / "a.mha", FRAMES, ElementSpacing=[0.015, 0.004, 0.1], CompressedData=packed)
+        scan = read_metaimage(tmp_path / "a.mha", IJK)
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        assert sizes_of(scan) == SIZE
 
 
 def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(tmp_path: Path) -> None:
@@ -409,25 +304,25 @@ def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) 
         ({"UltrasoundImageOrientation": "UNKNOWN"}, 4e-6, 1),
     ]:
         scan = read_metaimage(mha(tmp_path / "a.mha", **fields), IJK)
-        assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
+        assert sizes_of(scan)[0] == (depth_m and pytest.approx(depth_m))
         assert len(scan.notes) == notes
 
 
 def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(tmp_path: Path) -> None:
-    stamps = [10.0, 10.25, 0.0, 11.0, 12.0]
-    scan = read_metaimage(mha(tmp_path / "a.mha", **plus_fields(stamps, ["OK", "OK", "INVALID", "OK", "OK"])), IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
-    np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
-    assert any("frames 2 (from 0) are left out" in note for note in scan.notes)
-
-
-def test_times_of_plus_that_do_not_rise_are_a_contradiction(tmp_path: Path) -> None:
+    lines = [f"{name}:={value}" for name, value in PLUS.items()]
+    for scan in (
+        read_metaimage(mha(tmp_path / "a.mha", **PLUS), IJK),
+        read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK),
+    ):
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
+        np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
+        assert any("frames 2 (from 0) are left out" in note for note in scan.notes)
     scan = read_metaimage(mha(tmp_path / "a.mha", **plus_fields([1, 2, 3, 2.5, 4])), IJK)
     assert scan.times is None
     assert "does not rise: 3 (frame 2) and 2.5 (frame 3)" in str(scan.times_fault)
 
 
-def test_a_sequence_of_plus_with_other_frames_or_none_that_is_valid_is_refused(tmp_path: Path) -> None:
+def test_a_sequence_of_plus_with_other_frames_or_no_valid_one_is_refused(tmp_path: Path) -> None:
     fields = plus_fields(range(COUNT)) | {"UltrasoundImageOrientation": None}
     with pytest.raises(FrameError, match=r"Seq_FrameNNNN_Timestamp of 5 frames, 0 to 4, and 40"):
         read_metaimage(mha(tmp_path / "a.mha", **fields), ("frame", "depth", "lateral"))
