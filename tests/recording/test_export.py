@@ -5,11 +5,10 @@ import json
 import re
 from io import StringIO
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 import pytest
-from foreign_files import with_log
+from foreign_files import sizes_of, with_log
 from small_recordings import COLUMNS, ROWS, write_small_recording
 
 from scleraforce.cli.main import run
@@ -62,10 +61,7 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(t
     assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
     with pytest.raises(InputError, match="none of its frames is among the answers"):
         with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
-
-
-def test_frames_of_one_name_in_two_folders_keep_their_own_answers(tmp_path: Path) -> None:
-    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]
+    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]  # of one name in two folders
     answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
     assert [row.get("predicted") for row in with_answers(rows, answers, tmp_path)] == [None, 1, 2]
 
@@ -83,22 +79,14 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
 
 
-def test_a_file_that_is_no_answers_is_refused(tmp_path: Path) -> None:
-    for text in [
-        "[]",
-        "{}",
-        '{"frames": 3}',
-        '{"frames": [{"a": 1}]}',
-        "{",
-        '{"frames": [NaN]}',
-        '{"frames": [{"file": 1}]}',
-        '{"frames": [{"file": "x", "recording": 1}]}',
-    ]:
+def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
+    frames = ["3", '[{"a": 1}]', "[NaN]", '[{"file": 1}]', '[{"file": "x", "recording": 1}]']
+    for text in ["[]", "{}", "{", *(f'{{"frames": {each}}}' for each in frames)]:
         (tmp_path / "a.json").write_text(text)
         with pytest.raises(InputError, match=r"a\.json: "):
             read_answers(tmp_path / "a.json")
-        (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
-        assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
+    (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
+    assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
 
 
 FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']
@@ -189,17 +177,15 @@ def test_the_header_is_what_slicer_reads_as_a_sequence(tmp_path: Path) -> None:
     np.testing.assert_array_equal(array[:, :, 0, 2].T, recording.frame(recording.frames[2]))
 
 
-def test_it_can_be_imported_again_with_scale_and_times(tmp_path: Path) -> None:
+def test_a_sequence_can_be_imported_again_with_scale_and_times(tmp_path: Path) -> None:
+    pytest.importorskip("nrrd")
     for frames in [1, 4]:
-        place = Path(mkdtemp(dir=tmp_path))
-        pytest.importorskip("nrrd")
-        recording = read_recording(write_small_recording(place / "r", frames=frames, log=False))
-        write_sequence(recording, place / "a.nrrd")
-        scan = read_nrrd(place / "a.nrrd", None)
+        recording = read_recording(write_small_recording(tmp_path / str(frames), frames=frames, log=False))
+        write_sequence(recording, tmp_path / "a.nrrd")
+        scan = read_nrrd(tmp_path / "a.nrrd", None)
         for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
             np.testing.assert_array_equal(picture, recording.frame(entry))
-        assert scan.lateral_pixel_m.value == pytest.approx(0.008 / COLUMNS)
-        assert scan.depth_pixel_m.value == pytest.approx(0.003 / ROWS)
+        assert sizes_of(scan) == pytest.approx((0.003 / ROWS, 0.008 / COLUMNS))
         np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
 
 
@@ -216,14 +202,12 @@ def written(tmp_path: Path):
     rows = [{"file": entry.file, "target": None, **answer} for entry in recording.frames]
     write_mcap(recording, rows, ORIGIN_S, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
-        found = [
-            (channel.topic, message.log_time)
-            for _, channel, message in reader.make_reader(file).iter_messages(log_time_order=False)
-        ]
+        messages = reader.make_reader(file).iter_messages(log_time_order=False)
+        found = [(channel.topic, message.log_time) for _, channel, message in messages]
     return recording, tmp_path / "a.mcap", found
 
 
-def test_messages_stand_in_the_order_of_their_times(written) -> None:
+def test_messages_are_in_the_order_of_their_times(written) -> None:
     recording, _, found = written
     times = [time_ns for _, time_ns in found]
     assert times == sorted(times)
@@ -255,7 +239,7 @@ def test_it_can_be_imported_again(written) -> None:
     np.testing.assert_allclose(log.time_s - ORIGIN_S, recording.forces.time_s, atol=1e-6)
 
 
-def test_an_axis_that_was_not_logged_is_no_zero(tmp_path: Path) -> None:
+def test_an_axis_that_was_not_logged_is_nan(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     folder = write_small_recording(tmp_path / "r", frames=3)
     (folder / "forces.csv").write_text("time_s,fz_n\n1.0,0.5\n1.005,0.5\n1.01,0.5\n")
