@@ -77,7 +77,7 @@ def test_a_table_that_does_not_go_with_the_frames_is_refused(tmp_path: Path) -> 
             times(tmp_path, text)
 
 
-def test_a_table_and_a_rate_are_one_too_many() -> None:
+def test_a_table_and_a_rate_exclude_each_other() -> None:
     with pytest.raises(InputError, match="--rate-hz"):
         given_times(SCAN, Path("a.csv"), 4.0)
 
@@ -111,7 +111,7 @@ def test_frames_and_forces_come_back(tmp_path: Path) -> None:
     assert recording.info == INFO
 
 
-def test_a_log_that_no_command_could_read_is_named_as_it_was_to_be(tmp_path: Path) -> None:
+def test_a_log_that_no_command_could_read_is_named_by_its_final_folder(tmp_path: Path) -> None:
     write_all(tmp_path / "part", ForceLog(np.arange(10) / 10.0, np.zeros((10, 1)), ("fz_n",)))
     with pytest.raises(RecordingError, match=rf"^{tmp_path}/out/forces\.csv: time_s: 10 samples a second; at least 20"):
         written(tmp_path / "part", tmp_path / "out")

@@ -12,17 +12,7 @@ from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import Sourced
-from scleraforce.recording.scan import (
-    AXES,
-    Scan,
-    Times,
-    UnansweredError,
-    array_scan,
-    check_bytes,
-    joined,
-    parse_axes,
-    rising,
-)
+from scleraforce.recording.scan import AXES, Scan, Times, UnansweredError, array_scan, joined, parse_axes, rising
 
 
 def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
@@ -31,23 +21,15 @@ def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
     return Scan(names=(f"{nth}.png",), rows=ROWS, columns=COLUMNS, pictures=pictures, times=times, **stated)
 
 
-def test_files_with_times_come_in_their_order_whatever_the_order_given() -> None:
+def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
     scan = joined([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
     assert scan.names == ("0.png", "1.png", "2.png")
     np.testing.assert_array_equal(scan.times.time_s, [3.0, 5.0, 7.0])
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
-
-
-def test_files_of_which_not_all_state_a_time_of_their_own_come_as_given() -> None:
+    for _ in range(2):  # pictures can be read twice
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
     for times in [(1.0, None), (1.0, 1.0), (None, None)]:
         scan = joined([single(4, times[0]), single(0, times[1])])
-        assert scan.names == ("4.png", "0.png")
-        assert scan.times is None
-
-
-def test_pictures_can_be_gone_through_twice() -> None:
-    scan = joined([single(0), single(1)])
-    np.testing.assert_array_equal(pictures_of(scan), pictures_of(scan))
+        assert (scan.names, scan.times) == (("4.png", "0.png"), None)
 
 
 def test_files_of_another_kind_are_refused_with_both_values() -> None:
@@ -85,9 +67,9 @@ def test_times_that_are_not_finite_do_not_rise() -> None:
 
 def test_more_bytes_than_one_source_may_have_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scans, "LARGEST_BYTES", 2**30)
-    check_bytes(2**30)
+    scans.check_bytes(2**30)
     with pytest.raises(FrameError, match="1 GiB at most"):
-        check_bytes(2**30 + 1)
+        scans.check_bytes(2**30 + 1)
 
 
 def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
@@ -108,23 +90,14 @@ def test_axes_of_one_do_not_count() -> None:
     assert one.names == ("a",)
 
 
-def test_open_axes_are_asked_for_with_the_sizes() -> None:
-    with pytest.raises(UnansweredError, match=r"^an array of 5 x 24 x 40: which axis.*; give --axes"):
-        array_scan(Path("a.npy"), FRAMES, None)
-
-
-def test_arrays_that_are_no_frames_are_refused() -> None:
-    for array in [np.zeros(5), np.zeros((2, 3, 4, 5)), np.zeros(())]:
-        with pytest.raises(FrameError, match="give frames x rows x columns"):
-            array_scan(Path("a"), array, AXES)
-
-
-def test_names_of_another_number_of_axes_are_refused() -> None:
-    with pytest.raises(FrameError, match=r"--axes names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40"):
-        array_scan(Path("a"), FRAMES, ("depth", "lateral"))
-
-
-def test_names_that_are_no_axes_are_refused() -> None:
+def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
+    for array, axes, kind, message in [
+        (FRAMES, None, UnansweredError, r"^an array of 5 x 24 x 40: which axis.*; give --axes"),
+        *((np.zeros(shape), AXES, FrameError, "give frames x rows x columns") for shape in ((5,), (2, 3, 4, 5), ())),
+        (FRAMES, AXES[1:], FrameError, r"--axes names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40"),
+    ]:
+        with pytest.raises(kind, match=message):
+            array_scan(Path("a.npy"), array, axes)
     for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
         with pytest.raises(InputError, match="--axes"):
             parse_axes(text)

@@ -1,4 +1,4 @@
-"""Recordings that are written as they come, frame by frame."""
+"""Recordings that are written frame by frame."""
 
 import csv
 import zlib
@@ -59,19 +59,18 @@ def test_no_line_lies_across_two_pages(tmp_path):
 def test_the_tables_have_no_padding_for_any_csv_reader(tmp_path):
     writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
     log = ForceWriter(tmp_path / "rec", ("fx_n", "fz_n"))
-    for number in range(400):
-        if number < 200:
-            writer.add(f"{number}.png", number / 3, FRAMES[0])
+    for number in range(200):
+        writer.add(f"{number}.png", number / 3, FRAMES[0])
         log.add(number * 0.01, [1e-5 * number, -0.25])
-    with (tmp_path / "rec" / "frames.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["file"] for row in rows] == [f"{number}.png" for number in range(200)]
-    assert [float(row["time_s"]) for row in rows] == [round(number / 3, 6) for number in range(200)]
-    with (tmp_path / "rec" / "forces.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["time_s", "fx_n", "fz_n"]
-    assert all(field == field.strip() for row in rows for field in row.values())
-    assert [float(row["fx_n"]) for row in rows] == pytest.approx([1e-5 * number for number in range(400)])
+    frames, forces = (
+        list(csv.DictReader((tmp_path / "rec" / name).read_text().splitlines()))
+        for name in ("frames.csv", "forces.csv")
+    )
+    assert [row["file"] for row in frames] == [f"{number}.png" for number in range(200)]
+    assert [float(row["time_s"]) for row in frames] == [round(number / 3, 6) for number in range(200)]
+    assert list(forces[0]) == ["time_s", "fx_n", "fz_n"]
+    assert all(field == field.strip() for row in forces for field in row.values())
+    assert [float(row["fx_n"]) for row in forces] == pytest.approx([1e-5 * number for number in range(200)])
 
 
 def test_tables_that_are_padded_are_read(tmp_path):
@@ -96,7 +95,7 @@ def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
 
 
 def times(gaps):
-    """Middles of steps of 10 ms, so many steps apart."""
+    """Return the middles of steps of 10 ms, with these numbers of steps between them."""
     return (np.cumsum([0, *gaps]) + 0.5) * 0.01
 
 
@@ -149,15 +148,12 @@ def test_opencv_and_pillow_read_back_every_pixel_of_frame_after_frame(tmp_path):
             assert (np.rint(matplotlib.image.imread(tmp_path / "frame.png") * 65535) == pixels).all()
 
 
-def test_the_stream_is_that_of_zlib_and_its_lines_have_no_filter():
+def test_the_stream_is_zlib_without_filters_and_a_frame_of_another_size_is_refused():
     pixels = np.arange(60, dtype=np.uint16).reshape(6, 10) * 999
     data = bytes(PngBuffer(6, 10).encode(pixels))
     begin = data.index(b"IDAT") + 4
     lines = zlib.decompress(data[begin : begin + int.from_bytes(data[begin - 8 : begin - 4], "big")])
     assert lines == b"".join(b"\0" + row.astype(">u2").tobytes() for row in pixels)
-
-
-def test_a_frame_of_another_size_is_refused():
     for shape in ((1, 10), (10,), (6, 1), (6, 11)):
         with pytest.raises(ValueError, match="a frame of"):
             PngBuffer(6, 10).encode(np.zeros(shape, dtype=np.uint16))
