@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,31 +29,26 @@ def pushes(drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True)
     return low_pass(force, time_s), time_s, frames_s, np.full(20, 20e-3)
 
 
-@pytest.mark.parametrize("drift", [-5e-6, 0.0, 5e-6])
-def test_rests_show_offset_and_drift_of_the_sensor(drift: float) -> None:
-    rng = np.random.default_rng(0)
-    errors = []
-    for _ in range(8):
-        zero, covariance = zero_line(*rest_zeros(*pushes(drift, rng)))
-        at = np.array([1.0, 100.0])
-        errors.append((at @ zero - drift * 100.0) / np.sqrt(at @ covariance @ at))
-    assert np.abs(np.mean(errors)) < 1.2
-    assert np.std(errors) < 2.0
+def test_rests_show_offset_and_drift_of_the_sensor() -> None:
+    for drift in (-5e-6, 0.0, 5e-6):
+        rng, errors = np.random.default_rng(0), []
+        for _ in range(8):
+            zero, covariance = zero_line(*rest_zeros(*pushes(drift, rng)))
+            at = np.array([1.0, 100.0])
+            errors.append((at @ zero - drift * 100.0) / np.sqrt(at @ covariance @ at))
+        assert np.abs(np.mean(errors)) < 1.2
+        assert np.std(errors) < 2.0
 
 
-def test_a_needle_that_never_lets_go_leaves_the_tare_as_it_is() -> None:
+def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests() -> None:
     zero, covariance = zero_line(*rest_zeros(*pushes(0.0, np.random.default_rng(1), lets_go=False)))
     np.testing.assert_array_equal(zero, 0.0)
     np.testing.assert_allclose(covariance, ZERO_PRIOR)
+    *log, forces = pushes(0.0, np.random.default_rng(2))
+    assert [len(rest_zeros(*log, scale * forces)[0]) for scale in (1.0, 0.1)] == [19, 0]
 
 
-def test_weak_pushes_are_not_taken_for_rests() -> None:
-    contact, time_s, frames_s, forces = pushes(0.0, np.random.default_rng(2))
-    assert len(rest_zeros(contact, time_s, frames_s, forces)[0]) == 19
-    assert len(rest_zeros(contact, time_s, frames_s, 0.1 * forces)[0]) == 0
-
-
-def test_samples_that_are_no_forces_and_frames_without_a_label_leave_the_others_as_they_are() -> None:
+def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None:
     _, time_s, frames_s, _ = pushes(0.0, np.random.default_rng(3))
     phase = (time_s - 4) % 10
     fz_n = -np.where((time_s > 4) & (time_s < 204) & (phase < 8), 20e-3, 0.0)
@@ -94,36 +90,30 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
 
 
 @pytest.mark.parametrize(
-    ("phantom", "low", "high"),
+    ("low", "high", "phantom"),
     [
-        (PhantomStudy(), 0.8, 1.1),
-        (PhantomStudy(sample_rate_hz=100.0), 0.8, 1.15),
-        (PhantomStudy(force_noise_n=fixed(0.03)), 0.65, 1.1),
-        (PhantomStudy(force_drift_n_per_s=fixed(0.0)), 0.7, 1.1),
-        (PhantomStudy(force_noise_n=fixed(2e-4), force_step_n=1e-4), 0.8, 1.3),
-        (PhantomStudy(force_noise_n=fixed(5e-4)), 0.55, 1.1),  # of 5 mN: its steps are not dithered
-        (PhantomStudy(frame_delay_s=fixed(0.6)), 0.5, 1.1),  # the window reaches into the ramp of the push
+        pytest.param(0.8, 1.1, {}, id="default"),
+        pytest.param(0.8, 1.15, {"sample_rate_hz": 100.0}, id="100 Hz"),
+        pytest.param(0.65, 1.1, {"force_noise_n": fixed(0.03)}, id="noisy"),
+        pytest.param(0.7, 1.1, {"force_drift_n_per_s": fixed(0.0)}, id="no drift"),
+        pytest.param(0.8, 1.3, {"force_noise_n": fixed(2e-4), "force_step_n": 1e-4}, id="fine"),
+        pytest.param(0.55, 1.1, {"force_noise_n": fixed(5e-4)}, id="coarse"),  # steps of 5 mN, which are not dithered
+        pytest.param(0.5, 1.1, {"frame_delay_s": fixed(0.6)}, id="in motion"),  # the window reaches into the ramp
     ],
-    ids=["default", "100 Hz", "noisy", "no drift", "fine", "coarse steps", "in motion"],
 )
-def test_standardised_errors_of_labels_have_unit_spread(phantom: PhantomStudy, low: float, high: float) -> None:
-    errors_n, sds_n = np.array(list(errors_and_sds(phantom, 8))).T
-    spread = np.sqrt(np.mean((errors_n / sds_n) ** 2))
-    assert low < spread < high
+def test_standardised_errors_of_labels_have_unit_spread(low: float, high: float, phantom: dict[str, Any]) -> None:
+    errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 8))).T
+    assert low < np.sqrt(np.mean((errors_n / sds_n) ** 2)) < high
 
 
 def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
+    quiet = PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0))
+    changes = (
+        {"force_noise_n": fixed(4e-3)}, {"force_step_n": 5e-3}, {"force_drift_n_per_s": fixed(1e-3 / 60)},
+        {"frame_delay_s": fixed(0.6)},
+    )  # fmt: skip
     usual, *worse = (
-        np.median([sd_n for _, sd_n in errors_and_sds(phantom, 2)])
-        for phantom in (
-            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)),
-            PhantomStudy(force_noise_n=fixed(4e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)),
-            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=5e-3, force_drift_n_per_s=fixed(0.0)),
-            PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(1e-3 / 60)),
-            PhantomStudy(
-                force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0), frame_delay_s=fixed(0.6)
-            ),
-        )
+        np.median([sd_n for _, sd_n in errors_and_sds(replace(quiet, **change), 2)]) for change in ({}, *changes)
     )
     assert all(sd_n > 1.5 * usual for sd_n in worse)
 
@@ -145,15 +135,10 @@ def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
     assert stated_n(held) > 2.0 * stated_n(white)
 
 
-def test_a_trial_without_a_label_has_no_error() -> None:
-    time_s = np.arange(2000) / 200.0
-    recording = replace(recording_of(time_s, np.zeros((2000, 6)), [5.0]), forces=None)
-    assert label_sds(recording, label_frames(recording, CLASSES)) == (None,)
-
-
-def test_a_log_of_zeros_states_an_error_all_the_same() -> None:
-    time_s = np.arange(2000) / 200.0
-    recording = recording_of(time_s, np.zeros((2000, 6)), [5.0])
+def test_a_log_of_zeros_states_an_error_and_a_trial_without_a_label_none() -> None:
+    recording = recording_of(np.arange(2000) / 200.0, np.zeros((2000, 6)), [5.0])
     (sd_n,) = label_sds(recording, label_frames(recording, CLASSES))
     assert sd_n is not None
     assert 0.0 < sd_n < 1e-4
+    bare = replace(recording, forces=None)
+    assert label_sds(bare, label_frames(bare, CLASSES)) == (None,)
