@@ -312,39 +312,33 @@ PLACES = np.log1p(STIFFENINGS)  # of the library's stiffenings: 0, 0.41, 1.18, 2
 TRIAL_FRAMES, EVEN = 3, 15.0  # frames of an even wall, and the loss of their boundaries
 
 
-@dataclass
-class Eye:
-    """An eye whose trials' losses are functions of ln(1 + b); `tried` are the stiffenings."""
-
-    forces: Callable[[float], float] = lambda _: 0.0
-    boundaries: Callable[[float], float] = lambda _: EVEN
-    refused: Callable[[float], int] = lambda _: 0
-    able: Callable[[float], bool] = lambda _: True
-    tried: list[float] = field(default_factory=list)
-
-    def __call__(self, library: Library) -> TissueTrial[str] | None:
-        self.tried.append(library.stiffening)
-        place = log1p(library.stiffening)
-        if not self.able(place):
-            return None
-        return TissueTrial(
-            found=f"with {library.stiffening:g}",
-            refused=self.refused(place),
-            frames=TRIAL_FRAMES,
-            of_boundaries=self.boundaries(place),
-            of_forces=self.forces(place),
-        )
+Lost = Callable[[float], float]
 
 
-def found_of(eye: Eye, library: Library = MADE_UP) -> float:
-    """The stiffening that is found, as ln(1 + b), after checks of its calibration and of the trials."""
-    result = search(library, eye)
-    assert result is not None
-    stiffening, found = result
-    assert found == f"with {stiffening:g}"
-    assert stiffening in eye.tried
-    assert len(eye.tried) == len(set(eye.tried)) <= most_trials(library)
-    return log1p(stiffening)
+def bowl(weight: float, least: float) -> Lost:
+    return lambda place: weight * (place - least) ** 2
+
+
+NOTHING = bowl(0.0, 0.0)
+
+
+def sought(
+    forces: Lost = NOTHING, boundaries: Lost = lambda _: EVEN, refused: Lost = NOTHING,
+    able: Callable[[float], bool] = lambda _: True, library: Library = MADE_UP,
+) -> tuple[float | None, list[float]]:  # fmt: skip
+    """Return the stiffening that is found for an eye whose losses are functions of ln(1 + b), and the tried ones."""
+    tried = list[float]()
+
+    def calibrate(walls: Library) -> TissueTrial[float] | None:
+        tried.append(walls.stiffening)
+        place = log1p(walls.stiffening)
+        lost = {"of_boundaries": boundaries(place), "of_forces": forces(place), "refused": int(refused(place))}
+        return TissueTrial(found=walls.stiffening, frames=TRIAL_FRAMES, **lost) if able(place) else None
+
+    found = search(library, calibrate)
+    assert len(tried) == len(set(tried)) <= most_trials(library)
+    assert found is None or found[0] == found[1] in tried
+    return found and log1p(found[0]), tried
 
 
 def prior(place: float) -> float:
@@ -356,108 +350,87 @@ def test_the_least_loss_between_the_library_s_stiffenings_is_found() -> None:
     """Within 0.1 of ln(1 + b), and no worse by more than half of a square of a standard deviation."""
     for least, lopsided in product((0.9, 1.6, 2.0, 2.7, 3.1), (0.0, 0.15)):
 
-        def forces(place: float, least: float = least, lopsided: float = lopsided) -> float:
-            return 40.0 * (place - least) ** 2 * (1.0 + lopsided * (place - least))
+        def whole(place: float, least: float = least, lopsided: float = lopsided) -> float:
+            return bowl(40.0, least)(place) * (1.0 + lopsided * (place - least)) + prior(place)
 
-        best = min(np.linspace(0.0, PLACES[-1], 3001).tolist(), key=lambda place: forces(place) + prior(place))
-        found = found_of(Eye(forces))
+        best = min(np.linspace(0.0, PLACES[-1], 3001).tolist(), key=whole)
+        found, _ = sought(lambda place, whole=whole: whole(place) - prior(place))
         assert found == pytest.approx(best, abs=0.1)
-        assert forces(found) + prior(found) < forces(best) + prior(best) + 0.5
+        assert whole(found) < whole(best) + 0.5
 
 
 def test_a_stiffening_beside_neighbours_that_lose_much_is_found() -> None:
     """Between none and the first; and before the last one, where losses level off, as of a thick wall of b = 20."""
     for least in (0.35, 0.45, 0.6):
-        eye = Eye(forces=lambda place, least=least: 60.0 * (place - least) ** 2)
-        assert found_of(eye) == pytest.approx(least, abs=0.15)
+        assert sought(bowl(60.0, least))[0] == pytest.approx(least, abs=0.15)
     for least in (2.9, 3.04):
-        eye = Eye(boundaries=lambda place, least=least: EVEN + 270.0 * (1 - np.exp(-(((place - least) / 0.8) ** 2))))
-        assert found_of(eye) == pytest.approx(least, abs=0.15)
+        near = bowl(1.0 / 0.8**2, least)
+        found, _ = sought(boundaries=lambda place, near=near: EVEN + 270.0 * (1.0 - np.exp(-near(place))))
+        assert found == pytest.approx(least, abs=0.15)
 
 
 def test_tissue_does_not_stiffen_unless_its_frames_say_so() -> None:
-    assert found_of(Eye()) == 0.0
-    assert found_of(Eye(forces=lambda place: 3.0 * (place < 0.5))) == 0.0  # less than the prior of any node
-    assert found_of(Eye(forces=lambda place: 3.6 * (place < 0.5))) > 0.0
+    for forces, stiffens in ((0.0, False), (3.0, False), (3.6, True)):  # 3.0 is less than the prior of any node
+        found, _ = sought(lambda place, forces=forces: forces * (place < 0.5))
+        assert bool(found) == stiffens
+    for level, boundaries, stiffens in ((0.1, 9.0, True), (1.0, 9.0, True), (10.0, 9.0, False), (1.0, 3.0, False)):
+        # The loss that all walls share says how much a difference counts.
+        found, _ = sought(boundaries=lambda place, level=level, more=boundaries: level * EVEN + more * (place < 0.5))
+        assert bool(found) == stiffens
 
 
 def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
     for best in PLACES:
-        eye = Eye(
-            forces=lambda place, best=best: 0.0 if abs(place - best) < 0.3 else 50.0,
-            refused=lambda place, best=best: int(abs(place - best) < 0.3),
+        found, _ = sought(
+            lambda place, best=best: 50.0 * (abs(place - best) > 0.3),
+            refused=lambda place, best=best: abs(place - best) < 0.3,
         )
-        assert abs(found_of(eye) - best) > 0.3
-    eye = Eye(forces=lambda place: 30.0 * (place - 2.3) ** 2, refused=lambda place: 2 if place < 1.5 else 1)
-    assert found_of(eye) == pytest.approx(2.27, abs=0.1)  # all refuse frames, and the fewest count
-    eye = Eye(boundaries=lambda place: 25.0 - 10.0 * (place > 1.0), refused=lambda place: int(0.1 < place < 0.8))
-    assert found_of(eye) > 1.0  # the search does not end at walls that refuse a frame
+        assert abs(found - best) > 0.3
+    found, _ = sought(bowl(30.0, 2.3), refused=lambda place: 2 if place < 1.5 else 1)
+    assert found == pytest.approx(2.27, abs=0.1)  # all refuse frames, and the fewest count
+    found, _ = sought(boundaries=lambda place: 25.0 - 10.0 * (place > 1.0), refused=lambda place: 0.1 < place < 0.8)
+    assert found > 1.0  # the search does not end at walls that refuse a frame
+    poor = TissueTrial(found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0)
+    lost = TissueTrial.diverged("diverged", 0)
+    result = search(MADE_UP, lambda library: poor if library.stiffening == STIFFENINGS[2] else lost)
+    assert result is not None
+    assert result[1] == "poor"  # better than any that diverged
 
 
 def test_stiffenings_beyond_those_that_lose_too_much_are_not_tried() -> None:
-    steep = Eye(forces=lambda place: 20.0 * place)
-    assert found_of(steep) == 0.0
-    assert steep.tried[:3] == STIFFENINGS[:3].tolist()
-    assert max(steep.tried) == STIFFENINGS[2]
-    flat = Eye(forces=lambda place: 0.4 * place)  # with the prior 11.6 at most: less than what is enough
-    assert found_of(flat) == 0.0
-    assert set(STIFFENINGS.tolist()) <= set(flat.tried)
-
-
-def test_it_does_not_end_at_walls_that_explain_nothing_themselves() -> None:
-    """Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing."""
-    lost = dict(zip(STIFFENINGS.tolist(), (300.0, 900.0, 60.0, EVEN, 80.0), strict=True))
-    eye = Eye(boundaries=lambda place: lost.get(min(STIFFENINGS, key=lambda b: abs(log1p(b) - place)), 0.0) + place)
-    assert found_of(eye) == pytest.approx(PLACES[3], abs=0.3)
-
-
-def test_one_that_diverged_counts_for_less_than_one_that_refuses_most_frames() -> None:
-    def calibrate(library: Library) -> TissueTrial[str]:
-        if library.stiffening == STIFFENINGS[2]:
-            return TissueTrial(found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0)
-        return TissueTrial.diverged("diverged", 0)
-
-    result = search(MADE_UP, calibrate)
-    assert result is not None
-    assert result[1] == "poor"
+    found, tried = sought(lambda place: 20.0 * place)
+    assert (found, tried[:3], max(tried)) == (0.0, STIFFENINGS[:3].tolist(), STIFFENINGS[2])
+    found, tried = sought(lambda place: 0.4 * place)  # with the prior 11.6 at most: less than enough
+    assert found == 0.0
+    assert set(STIFFENINGS.tolist()) <= set(tried)
+    # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
+    lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
+    found, _ = sought(boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place)
+    assert found == pytest.approx(PLACES[3], abs=0.3)
 
 
 def test_stiffenings_without_such_an_eye_do_not_end_the_search() -> None:
-    eye = Eye(able=lambda _: False)
-    assert search(MADE_UP, eye) is None
-    assert eye.tried == STIFFENINGS.tolist()
-    for lost in range(5):
-        kept = PLACES[2 if lost != 2 else 1]
-        eye = Eye(
-            forces=lambda place, kept=kept: 40.0 * (place - kept) ** 2,
-            able=lambda place, lost=lost: abs(place - PLACES[lost]) > 1e-9,
-        )
-        assert found_of(eye) == pytest.approx(kept, abs=0.15)
+    assert sought(able=lambda _: False) == (None, STIFFENINGS.tolist())
+    for lost, kept in enumerate(PLACES[[2, 2, 1, 2, 2]]):
+        found, _ = sought(bowl(40.0, kept), able=lambda place, lost=lost: abs(place - PLACES[lost]) > 1e-9)
+        assert found == pytest.approx(kept, abs=0.15)
 
 
 def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour() -> None:
     """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
     halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
-    eye = Eye(forces=lambda place: 20.0 * (place - 1.6) ** 2, refused=lambda place: int(place < 0.5))
-    assert found_of(eye) == pytest.approx(1.55, abs=0.2)
-    assert stiffening_place(np.array(eye.tried[5])) == pytest.approx(halfway)
-    beyond = Eye(forces=lambda place: 30.0 * (place - 1.9) ** 2, refused=lambda place: int(place > 3.0))
-    assert found_of(beyond) == pytest.approx(1.85, abs=0.2)
-    assert stiffening_place(np.array(beyond.tried[5])) == pytest.approx(halfway)
-
-
-def test_walls_that_the_library_does_not_have_say_less_of_their_tissue() -> None:
-    """The same difference between the stiffenings; the loss that all of them share says how much it counts."""
-    for level, stiffens in ((0.1, True), (1.0, True), (10.0, False)):
-        eye = Eye(boundaries=lambda place, level=level: level * EVEN + (0.0 if place > 0.5 else 9.0))
-        assert (found_of(eye) > 0.0) == stiffens
-        assert found_of(Eye(boundaries=lambda place, level=level: level * EVEN + 3.0 * (place < 0.5))) == 0.0
+    for forces, refused, least in (
+        (bowl(20.0, 1.6), lambda place: place < 0.5, 1.55), (bowl(30.0, 1.9), lambda place: place > 3.0, 1.85),
+    ):  # fmt: skip
+        found, tried = sought(forces, refused=refused)
+        assert found == pytest.approx(least, abs=0.2)
+        assert stiffening_place(np.array(tried[5])) == pytest.approx(halfway)
 
 
 def test_a_library_of_one_stiffening_is_tried_once_with_it() -> None:
-    alone, eye = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9), Eye()
-    assert found_of(eye, alone) == 0.0
-    assert (eye.tried, most_trials(alone)) == ([0.0], 1)
+    alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
+    assert sought(library=alone) == (0.0, [0.0])
+    assert most_trials(alone) == 1
 
 
 # Whole calibrations: the trials, the result, and the counted steps.
@@ -525,36 +498,31 @@ def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrate
     assert len(calibrating.tried) == len(set(calibrating.tried))
 
 
-def test_nobody_is_warned_of_a_filter_with_walls_that_are_far_off(calibrating: Calibrating) -> None:
+def test_the_search_warns_of_nothing_and_raises_the_first_fault_if_no_tissue_will_do(calibrating: Calibrating) -> None:
     calibrating.loss = lambda place: float(np.nan_to_num(np.sqrt(np.array(-place)))) + (place - 1.6) ** 2
     assert calibration_of().eyes["mine"].stiffening > 0.0
-
-
-def test_a_stiffening_that_is_not_sought_is_the_study_s(calibrating: Calibrating) -> None:
-    for stiffening in (0.0, 5.0):
-        study, steps = replace(Study(), tissue=TissueStudy(stiffening=stiffening)), list[int]()
-        eye = calibration_of(study, parameters=("e", "iop"), progress=steps.append).eyes["mine"]
-        assert calibrating.tried.pop() == (stiffening, False)
-        assert (eye.stiffening, sum(steps)) == (stiffening, 8)
-    with pytest.raises(InputError, match="stiffening: 50 is outside the library's range, 0 to 30"):
-        calibration_of(replace(Study(), tissue=TissueStudy(stiffening=50.0)), parameters=("e",))
-    assert not calibrating.tried
-
-
-def test_an_earlier_calibration_continues_with_its_stiffening(calibrating: Calibrating) -> None:
-    begun = calibration_of_a_sealed_eye()
-    earlier = replace(begun, eyes={"mine": replace(begun.eyes["mine"], stiffening=7.0)})
-    steps: list[int] = []
-    eye = calibration_of(earlier=earlier, progress=steps.append).eyes["mine"]
-    assert calibrating.tried == [(7.0, True)]
-    assert eye.stiffening == 7.0
-    assert sum(steps) == 8 * calibration_passes(MADE_UP, None)
-
-
-def test_if_no_tissue_will_do_the_first_fault_is_raised(calibrating: Calibrating) -> None:
+    calibrating.tried.clear()
     calibrating.fault = "no frame"
     with pytest.raises(CalibrationError, match=r"^no frame 1$"):
         calibration_of()
+
+
+def test_a_stiffening_that_is_not_sought_is_the_study_s_or_the_earlier_one(calibrating: Calibrating) -> None:
+    def found(study: Study | None = None, **given: Any) -> tuple[float, int]:
+        steps = list[int]()
+        return calibration_of(study, progress=steps.append, **given).eyes["mine"].stiffening, sum(steps)
+
+    for stiffening in (0.0, 5.0):
+        study = replace(Study(), tissue=TissueStudy(stiffening=stiffening))
+        assert found(study, parameters=("e", "iop")) == (stiffening, 8)
+        assert calibrating.tried.pop() == (stiffening, False)
+    begun = calibration_of_a_sealed_eye()
+    earlier = replace(begun, eyes={"mine": replace(begun.eyes["mine"], stiffening=7.0)})
+    assert found(earlier=earlier) == (7.0, 8 * calibration_passes(MADE_UP, None))
+    assert calibrating.tried.pop() == (7.0, True)
+    with pytest.raises(InputError, match="stiffening: 50 is outside the library's range, 0 to 30"):
+        found(replace(Study(), tissue=TissueStudy(stiffening=50.0)), parameters=("e",))
+    assert not calibrating.tried
 
 
 # Eyes of a library's own walls, seen without errors.

@@ -15,7 +15,6 @@ from scleraforce.known import (
     UNKNOWN,
     ForceDiscrepancy,
     Known,
-    KnownGlobe,
     Modulus,
     completed,
     correlation_of,
@@ -40,7 +39,7 @@ from scleraforce.units import SI_PER_UNIT
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)
 
 
-def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> None:
+def test_a_recordings_statements_are_known_and_all_else_is_unknown() -> None:
     info = RecordingInfo(
         EyeInfo("e", thickness_m=0.6e-3),
         OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3),
@@ -51,10 +50,12 @@ def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> Non
     assert known_of_recording(turned) == replace(known_of_recording(info), direction_rad=0.8)
 
 
+FOUND = replace(UNKNOWN, mean=0.4 * UNKNOWN.mean, sd=0.1 * UNKNOWN.sd, correlation=-0.8, calibrated=True)
 EYES = {
     "mine": {"mean_mpa": 0.3, "sd_mpa": 0.004, "globe": globe_entry(CALIBRATED)},
     "lost": {"mean_mpa": 0.1, "status": "diverged: by 4 sd"},
     "contradicted": {"mean_mpa": 0.1, "status": "diverged: by 4 sd", "globe": globe_entry(UNKNOWN)},
+    "undeclared": {"globe": globe_entry(FOUND)},
 }
 
 
@@ -77,139 +78,100 @@ def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_
 def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_or_globe_and_a_sentence_says_so(
     summary: CalibrationSummary,
 ) -> None:
-    told = Known(iop_pa=270.0, thickness_m=0.6e-3, globe=OPEN)
+    given = Known(iop_pa=270.0, thickness_m=0.6e-3, globe=OPEN)
     assert calibrated_modulus(summary, "lost") is None
-    assert known_of_eye(told, summary, "lost") == told
-    assert known_of_eye(told, summary, "contradicted") == replace(told, globe=None)
+    assert known_of_eye(given, summary, "lost") == given
+    assert known_of_eye(given, summary, "contradicted") == replace(given, globe=None)
     assert str(foreign_modulus(summary, "contradicted")).endswith("unknown modulus in an unknown globe")
     assert foreign_modulus(summary, "lost") == (
-        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 3 eyes (mine, lost, contradicted): "
-        "read as one of unknown modulus"
+        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 4 eyes "
+        "(mine, lost, contradicted, undeclared): read as one of unknown modulus"
     )
 
 
-def test_where_all_diverged_no_eye_has_a_modulus(tmp_path: Path) -> None:
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.25, {"lost": EYES["lost"]}))
-    assert calibrated_modulus(read_calibration(file), "stranger") is None
-
-
-@pytest.mark.parametrize("told", [None, SEALED], ids=["nothing told", "the same kind told"])
-def test_an_eye_takes_the_globe_that_its_calibration_found(
-    summary: CalibrationSummary, told: KnownGlobe | None
+def test_an_eye_takes_the_globe_that_its_calibration_found_unless_another_kind_is_declared(
+    summary: CalibrationSummary,
 ) -> None:
-    found = known_of_eye(Known(thickness_m=0.6e-3, globe=told), summary, "mine").globe
-    assert found is not None
-    assert (found.kind, found.calibrated, found.correlation) == ("sealed", True, CALIBRATED.correlation)
-    assert (found.mean, found.sd) == pytest.approx((CALIBRATED.mean, CALIBRATED.sd))
-
-
-def test_another_kind_of_globe_that_is_told_stands(summary: CalibrationSummary) -> None:
+    for declared in (None, SEALED):
+        found = known_of_eye(Known(thickness_m=0.6e-3, globe=declared), summary, "mine").globe
+        assert found is not None
+        assert (found.kind, found.calibrated, found.correlation) == ("sealed", True, CALIBRATED.correlation)
+        assert (found.mean, found.sd) == pytest.approx((CALIBRATED.mean, CALIBRATED.sd))
+        assert known_of_eye(Known(globe=declared), summary, "stranger").globe is declared
+        globe = known_of_eye(Known(globe=declared), summary, "undeclared").globe  # E was found with it, and no other
+        assert globe is not None
+        assert (globe.kind, globe.correlation, globe.mean) == ("unknown", -0.8, pytest.approx(FOUND.mean))
     assert known_of_eye(Known(globe=OPEN), summary, "mine").globe is OPEN
 
 
-def test_what_frames_found_of_a_globe_of_which_nothing_was_told_stands(tmp_path: Path) -> None:
-    """E was found with it, and goes with no other."""
-    found = replace(UNKNOWN, mean=0.4 * UNKNOWN.mean, sd=0.1 * UNKNOWN.sd, correlation=-0.8, calibrated=True)
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.25, {"mine": {"globe": globe_entry(found)}}))
-    for told in (None, OPEN, SEALED):
-        globe = known_of_eye(Known(globe=told), read_calibration(file), "mine").globe
-        assert globe is not None
-        assert (globe.kind, globe.correlation, globe.mean) == ("unknown", -0.8, pytest.approx(found.mean))
+def test_a_recording_states_a_globe_or_none() -> None:
+    for said, globe in (
+        ({}, None),
+        ({"globe": "open"}, OPEN),
+        ({"globe": "sealed"}, SEALED),
+        ({"globe": "sealed", "rigidity_pa13_per_m3": 1e8}, known_globe("sealed", 1e8)),
+    ):
+        assert stated_globe(EyeInfo("e", **said)) == globe
 
 
-def test_an_eye_of_the_population_says_nothing_of_another_globe(summary: CalibrationSummary) -> None:
-    assert known_of_eye(Known(globe=SEALED), summary, "stranger").globe is SEALED
-    assert known_of_eye(Known(), summary, "stranger").globe is None
-
-
-@pytest.mark.parametrize(
-    ("eye", "kind", "rigidity"),
-    [
-        (EyeInfo("e"), None, None),
-        (EyeInfo("e", globe="open"), "open", 0.0),
-        (EyeInfo("e", globe="sealed"), "sealed", SEALED.mean),
-        (EyeInfo("e", globe="sealed", rigidity_pa13_per_m3=1e8), "sealed", 1e8),
-    ],
-)
-def test_a_recordings_globe_is_what_it_says_and_nothing_where_it_says_nothing(
-    eye: EyeInfo, kind: str | None, rigidity: float | None
+def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus_if_all_diverged(
+    tmp_path: Path,
 ) -> None:
-    told = stated_globe(eye)
-    assert (kind, rigidity) == (None, None) if told is None else (told.kind, told.mean) == (kind, rigidity)
-
-
-def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": 0.0}))
-    assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12)
-    file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": None}))
-    assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12 * 2**0.5)
+    for sd_mpa, spread in ((0.0, 0.12), (None, 0.12 * 2**0.5)):  # one eye says nothing of the spread
+        file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": sd_mpa}))
+        assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(spread)
+    file.write_text(calibration_text(0.25, {"lost": EYES["lost"]}))
+    assert calibrated_modulus(read_calibration(file), "stranger") is None
 
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 
-def test_nothing_told_may_be_open_or_as_stiff_as_any() -> None:
+def test_a_globe_is_open_or_as_rigid_as_its_declaration_allows() -> None:
     assert known_globe(None) is UNKNOWN
     assert (UNKNOWN.lowest / PER_UL, UNKNOWN.highest / PER_UL) == pytest.approx((0.0, 0.06))
-    assert UNKNOWN.can_be_sealed
-
-
-def test_an_open_globe_is_certain_whatever_else_is_said() -> None:
     assert known_globe("open", 1e8, "logarithmic") is OPEN
-    assert OPEN.band == (0.0, 0.0)
-    assert not OPEN.can_be_sealed
-    assert not OPEN.globe(OPEN.mean).is_sealed
-
-
-def test_a_sealed_globe_without_a_value_is_as_broad_as_eyes_are() -> None:
+    assert (OPEN.band, OPEN.can_be_sealed, OPEN.globe(OPEN.mean).is_sealed) == ((0.0, 0.0), False, False)
     assert known_globe("sealed") == SEALED
     assert (SEALED.lowest / PER_UL, SEALED.highest / PER_UL) == pytest.approx((0.005, 0.06))
+    for globe in (UNKNOWN, SEALED):
+        assert globe.can_be_sealed
+        even = np.linspace(globe.lowest, globe.highest, 100_001)
+        assert (globe.mean, globe.sd) == pytest.approx((even.mean(), even.std()), rel=1e-4)
+        assert 0.9 <= ((even >= globe.band[0]) & (even <= globe.band[1])).mean() < 0.96
 
 
-@pytest.mark.parametrize("globe", [UNKNOWN, SEALED], ids=["unknown", "sealed"])
-def test_mean_and_spread_are_those_of_an_even_range(globe) -> None:
-    even = np.linspace(globe.lowest, globe.highest, 100_001)
-    assert (globe.mean, globe.sd) == pytest.approx((even.mean(), even.std()), rel=1e-4)
-    inside = (even >= globe.band[0]) & (even <= globe.band[1])
-    assert 0.9 <= inside.mean() < 0.96
+def test_a_stated_rigidity_is_known_to_some_percent_under_its_law() -> None:
+    for law in (None, *RIGIDITY_LAWS):
+        globe = known_globe("sealed", 0.02 * PER_UL, law)
+        assert (globe.kind, globe.law, globe.calibrated) == ("sealed", law or "cube-root", False)
+        low, high = globe.band
+        assert (low / PER_UL, high / PER_UL) == pytest.approx((0.0174, 0.0226), abs=1e-4)
+        assert globe.lowest < low < 0.02 * PER_UL < high < globe.highest
+        assert known_globe("sealed", law=law) == replace(SEALED, law=law or "cube-root")
 
 
-@pytest.mark.parametrize("law", [None, *RIGIDITY_LAWS])
-def test_a_stated_rigidity_is_known_to_some_percent_under_its_law(law: str | None) -> None:
-    globe = known_globe("sealed", 0.02 * PER_UL, law)
-    assert (globe.kind, globe.law, globe.calibrated) == ("sealed", law or "cube-root", False)
-    low, high = globe.band
-    assert (low / PER_UL, high / PER_UL) == pytest.approx((0.0174, 0.0226), abs=1e-4)
-    assert globe.lowest < low < 0.02 * PER_UL < high < globe.highest
-    assert known_globe("sealed", law=law) == replace(SEALED, law=law or "cube-root")
-
-
-def test_a_band_ends_at_what_may_be() -> None:
+def test_a_band_ends_at_the_bounds_of_the_rigidity() -> None:
     found = replace(UNKNOWN, mean=-0.001 * PER_UL, sd=0.002 * PER_UL, calibrated=True)
     assert found.band == pytest.approx((0.0, (-0.001 + 1.6449 * 0.002) * PER_UL))
 
 
-@pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_a_rigidity_makes_the_globe_of_its_law(law: str) -> None:
-    globe = known_globe("sealed", law=law).globe(np.array([0.01, 0.03]) * PER_UL)
-    assert globe.law == law
-    slopes = globe.stiffness(SI_PER_UNIT["mmhg"][1] * 15.0)
-    assert slopes[1] == pytest.approx(3.0 * slopes[0])
-    assert slopes[1] * 1e-9 == pytest.approx(73.0, abs=0.1)  # Pa a microlitre at 15 mmHg, where all laws agree
+def test_a_rigidity_makes_the_globe_of_its_law() -> None:
+    for law in RIGIDITY_LAWS:
+        globe = known_globe("sealed", law=law).globe(np.array([0.01, 0.03]) * PER_UL)
+        assert globe.law == law
+        slopes = globe.stiffness(SI_PER_UNIT["mmhg"][1] * 15.0)
+        assert slopes[1] == pytest.approx(3.0 * slopes[0])
+        assert slopes[1] * 1e-9 == pytest.approx(73.0, abs=0.1)  # Pa a microlitre at 15 mmHg, where all laws agree
 
 
 LIBRARY_N = np.array([0.0, 5e-3, 30e-3, 55e-3])
 STIFFENING = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.02, growth_sd=0.1, correlation=-0.6)
 
 
-def test_forces_of_an_eye_without_a_discrepancy_are_the_library_s() -> None:
-    np.testing.assert_array_equal(NO_DISCREPANCY.corrected_n(LIBRARY_N), LIBRARY_N)
-
-
 def test_forces_grow_by_level_and_growth_and_beyond_the_range_by_no_more() -> None:
+    np.testing.assert_array_equal(NO_DISCREPANCY.corrected_n(LIBRARY_N), LIBRARY_N)
     expected = LIBRARY_N * np.exp(0.05 + 0.4 * (LIBRARY_N / 60e-3 - 0.5))
     np.testing.assert_allclose(STIFFENING.corrected_n(LIBRARY_N), expected)
     assert STIFFENING.corrected_n(np.array([90e-3]))[0] == pytest.approx(90e-3 * np.exp(0.05 + 0.2))
@@ -234,15 +196,12 @@ def test_two_unknowns_that_are_as_good_as_one_are_never_correlated_beyond_one() 
     assert np.abs(found).max() == MOST_CORRELATED
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_most_correlated_eye_is_read_again_and_has_a_prior_to_draw_from(tmp_path: Path, sign: float) -> None:
-    globe = replace(SEALED, correlation=sign * MOST_CORRELATED, calibrated=True)
-    (tmp_path / "calibration.json").write_text(calibration_text(0.27, {"a": {"globe": globe_entry(globe)}}))
-    read = read_calibration(tmp_path / "calibration.json").eyes["a"].globe
-    assert read.correlation == globe.correlation
+def test_the_most_correlated_eye_has_a_prior_to_draw_from() -> None:
     own = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
-    precision = prior_of(Known(modulus=own, globe=read), ReaderStudy()).calibrated
-    assert np.linalg.inv(np.linalg.cholesky(precision)).max() == pytest.approx(1.0, rel=1e-6)
+    for sign in (-1.0, 1.0):
+        globe = replace(SEALED, correlation=sign * MOST_CORRELATED, calibrated=True)
+        precision = prior_of(Known(modulus=own, globe=globe), ReaderStudy()).calibrated
+        assert np.linalg.inv(np.linalg.cholesky(precision)).max() == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:

@@ -1,4 +1,4 @@
-"""The page that browses a recording: what it says of each frame, that nothing is fetched, how it is steered."""
+"""The page that browses a recording: the data of each frame, nothing fetched, keys and clicks."""
 
 import json
 import re
@@ -9,30 +9,19 @@ from pathlib import Path
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
 from playwright.sync_api import Page
-from small_recordings import changed, looked_at_frames
+from small_recordings import read_frames
 
-from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report import evaluation_page
 from scleraforce.report.evaluation_page import write_browser_html
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
 
 
-def evaluation(folder: Path, count: int = 4) -> Evaluation:
-    """Frames of 20 mN, read as 21 mN; the second is misread, the third not usable, its reason ends a script."""
-    answers = [changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234))
-               for look in looked_at_frames(folder, count)]  # fmt: skip
-    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ",))
-    answers[2] = changed(answers[2], usable=False, predicted=2, force_n=None, interval_n=None,
-                         probabilities=None, reason="</script><b>no wall</b>")  # fmt: skip
-    return Evaluation(model="reader", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6,
-                      frames=tuple(answers), notes=("a gap of 0.9 mm",), kind="reader")  # fmt: skip
-
-
-def written(folder: Path, count: int = 4) -> Path:
+def written(folder: Path) -> Path:
     counted: list[int] = []
-    write_browser_html(evaluation(folder / "rec", count), folder / "page.html", MADE_AT, counted.append)
-    assert sum(counted) == count
+    _, evaluation = read_frames(folder / "rec", "</script><b>no wall</b>")  # a reason that ends a script
+    write_browser_html(evaluation, folder / "page.html", MADE_AT, counted.append)
+    assert sum(counted) == 4
     return folder / "page.html"
 
 
@@ -42,18 +31,16 @@ def data_of(path: Path) -> dict[str, list[dict[str, object]]]:
     return json.loads(found[1])
 
 
-def test_the_page_has_every_frame_with_its_answer(tmp_path: Path) -> None:
-    frames = data_of(written(tmp_path))["frames"]
+def test_the_page_has_every_frame_with_its_answer_fetches_nothing_and_no_word_is_markup(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    frames = data_of(path)["frames"]
     assert [frame["file"] for frame in frames] == ["0001.png", "0002.png", "0003.png", "0004.png"]
     assert frames[0]["measured_mn"] == pytest.approx(20)
     assert frames[0]["interval_mn"] == pytest.approx([18.7, 23.4])
     assert frames[1]["remarks"] == ["the methods differ"]
     assert (frames[2]["usable"], frames[2]["read_mn"]) == (False, None)
     assert all(str(frame["picture"]).startswith("data:image/jpeg;base64,/9j/") for frame in frames)
-
-
-def test_the_page_fetches_nothing_and_no_word_of_a_frame_is_markup(tmp_path: Path) -> None:
-    text = written(tmp_path).read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="(?!data:)', text)
     assert "<b>no wall" not in text.replace("\\/", "/").split('id="frames">')[0]
     assert text.count("</script>") == 2
@@ -84,28 +71,18 @@ def shown(page: Page) -> tuple[str, str]:
     return page.locator("#said dd").first.inner_text().split(",")[0], page.locator("#verdict").inner_text()
 
 
-VERDICTS = {
-    "0001.png": "class 1: 5 to 30 mN",
-    "0002.png": "class 2: above 30 mN, withdraw (misread)",
-    "0003.png": "class 2: above 30 mN, withdraw (misread)",
-    "0004.png": "class 1: 5 to 30 mN",
-}
+READ, MISREAD = "class 1: 5 to 30 mN", "class 2: above 30 mN, withdraw (misread)"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
-def test_the_keys_go_through_the_frames_and_stop_at_the_ends(opened: Page) -> None:
+def test_keys_go_through_the_frames_and_a_click_in_the_curve_to_the_nearest(opened: Page) -> None:
     visited = [shown(opened)]
     for key in ("ArrowLeft", "ArrowRight", "ArrowRight", "End", "ArrowRight", "Home", "PageDown"):
         opened.keyboard.press(key)
         visited.append(shown(opened))
     files = [1, 1, 2, 3, 4, 4, 1, 4]
-    assert visited == [(f"000{n}.png", VERDICTS[f"000{n}.png"]) for n in files]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
-def test_a_click_in_the_curve_goes_to_the_nearest_frame(opened: Page) -> None:
+    assert visited == [(f"000{n}.png", MISREAD if n in (2, 3) else READ) for n in files]
     box = opened.locator("#curve").bounding_box()
     assert box is not None
     opened.mouse.click(box["x"] + 0.39 * box["width"], box["y"] + 0.5 * box["height"])

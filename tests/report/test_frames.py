@@ -9,12 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from small_recordings import changed, frame_answer, looked_at_frames
+from small_recordings import changed, evaluation_of, frame_answer, looked_at_frames
 
 from bench_conjunctiva import SCALE, STUDY, drawn
 from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_model
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
+from scleraforce.reader.evaluate import FrameAnswer, evaluate_recordings
 from scleraforce.reader.verdicts import look
 from scleraforce.report.evaluation_page import write_browser_html
 from scleraforce.report.frames import (
@@ -32,22 +32,22 @@ MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
 
 def recording_under_a_conjunctiva(folder: Path) -> tuple[np.ndarray, float]:
     """Write a recording of one frame; return the frame and the wall's thickness, which the recording states."""
-    bscan, told_m = drawn(140, 1)
+    bscan, thickness_m = drawn(140, 1)
     (folder / "frames").mkdir(parents=True)
     cv2.imwrite(str(folder / "frames" / "1.png"), bscan.frame)
     (folder / "frames.csv").write_text("file,time_s\n1.png,0\n")
     (folder / "recording.toml").write_text(
-        f'[eye]\nid = "eye"\nthickness_m = {told_m}\n[oct]\ncolumns = 512\nrows = 512\nbits = 12\nwidth_m = 15e-3\n'
-        "depth_m = 4e-3\n[needle]\ngauge = 22\nslice_gap_m = 5e-4\n"
+        f'[eye]\nid = "eye"\nthickness_m = {thickness_m}\n[oct]\ncolumns = 512\nrows = 512\nbits = 12\n'
+        "width_m = 15e-3\ndepth_m = 4e-3\n[needle]\ngauge = 22\nslice_gap_m = 5e-4\n"
     )
-    return bscan.frame, told_m
+    return bscan.frame, thickness_m
 
 
 def test_an_evaluation_carries_the_wall_that_was_read_below_a_conjunctiva(tmp_path: Path) -> None:
-    frame, told_m = recording_under_a_conjunctiva(tmp_path)
+    frame, thickness_m = recording_under_a_conjunctiva(tmp_path)
     evaluation = evaluate_recordings(load_model(SHIPPED_READER), [tmp_path])
     (shown,) = look_at_all(evaluation.frames)
-    read, first = (look(frame, SCALE, STUDY.slice, thickness_m=told).segmentation for told in (told_m, None))
+    read, first = (look(frame, SCALE, STUDY.slice, thickness_m=stated).segmentation for stated in (thickness_m, None))
     np.testing.assert_array_equal(shown.found.outer_row, read.outer_row)
     assert np.nanmean(read.outer_row - first.outer_row) > 8.0  # it is not the layer's surface
 
@@ -85,38 +85,27 @@ def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
     return tuple(frame_answer(file=f"{n:04d}.png", predicted=2 if n in misread else 1) for n in range(count))
 
 
-def evaluation(frames: tuple[FrameAnswer, ...]) -> Evaluation:
-    return Evaluation(model="model", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6, frames=frames)
-
-
 def pictures(html: str) -> list[np.ndarray]:
     found = re.findall(r'src="data:image/jpeg;base64,([^"]*)"', html)
     return [cv2.imdecode(np.frombuffer(base64.b64decode(one), np.uint8), cv2.IMREAD_COLOR) for one in found]
 
 
-def test_few_frames_are_all_shown() -> None:
-    frames = many(MOST_PICTURES)
-    assert shown_frames(frames) == frames
-
-
-def test_of_many_frames_those_that_were_misread_come_first_and_the_others_in_even_steps() -> None:
+def test_misread_frames_are_shown_first_and_others_in_even_steps() -> None:
+    few = many(MOST_PICTURES)
+    assert shown_frames(few) == few
     frames = many(1001, misread=(3, 4, 997))
     shown = shown_frames(frames, 14)
     assert [frame.file for frame in shown[:3]] == ["0000.png", "0003.png", "0004.png"]
     numbers = [frames.index(frame) for frame in shown]
     assert numbers == sorted(numbers)
-    steps = np.diff([number for number in numbers if number not in (3, 4, 997)])
     assert len(shown) == 14
-    assert steps.min() > 95
-
-
-def test_even_of_misread_frames_no_more_are_shown_than_fit() -> None:
+    assert np.diff([number for number in numbers if number not in (3, 4, 997)]).min() > 95
     assert len(shown_frames(many(500, misread=tuple(range(400))))) == MOST_PICTURES
 
 
 def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_were_found(tmp_path: Path) -> None:
     looks = looked_at_frames(tmp_path, 1)
-    (picture,) = pictures(frame_pictures(evaluation((looks[0].answer,)), looks))
+    (picture,) = pictures(frame_pictures(evaluation_of([looks[0].answer]), looks))
     rows, columns = picture.shape[:2]
     width_m, depth_m = looks[0].extent_m
     assert abs(rows / columns - depth_m / width_m) < 0.5 / columns
@@ -128,23 +117,18 @@ def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_wer
     assert (blue - green).max() < 60
 
 
-def test_below_a_picture_stands_what_was_measured_and_read_and_the_misread_stand_out(tmp_path: Path) -> None:
-    first, second, third = looked_at_frames(tmp_path, 3)
-    read = changed(first.answer, predicted=2, force_n=0.031, interval_n=(0.029, 0.033))
-    lost = changed(second.answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2)
-    bare = changed(third.answer, measured_force_n=None, target=None, predicted=0)
-    looks = [
-        replace(look, answer=answer) for look, answer in zip((first, second, third), (read, lost, bare), strict=True)
-    ]
-    html = frame_pictures(evaluation((read, lost, bare)), looks)
+def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_stand_out(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 3)
+    answers = (
+        changed(looks[0].answer, predicted=2, force_n=0.031, interval_n=(0.029, 0.033)),
+        changed(looks[1].answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2),
+        changed(looks[2].answer, measured_force_n=None, target=None, predicted=0),
+    )
+    looks = [replace(look, answer=answer) for look, answer in zip(looks, answers, strict=True)]
+    html = frame_pictures(evaluation_of(answers), looks)
     assert html.count('<figure class="marked">') == 1
     assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
     assert "not usable: no wall found" in html
     assert "not measured; read class 0" in html
     assert "All 3 frames are shown." in html
-
-
-def test_frames_that_are_left_out_are_counted(tmp_path: Path) -> None:
-    looks = looked_at_frames(tmp_path, 2)
-    html = frame_pictures(evaluation((*(look.answer for look in looks), *many(98))), looks)
-    assert "2 of the 100 frames are shown" in html
+    assert "3 of the 101 frames are shown" in frame_pictures(evaluation_of([*answers, *many(98)]), looks)

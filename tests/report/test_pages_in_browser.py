@@ -1,16 +1,14 @@
 """The pages in a real browser: nothing is cut on a telephone or on paper, and dark mode follows the system."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
 from playwright.sync_api import Browser, Page
-from small_recordings import changed, looked_at_frames
+from small_recordings import read_frames
 
-from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
 
 pytestmark = NEEDS_CHROMIUM
@@ -33,25 +31,9 @@ def browser() -> Iterator[Browser]:
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a reader's evaluation with every column, a long remark, a long name and pictures."""
     folder = tmp_path_factory.mktemp("page")
-    looks = looked_at_frames(folder / ("a-recording-with-a-name-as-long-as-they-are" * 2), 4)
-    answers = [
-        changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234), modulus_source="population") for look in looks
-    ]
-    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ by more than both intervals say",))
-    answers[2] = changed(
-        answers[2], usable=False, predicted=2, force_n=None, interval_n=None, probabilities=None,
-        reason="the dent leaves the window of the slice, and its flanks leave the force uncertain by 23 mN",
-    )  # fmt: skip
-    evaluation = Evaluation(
-        model="out/reader",
-        bounds_n=(0.005, 0.03),
-        max_force_n=0.06,
-        youngs_modulus_pa=0.25e6,
-        frames=tuple(answers),
-        notes=("a gap of 0.9 mm",),
-        kind="reader",
-    )
-    looks = tuple(replace(look, answer=answer) for look, answer in zip(looks, answers, strict=True))
+    reason = "the dent leaves the window of the slice, and its flanks leave the force uncertain by 23 mN"
+    name = "a-recording-with-a-name-as-long-as-they-are" * 2
+    looks, evaluation = read_frames(folder / name, reason, modulus_source="population")
     write_evaluation_html(evaluation, looks, folder / "page.html", datetime(2026, 3, 1, tzinfo=UTC))
     return folder / "page.html"
 
@@ -62,10 +44,14 @@ def opened(browser: Browser, path: Path, width: int, scheme: str = "light") -> P
     return page
 
 
-@pytest.mark.parametrize("width", [360, 400, 760, 761, 1300])
-def test_no_table_picture_or_word_is_cut_at_any_width(browser: Browser, written: Path, width: int) -> None:
-    page = opened(browser, written, width)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_nothing_is_cut_at_any_width_or_on_paper(browser: Browser, written: Path) -> None:
+    for width in (360, 400, 760, 761, 1300):
+        page = opened(browser, written, width)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(CUT) == [], width
+        page.close()
+    page = opened(browser, written, 680)  # A4 between margins of 15 mm
+    page.emulate_media(media="print")
     assert page.evaluate(CUT) == []
     page.close()
 
@@ -81,13 +67,6 @@ def test_on_a_telephone_each_figure_of_a_row_has_its_title_and_the_remark_is_see
     assert box is not None
     assert box["x"] + box["width"] <= 400
     assert box["width"] > 300
-    page.close()
-
-
-def test_nothing_is_cut_on_paper(browser: Browser, written: Path) -> None:
-    page = opened(browser, written, 680)  # A4 between margins of 15 mm
-    page.emulate_media(media="print")
-    assert page.evaluate(CUT) == []
     page.close()
 
 

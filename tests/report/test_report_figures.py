@@ -1,4 +1,4 @@
-"""The figures show the numbers that they were given."""
+"""The figures show their numbers."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from small_recordings import (
     calibration_of_a_sealed_eye,
+    evaluation_of,
     frame_answer,
     looked_at_frames,
     refused_frame,
@@ -25,7 +26,6 @@ from scleraforce.errors import InputError
 from scleraforce.known import SEALED
 from scleraforce.laboratory.light import Pose
 from scleraforce.mechanics.contact import Section
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial
 from scleraforce.report.calibration_figures import draw_observed_points
@@ -45,13 +45,7 @@ from scleraforce.report.model_figures import draw_curves
 from scleraforce.report.recording_figures import draw_log, draw_preview
 
 
-def evaluation_of(frames: Sequence[FrameAnswer]) -> Evaluation:
-    return Evaluation(
-        model="model", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6, frames=tuple(frames)
-    )
-
-
-def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -> None:
+def test_a_trial_has_the_colour_of_its_answer_and_a_misread_one_is_ringed() -> None:
     frames = [
         frame_answer(eye="eye 1", file="0.png", measured_force_n=0.010),
         frame_answer(eye="eye 1", file="1.png", predicted=2, probabilities=(0.0, 0.3, 0.7)),
@@ -67,17 +61,12 @@ def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -
     assert {"eye 1", "eye 2", "class 0", "class 1", "class 2"} <= set(texts)
 
 
-def test_dice_of_equal_disjoint_and_empty_images() -> None:
-    one = np.array([[255, 255], [0, 0]], dtype=np.uint8)
-    assert dice(one, one) == 1.0
-    assert dice(one, 255 - one) == 0.0
-    assert dice(0 * one, 0 * one) == 1.0
-
-
-def test_the_overlay_colours_what_only_one_slice_has(tmp_path: Path) -> None:
+def test_the_overlay_colours_pixels_of_one_slice_alone(tmp_path: Path) -> None:
     measured, simulated = np.zeros((2, 4, 14), dtype=np.uint8)
     measured[1, :7] = 255
     simulated[1, 3:] = 255
+    assert [dice(measured, other) for other in (measured, 255 - measured)] == [1.0, 0.0]
+    assert dice(0 * measured, 0 * measured) == 1.0
     figure = draw_slice_pairs([SlicePair(look, measured, simulated, 1e-3) for look in looked_at_frames(tmp_path, 3)])
     overlay = np.asarray(figure.axes[9].images[0].get_array())
     assert len({tuple(overlay[1, column]) for column in (0, 5, 13)}) == 3
@@ -112,7 +101,7 @@ def test_training_curves_have_one_point_an_epoch_and_a_panel_a_quantity() -> Non
     assert (loss.get_yscale(), accuracy.get_yscale()) == ("log", "linear")
 
 
-def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
+def test_a_read_force_is_drawn_over_the_measured_one_with_its_interval() -> None:
     read = {"force_n": 0.012, "interval_n": (0.009, 0.016)}
     frames = [
         frame_answer(file="0.png", measured_force_n=0.010, **read),
@@ -146,18 +135,15 @@ def wall() -> Section:
     return Section(outer, outer + np.array([0.0, 0.5e-3]))
 
 
-@pytest.mark.parametrize(("shift_m", "down_m"), [(0.0, 0.4e-3), (0.25e-3, 0.9e-3), (-0.4e-3, 0.1e-3)])
-def test_a_wall_is_laid_where_the_surface_is_though_a_third_of_it_is_unseen(shift_m: float, down_m: float) -> None:
-    surface_m = dented(LATERAL_M - WIDTH_M / 2 - shift_m) + down_m
-    surface_m[100:270] = np.nan
-    surface_m[300:310] += 1e-3  # a wrong stretch
-    laid = laid_on_surface(wall(), surface_m, WIDTH_M)
-    moved = laid.outer[0] - wall().outer[0] - [WIDTH_M / 2, 0.0]
-    assert moved == pytest.approx([shift_m, down_m], abs=13e-6)  # half a step of the shifts
-    assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
-
-
-def test_where_no_surface_is_seen_the_wall_stays_in_the_middle() -> None:
+def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_middle() -> None:
+    for shift_m, down_m in ((0.0, 0.4e-3), (0.25e-3, 0.9e-3), (-0.4e-3, 0.1e-3)):
+        surface_m = dented(LATERAL_M - WIDTH_M / 2 - shift_m) + down_m
+        surface_m[100:270] = np.nan
+        surface_m[300:310] += 1e-3  # a wrong stretch
+        laid = laid_on_surface(wall(), surface_m, WIDTH_M)
+        moved = laid.outer[0] - wall().outer[0] - [WIDTH_M / 2, 0.0]
+        assert moved == pytest.approx([shift_m, down_m], abs=13e-6)  # half a step of the shifts
+        assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
     laid = laid_on_surface(wall(), np.full(COLUMNS, np.nan), WIDTH_M)
     assert laid.outer == pytest.approx(wall().outer + np.array([WIDTH_M / 2, 0.0]))
 
@@ -172,7 +158,7 @@ def test_each_frame_is_drawn_bare_and_with_all_its_walls(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> None:
-    """With the rigidity that the frames told, which is another than the one in the middle of what was known."""
+    """With the rigidity from the frames, which is not the mean of the prior."""
     truth = EyeConstants(
         iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=0.6e-3, polar_rad=0.0, polar_sd_rad=0.0,
         globe=replace(SEALED, mean=0.4 * SEALED.mean),
@@ -201,7 +187,7 @@ def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> Non
     assert np.minimum(*off_mm).max() < 1e-3
 
 
-def test_frames_and_bars_are_as_wide_and_deep_as_they_say(tmp_path: Path) -> None:
+def test_frames_and_bars_are_drawn_to_scale(tmp_path: Path) -> None:
     recording = read_recording(write_small_recording(tmp_path / "r", frames=3, log=False))  # 8 mm x 3 mm
     figure = draw_preview(recording, 3)
     figure.draw_without_rendering()
@@ -259,19 +245,15 @@ def test_a_long_log_is_thinned_and_not_cut(logged: Recording) -> None:
     assert filtered.get_xdata()[-1] == pytest.approx(600.0, abs=0.2)
 
 
-@pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")])
-def test_a_figure_is_what_its_name_says_and_the_same_each_time(tmp_path: Path, ending: str, start: bytes) -> None:
-    for name in ("one", "two"):
-        figure = Figure()
-        figure.subplots().plot([0, 1], [1, 0], label="line")
-        write_figure(figure, tmp_path / f"{name}{ending}")
-    content = (tmp_path / f"one{ending}").read_bytes()
-    assert content.startswith(start)
-    assert content == (tmp_path / f"two{ending}").read_bytes()
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_an_ending_that_is_not_a_picture_is_refused(tmp_path: Path) -> None:
+def test_a_figure_has_the_format_of_its_name_and_the_same_bytes_each_time(tmp_path: Path) -> None:
+    for ending, start in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")):
+        for name in ("one", "two"):
+            figure = Figure()
+            figure.subplots().plot([0, 1], [1, 0], label="line")
+            write_figure(figure, tmp_path / f"{name}{ending}")
+        content = (tmp_path / f"one{ending}").read_bytes()
+        assert content.startswith(start)
+        assert content == (tmp_path / f"two{ending}").read_bytes()
     with pytest.raises(InputError, match=r"a\.xlsx.*\.png, \.svg, \.pdf"):
         write_figure(Figure(), tmp_path / "a.xlsx")
-    assert not list(tmp_path.iterdir())
+    assert len(list(tmp_path.iterdir())) == 6

@@ -1,7 +1,7 @@
 """Small recordings, their answers and their calibrations."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -35,7 +35,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.library.build import cached_library
 from scleraforce.reader.answer import Answer
-from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import (
     EyeInfo,
     ForceInfo,
@@ -117,6 +117,12 @@ def refused_frame(**said: Any) -> FrameAnswer:
     return changed(RIGHT, **{"predicted": 2, "probabilities": None, "usable": False, **said})
 
 
+def evaluation_of(frames: Iterable[FrameAnswer], **more: Any) -> Evaluation:
+    """The evaluation that has these answers."""
+    limits = {"bounds_n": (0.005, 0.03), "max_force_n": 0.06, "youngs_modulus_pa": 0.25e6}
+    return Evaluation(**{"model": "model", **limits, "frames": tuple(frames), **more})
+
+
 LOOKED_AT_ROWS, LOOKED_AT_COLUMNS = 256, 300
 LOOKED_AT_TOML = f"""[eye]
 id = "eye"
@@ -147,6 +153,17 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
         frame_answer(recording=str(folder), file=entry.file, segmentation=find_wall(recording.frame(entry), scale))
         for entry in recording.frames
     )
+
+
+def read_frames(folder: Path, reason: str, **more: Any) -> tuple[tuple[AnsweredFrame, ...], Evaluation]:
+    """Four frames of 20 mN, read as 21 mN, and their evaluation: the second is misread, the third not usable."""
+    looks = looked_at_frames(folder, 4)
+    answers = [changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234), **more) for look in looks]
+    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ",))
+    nothing = {"force_n": None, "interval_n": None, "probabilities": None}
+    answers[2] = changed(answers[2], usable=False, predicted=2, reason=reason, **nothing)
+    looks = tuple(replace(look, answer=answer) for look, answer in zip(looks, answers, strict=True))
+    return looks, evaluation_of(answers, notes=("a gap of 0.9 mm",), kind="reader")
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:
