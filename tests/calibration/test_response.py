@@ -1,3 +1,5 @@
+"""Sections of linear eyes."""
+
 from dataclasses import replace
 from math import radians
 from typing import Any
@@ -6,9 +8,11 @@ import numpy as np
 import pytest
 
 from reference_walls import cut_section
-from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, lagrange, stated_wall
 from scleraforce.calibration.registration import parameter_sections
 from scleraforce.mechanics.contact import Contact, ScanPlane
+
+STATED = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
 
 
 @pytest.mark.slow
@@ -16,24 +20,15 @@ from scleraforce.mechanics.contact import Contact, ScanPlane
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
 ) -> None:
-    constants = EyeConstants(
-        iop_pa=266.0,
-        thickness_m=0.7e-3,
-        gap_m=0.5e-3,
-        polar_rad=radians(35),
-        polar_sd_rad=0.0,
-        direction_rad=direction,
-        tilt_rad=tilt,
-    )
+    constants = replace(STATED, direction_rad=direction, tilt_rad=tilt)
     model, wall = laboratory.model(constants), laboratory.wall(0.7e-3)
     contact = Contact(polar_rad=constants.polar_rad)
     displacement = wall.displacement(
         wall.needle_cnc([contact], 0.35e-3)[0], force_n, youngs_modulus_pa=0.27e6, iop_pa=266.0, density_kg_m3=1100.0
     )
     cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=0.5e-3, direction_rad=direction, tilt_rad=tilt), displacement)
-    outer, inner = replace(model, smoothing_m=0.0).curves([stated_wall(constants, 0.27e6, force_n, contact.polar_rad)])[
-        0
-    ]
+    state = stated_wall(constants, 0.27e6, force_n, contact.polar_rad)
+    ((outer, inner),) = replace(model, smoothing_m=0.0).curves([state])
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
     for mine, other in ((outer, cut.outer), (inner, cut.inner)):
         difference = np.interp(at, *mine.T) - np.interp(at, *other.T)
@@ -41,12 +36,8 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
 
 
 def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
-    model = laboratory.model(
-        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
-    )
-    wall = WallState(
-        youngs_modulus_pa=0.2e6, force_n=0.02, iop_pa=200.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35)
-    )
+    model = laboratory.model(STATED)
+    wall = replace(stated_wall(STATED, 0.2e6, 0.02, STATED.polar_rad), iop_pa=200.0)
     one = model.curves([wall])
     heavier = replace(model, weight_pa_m=2 * model.weight_pa_m)
     other = heavier.curves([replace(wall, youngs_modulus_pa=0.4e6, force_n=0.04, iop_pa=400.0)])
@@ -54,9 +45,7 @@ def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
 
 
 def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> None:
-    model = laboratory.model(
-        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
-    )
+    model = laboratory.model(STATED)
     values = np.array([[0.2e6, 0.4e-3], [0.2e6, 0.7e-3]])
     near, far = parameter_sections(model, ("youngs_modulus_pa", "gap_m"), values, 0.03, radians(35))
     at = np.array([-0.2e-3, 0.0, 0.2e-3])
@@ -65,13 +54,9 @@ def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> N
 
 @pytest.mark.slow
 def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(laboratory: Any) -> None:
-    uncertain = laboratory.model(
-        EyeConstants(iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0),
-        thickness_uncertain=True,
-    )
-    exact = laboratory.model(
-        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0)
-    )
+    stated = replace(STATED, polar_rad=0.6)
+    uncertain = laboratory.model(replace(stated, thickness_m=0.65e-3), thickness_uncertain=True)
+    exact = laboratory.model(stated)
     names = ("youngs_modulus_pa", "thickness_m")
     between = parameter_sections(uncertain, names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6)[0]
     true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]

@@ -31,20 +31,6 @@ def bent(states: Array) -> Array:
     return np.stack([a * b, np.sin(c), a + c**2, np.tanh(0.3 * b), a - b], axis=-1)
 
 
-def naive_ukf_step(sigma: SigmaPoints, mean: Array, covariance: Array, y: Array, noise: Array) -> tuple[Array, Array]:
-    """One step of a full-order UKF by its textbook sums (Julier and Uhlmann 1997), without process noise."""
-    root = np.linalg.cholesky(covariance)
-    states = [mean + root @ point for point in sigma.points_rp]
-    mean = sum(w * x for w, x in zip(sigma.weights_r, states, strict=True))
-    observed = [bent(x) for x in states]
-    z = sum(w * h for w, h in zip(sigma.weights_r, observed, strict=True))
-    pxx = sum(w * np.outer(x - mean, x - mean) for w, x in zip(sigma.weights_r, states, strict=True))
-    pxz = sum(w * np.outer(x - mean, h - z) for w, x, h in zip(sigma.weights_r, states, observed, strict=True))
-    pzz = noise + sum(w * np.outer(h - z, h - z) for w, h in zip(sigma.weights_r, observed, strict=True))
-    gain = pxz @ np.linalg.inv(pzz)
-    return mean + gain @ (y - z), pxx - gain @ pzz @ gain.T
-
-
 class PointsForFilterPy:
     """The rule under test in FilterPy's interface."""
 
@@ -59,40 +45,35 @@ class PointsForFilterPy:
         return x + self.sigma.points_rp @ np.linalg.cholesky(P).T
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("iterations", [1, 4])
-def test_linear_observation_of_a_gaussian_gives_the_kalman_filter(rule: str, iterations: int) -> None:
-    rng = np.random.default_rng(1)
-    params = FilterParams(sigma_points(rule, 3), iterations=iterations, tolerance=0.0)
-    mean, covariance = rng.normal(size=3), random_covariance(rng, 3)
-    posterior = initial_posterior(mean, covariance)
-    for _ in range(20):
-        H, R, y = rng.normal(size=(5, 3)), random_covariance(rng, 5, 0.5), rng.normal(size=5)
-        posterior = filter_step(params, posterior, lambda x, H=H: x @ H.T, y, R).posterior
-        gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
-        mean, covariance = mean + gain @ (y - H @ mean), (np.eye(3) - gain @ H) @ covariance
-        np.testing.assert_allclose(posterior.mean, mean, rtol=1e-10, atol=1e-10)
-        np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-10, atol=1e-10)
+def test_linear_observation_of_a_gaussian_gives_the_kalman_filter() -> None:
+    for rule, iterations in product(RULES, (1, 4)):
+        rng = np.random.default_rng(1)
+        params = FilterParams(sigma_points(rule, 3), iterations=iterations, tolerance=0.0)
+        mean, covariance = rng.normal(size=3), random_covariance(rng, 3)
+        posterior = initial_posterior(mean, covariance)
+        for _ in range(20):
+            H, R, y = rng.normal(size=(5, 3)), random_covariance(rng, 5, 0.5), rng.normal(size=5)
+            posterior = filter_step(params, posterior, lambda x, H=H: x @ H.T, y, R).posterior
+            gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+            mean, covariance = mean + gain @ (y - H @ mean), (np.eye(3) - gain @ H) @ covariance
+            np.testing.assert_allclose(posterior.mean, mean, rtol=1e-10, atol=1e-10)
+            np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_every_step_equals_the_full_order_ukf_and_filterpys_with_the_same_points(rule: str) -> None:
+def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(rule: str) -> None:
     rng = np.random.default_rng(4)
     sigma = sigma_points(rule, 3)
-    mean, covariance = rng.normal(size=3), random_covariance(rng, 3, 0.5)
     peer = UnscentedKalmanFilter(3, 5, 1.0, bent, lambda x, _: x, PointsForFilterPy(sigma))
-    peer.x, peer.P, peer.Q = mean, covariance, np.zeros((3, 3))
-    posterior = initial_posterior(mean, covariance)
+    peer.x, peer.P, peer.Q = rng.normal(size=3), random_covariance(rng, 3, 0.5), np.zeros((3, 3))
+    posterior = initial_posterior(peer.x, peer.P)
     for _ in range(15):
-        R, y = random_covariance(rng, 5, 0.3), rng.normal(size=5)
-        posterior = filter_step(FilterParams(sigma), posterior, bent, y, R).posterior
-        mean, covariance = naive_ukf_step(sigma, mean, covariance, y, R)
-        peer.R = R
+        peer.R, y = random_covariance(rng, 5, 0.3), rng.normal(size=5)
         peer.predict()
         peer.update(y)
-        for other_mean, other_covariance in ((mean, covariance), (peer.x, peer.P)):
-            np.testing.assert_allclose(posterior.mean, other_mean, rtol=1e-8, atol=1e-10)
-            np.testing.assert_allclose(posterior.covariance, other_covariance, rtol=1e-8, atol=1e-10)
+        posterior = filter_step(FilterParams(sigma), posterior, bent, y, peer.R).posterior
+        np.testing.assert_allclose(posterior.mean, peer.x, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
 
 
 def test_covariance_stays_positive_definite_with_noise_of_very_different_sizes() -> None:
@@ -173,8 +154,7 @@ def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it
     step = filter_step(params, prior, lambda x: x @ H.T, y, 0.01 * np.eye(10))
     rest = np.arange(10) != 6
     clean = filter_step(params, prior, lambda x: x @ H[rest].T, y[rest], 0.01 * np.eye(9))
-    assert step.gated == (6,)
-    assert step.observations == 9
+    assert (step.gated, step.observations, step.status) == ((6,), 9, "ok")
     np.testing.assert_allclose(step.posterior.mean, clean.posterior.mean)
     np.testing.assert_allclose(step.posterior.covariance, clean.posterior.covariance)
 
@@ -188,18 +168,6 @@ def test_an_outlier_is_gated_beside_a_prior_however_wide() -> None:
     for prior_sd in (1e3, 1e5, 1e6):
         prior = initial_posterior(np.zeros(2), prior_sd**2 * np.eye(2))
         assert filter_step(params, prior, lambda x: x @ H.T, y, 1e-4 * np.eye(10)).gated == (6,)
-
-
-def test_gating_spares_observations_that_the_model_explains() -> None:
-    rng = np.random.default_rng(9)
-    H, params = rng.normal(size=(10, 2)), FilterParams(sigma_points("simplex", 2), gate=5.0)
-    posterior = initial_posterior(np.zeros(2), np.eye(2))
-    truth = rng.normal(size=2)
-    for _ in range(100):
-        step = filter_step(params, posterior, lambda x: x @ H.T, H @ truth + rng.normal(size=10), np.eye(10))
-        posterior = step.posterior
-        assert step.gated == ()
-        assert step.status == "ok"
 
 
 def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
@@ -263,12 +231,8 @@ def test_every_rule_has_zero_mean_and_unit_covariance() -> None:
         np.testing.assert_allclose(weights @ points, 0.0, atol=1e-14)
         np.testing.assert_allclose(points.T @ (weights[:, None] * points), np.eye(dimension), atol=1e-13)
     assert [len(sigma_points(rule, 1).points_rp) for rule in RULES] == [2, 2, 3]
-
-
-def test_simplex_corners_lie_on_one_sphere_at_equal_distances() -> None:
-    points = sigma_points("simplex", 4).points_rp
-    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 2.0)
-    distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    corners = sigma_points("simplex", 4).points_rp
+    distances = np.linalg.norm(corners[:, None] - corners[None], axis=-1)
     np.testing.assert_allclose(distances[~np.eye(5, dtype=bool)], distances[0, 1])
 
 

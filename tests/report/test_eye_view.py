@@ -1,4 +1,4 @@
-"""The wall to be turned: what its script is given is the skin of the mesh, and a browser draws it without a network."""
+"""The wall to be turned: its script has the skin of the mesh, and a browser draws it without a network."""
 
 import base64
 import json
@@ -36,22 +36,17 @@ def enclosed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("tc,tc->", a, np.cross(b, c)) / 6.0)
 
 
-def test_the_skin_is_closed_looks_outwards_and_holds_the_volume_of_the_wall(eye: SimulatedEye) -> None:
+def test_the_skin_is_closed_looks_outwards_and_follows_the_curved_wall(eye: SimulatedEye) -> None:
     skin = skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en)
     edges = np.concatenate([skin.triangles_tn[:, [n, (n + 1) % 3]] for n in range(3)])
     assert {tuple(edge) for edge in edges} == {tuple(edge[::-1]) for edge in edges}
     shell = 2.0 / 3.0 * np.pi * (12e-3**3 - 11.5e-3**3)
     tolerance = {1: 0.05, 2: 0.005}[eye.mesh.order]
     assert enclosed_volume(skin.points_nc, skin.triangles_tn) == pytest.approx(shell, rel=tolerance)
-
-
-def test_middles_of_faces_lie_on_the_curved_wall(eye: SimulatedEye) -> None:
-    skin = skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en)
     middles = np.linalg.norm(skin.points_nc[len(eye.mesh.points_nc) :], axis=1)
-    outer = middles[middles > 11.8e-3]  # those of the rim lie between the surfaces
+    outer = middles[middles > 11.8e-3]  # the rim's are between the surfaces
     assert len(outer) == 8 * 8 * 3  # of the half cube: its top, and four halves of sides
-    flat_m = 0.0 if eye.mesh.order == 2 else 0.15e-3
-    np.testing.assert_allclose(outer, 12e-3, atol=flat_m + 2e-6)
+    np.testing.assert_allclose(outer, 12e-3, atol=(0.0 if eye.mesh.order == 2 else 0.15e-3) + 2e-6)
     assert np.isfinite(skin.displacement_nc).all()
 
 
