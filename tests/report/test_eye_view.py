@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from chromium import CHROMIUM, NEEDS_CHROMIUM
+from chromium import CHROMIUM, in_chromium
 from playwright.sync_api import Page, sync_playwright
 
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
@@ -97,8 +97,7 @@ def picture(page: Page) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(base64.b64decode(content), np.uint8), cv2.IMREAD_COLOR).astype(int)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+@in_chromium
 def test_a_browser_draws_the_wall_and_keys_slider_and_whole_wall_change_it(opened: Page) -> None:
     start = picture(opened)
     covered = (start.sum(axis=2) < 3 * 250).mean()
@@ -118,8 +117,7 @@ def test_a_browser_draws_the_wall_and_keys_slider_and_whole_wall_change_it(opene
     assert opened.locator("#eye-highest").inner_text().endswith("mm")
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+@in_chromium
 def test_the_wall_is_drawn_again_after_the_graphics_driver_took_everything_away(opened: Page) -> None:
     start = picture(opened)
     opened.evaluate("""() => {

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from chromium import NEEDS_CHROMIUM, started_chromium
+from chromium import in_chromium, started_chromium
 from small_recordings import looked_at_frames
 
 import scleraforce
@@ -78,8 +78,7 @@ def test_no_script_of_a_page_makes_markup_of_texts() -> None:
         assert found is None, script
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+@in_chromium
 def test_a_browser_shows_the_names_and_runs_none(hostile: Path) -> None:
     with started_chromium() as browser:
         page = browser.new_context(offline=True).new_page()

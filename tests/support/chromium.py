@@ -1,7 +1,7 @@
 """A browser for pages: Chromium where the system has it."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
@@ -9,6 +9,13 @@ from playwright.sync_api import Browser, sync_playwright
 
 CHROMIUM = "/usr/bin/chromium"
 NEEDS_CHROMIUM = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
+
+
+def in_chromium(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test that needs it."""
+    for mark in NEEDS_CHROMIUM:
+        test = mark(test)
+    return test
 
 
 @contextmanager

@@ -53,7 +53,7 @@ from scleraforce.calibration.roukf import (
 )
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
-from scleraforce.library.placement import Placed, Places, curve_depths
+from scleraforce.library.placement import Places, curve_depths
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import from_si
@@ -64,7 +64,7 @@ Array = NDArray[np.float64]
 PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
 RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sealed
 LEAST_POINTS = 3
-UNREACHED_SD_M = 1.0
+UNREACHED_SD_M = 1.0  # of a point that the model's section does not reach
 UNSEEN = "too little of the wall is in view"
 SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the columns of `EyeState.sensitivity`
 
@@ -188,7 +188,9 @@ def assimilate(
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
-    fit = register(eye.model, boundaries, force_n, _modulus(eye, state), prior, rigidity_after(eye, state))
+    median_pa = float(eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])])
+    modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
+    fit = register(eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state))
     observation = observe_points(boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
@@ -196,15 +198,24 @@ def assimilate(
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     by_force, by_polar = force_derivative(*at), polar_derivative(*at)
-    expected = placed.jacobian[:, :LOG_MODULUS] @ (prior.mean - fit.nuisance)
+    by_nuisance = placed.jacobian[:, :LOG_MODULUS]
+    expected = by_nuisance @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
         return _depths(eye, states_rp, force_n, fit.nuisance, places) + expected
 
-    noise = _observation_noise(eye, observation, placed, by_force, by_polar, prior)
+    noise = (  # covariance (point, point): segmentation, nuisances, force, contact
+        np.diag(np.where(placed.seen, observation.sd_m, UNREACHED_SD_M) ** 2)
+        + by_nuisance @ prior.covariance @ by_nuisance.T
+        + LABEL_SD_N**2 * np.outer(by_force, by_force)
+        + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
+    )
     start = _start(eye, state, fit)
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
-    if (outside := _outside(eye, result.posterior, force_n)) is not None:
+    stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
+    values = eye.space.values(result.posterior.mean).tolist()
+    outside = eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
+    if outside is not None:
         return Skipped(outside)
     sensitivity = state.sensitivity
     if result.observations:
@@ -242,38 +253,6 @@ def _modulus_coordinate(eye: EyeFilter, modulus_pa: float) -> float:
     """Return the filter's coordinate of a modulus."""
     unit = eye.space.parameters[eye.space.names.index(PARAMETERS["e"])].mean
     return float(np.log(modulus_pa / unit)) if eye.study.positive else modulus_pa / unit
-
-
-def _observation_noise(
-    eye: EyeFilter, observation: Observation, placed: Placed, by_force: Array, by_polar: Array, prior: PoseBelief
-) -> Array:
-    """Return the covariance (point, point) of the observation: segmentation, nuisances, force, contact.
-
-    A point that the model's section does not reach has a huge variance.
-    """
-    sd_m = np.where(placed.seen, observation.sd_m, UNREACHED_SD_M)
-    by_nuisance = placed.jacobian[:, :LOG_MODULUS]
-    noise: Array = (
-        np.diag(sd_m**2)
-        + by_nuisance @ prior.covariance @ by_nuisance.T
-        + LABEL_SD_N**2 * np.outer(by_force, by_force)
-        + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
-    )
-    return noise
-
-
-def _outside(eye: EyeFilter, posterior: Posterior, force_n: float) -> str | None:
-    """Return why the model does not hold for the present estimate of the eye under a force, None if it does."""
-    stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
-    values = eye.space.values(posterior.mean).tolist()
-    return eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
-
-
-def _modulus(eye: EyeFilter, state: EyeState) -> float:
-    """Return the median of the modulus' posterior, from which a frame's own is sought."""
-    values = eye.space.values(state.posterior.mean)
-    modulus = dict(zip(eye.space.names, values.tolist(), strict=True)).get("youngs_modulus_pa", eye.study.prior_mean_pa)
-    return max(float(modulus), 0.01 * eye.study.prior_mean_pa)
 
 
 def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, places: Places) -> Array:

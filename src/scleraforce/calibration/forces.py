@@ -39,7 +39,7 @@ QUIET_S = 1.0  # of a rest, for its search
 SMOOTH_S = 0.4  # over which its ends are sought
 EDGE_N = 2e-3  # above its quietest second a rest is over
 EDGE_S = 0.3  # left out at its ends: low-pass and mean let the push leak in
-FARTHEST_ZERO_N = 2e-3  # a "rest" beyond is none: the needle stayed on
+FARTHEST_ZERO_N = 2e-3  # of a rest: beyond it the needle stayed on
 REST_SD_N = 0.3e-3  # of a rest's mean: 4 mN of noise over 1 s at 200 Hz
 LABEL_SD_N = 0.2e-3  # of a label's mean over 2 s, the same noise
 # Before any rest is seen: offset of the tare (the same noise over 2 s) and drift, covariance (2, 2) in N and N/s.
@@ -75,11 +75,7 @@ def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces
 def rest_zeros(contact_n: Array, log_s: Array, frames_s: Array, frames_n: Array) -> tuple[Array, Array]:
     """Return time since the log's beginning and mean force of every rest between two pushes, each (rest,).
 
-    Args:
-        contact_n: contact force at each sample, tared at the beginning.
-        log_s: times of the samples.
-        frames_s: times of the frames, increasing.
-        frames_n: labels of the frames.
+    Of the log: contact force, tared at the beginning, and times; of the frames: times, increasing, and labels.
     """
     rate_hz = 1.0 / float(np.median(np.diff(log_s)))
     ends = np.searchsorted(log_s, frames_s)
@@ -111,7 +107,9 @@ def zero_line(time_s: Array, zero_n: Array) -> tuple[Array, Array]:
 
 def _rest(contact_n: Array, rate_hz: float, start: int) -> tuple[int, float] | None:
     """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
-    quiet, smooth = (_running_mean(contact_n, round(span * rate_hz)) for span in (QUIET_S, SMOOTH_S))
+    total = np.concatenate([[0.0], np.cumsum(contact_n)])
+    lengths = (round(QUIET_S * rate_hz), round(SMOOTH_S * rate_hz))
+    quiet, smooth = ((total[length:] - total[:-length]) / length for length in lengths)  # means of all windows
     if len(quiet) < 2:
         return None
     middle = int(quiet.argmin()) + round(QUIET_S * rate_hz) // 2
@@ -123,13 +121,6 @@ def _rest(contact_n: Array, rate_hz: float, start: int) -> tuple[int, float] | N
     return start + (begin + end) // 2, float(contact_n[begin:end].mean())
 
 
-def _running_mean(values: Array, length: int) -> Array:
-    """Return the means of all windows of a length, (samples - length + 1,); empty with too few samples."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    mean: Array = (total[length:] - total[:-length]) / length
-    return mean
-
-
 REST_S = 1.0  # that `REST_SD_N` is of
 MEAN_S = 0.1  # of the means that the noise is taken from
 LEAST_SPAN_S = 1.0  # about a frame, that a parabola is laid through
@@ -137,14 +128,14 @@ TERMS = 3  # of the parabola
 MOST_FRAMES = 200  # of which the noise is taken
 HARMONICS = 20  # of the quantisation
 SURE = 2.0  # standard errors, beyond which motion counts
-LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: a log without noise is none of a sensor
+LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: every sensor has noise
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Around:
-    """The log about one frame: `density` of its noise, N^2 s (NaN where there are too few samples), and `motion_n`.
+    """The log about one frame: `density` of its noise, N^2 s (NaN with too few samples), and `motion_n`.
 
-    `motion_n` is how far the mean over the window is from the force at the frame; its standard error is
+    `motion_n` is the difference of the mean over the window from the force at the frame; its standard error is
     `motion_gain` (1/sqrt(s)) times the square root of the density.
     """
 
@@ -165,7 +156,8 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     frames_s = np.array([trial.time_s for trial in labelled])
     frames_n = np.array([trial.measured_force_n for trial in labelled])
     around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
-    density = _density(around[:: max(len(around) // MOST_FRAMES, 1)], raw_n, log.sample_rate_hz)
+    densities = [each.density for each in around[:: max(len(around) // MOST_FRAMES, 1)] if np.isfinite(each.density)]
+    density = float(np.median(densities)) if densities else _sample_variance(raw_n) / log.sample_rate_hz
     scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
     rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
     line, covariance = zero_line(rests_s / scale, rests_n / scale)  # times, too: the prior of the drift stays
@@ -175,7 +167,8 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     tare = max(density / tare_s - scale**2 * float(ZERO_PRIOR[0, 0]), 0.0)
     noise = density * _energy(info.average_s, log.sample_rate_hz)
     shared = noise + tare + 2.0 * _quantisation(raw_n)
-    sds = np.sqrt(shared + zero + [_motion(each, density) for each in around])
+    motion = [max(each.motion_n**2 - (SURE * each.motion_gain) ** 2 * density, 0.0) for each in around]
+    sds = np.sqrt(shared + zero + motion)
     found = iter(sds.tolist())
     return tuple(None if trial.measured_force_n is None else next(found) for trial in trials)
 
@@ -204,16 +197,6 @@ def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Aro
         motion_n=float(off @ parabola),
         motion_gain=sqrt(float(off @ inverse @ off) / MEAN_S),
     )
-
-
-def _density(around: Sequence[_Around], raw_n: Array, rate_hz: float) -> float:
-    """Return the density of the noise, N^2 s: the frames' median, or that of the samples' differences."""
-    found = [each.density for each in around if np.isfinite(each.density)]
-    return float(np.median(found)) if found else _sample_variance(raw_n) / rate_hz
-
-
-def _motion(around: _Around, density: float) -> float:
-    return max(around.motion_n**2 - (SURE * around.motion_gain) ** 2 * density, 0.0)
 
 
 def _energy(average_s: float, rate_hz: float) -> float:

@@ -111,7 +111,10 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Foun
         read_at = np.array([log(frame.modulus_pa), frame.rigidity / REFERENCE_RIGIDITY, 0.0, 0.0])
         left[row] = log(frame.force_n / frame.library_n) - direction[row] @ (center - read_at)
         weight[row] = 1.0 / ((frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2)
-    scales: Scales = np.asarray(np.linalg.inv(_filter_covariance(known))), np.diag(SCALES**-2.0)
+    modulus, globe = own(known)
+    sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
+    of_filter = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
+    scales: Scales = np.asarray(np.linalg.inv(of_filter)), np.diag(SCALES**-2.0)
     every = np.ones(4, dtype=bool)
     begun = (_reweighted(direction, left, weight, scales, every, begin) for begin in BEGINNINGS)
     mean, covariance = min(begun, key=lambda found: _loss(direction, left, weight, scales, found[0]))
@@ -119,7 +122,10 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Foun
     there, _ = _reweighted(direction, left - direction @ away, weight, scales, np.array(AS_READ), BEGINNINGS[0])
     loss = _loss(direction, left, weight, scales, there + away)
     rest = left - direction @ mean
-    scatter = _scatter(float(weight @ rest**2), len(frames))
+    # Before any frame the scatter is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian
+    # Data Analysis, 3rd ed., section 2.6). It is never less: a few frames that agree do not show that others will.
+    squares = SCATTER_FRAMES + float(weight @ rest**2) / EXPECTED_SQUARE
+    scatter = max(1.0, float(np.sqrt(squares / (SCATTER_FRAMES + len(frames)))))
     return Found(mean=center + mean, covariance=covariance, loss=loss, scatter=scatter)
 
 
@@ -144,29 +150,12 @@ def _reweighted(
     return found, covariance
 
 
-def _scatter(squares: float, frames: int) -> float:
-    """Return the scatter of frames over the expected one, from the sum of their squares over the expectation.
-
-    Before any frame it is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian Data
-    Analysis, 3rd ed., section 2.6). It is never less: that a few frames agree does not say that others will.
-    """
-    return max(1.0, float(np.sqrt((SCATTER_FRAMES + squares / EXPECTED_SQUARE) / (SCATTER_FRAMES + frames))))
-
-
 def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: Array) -> float:
     """Return the loss of the four: their residuals, and their distance from the priors (`_reweighted`)."""
     rest = left - direction @ found
     of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
     of_eyes = CAUCHY**2 * np.log1p(scales[1] @ found[2:] ** 2 / CAUCHY**2).sum()
     return float(weight @ rest**2 + of_filter + of_eyes)
-
-
-def _filter_covariance(known: Known) -> Array:
-    """Return the filter's covariance of ln E and k over the reference's (2, 2)."""
-    modulus, globe = own(known)
-    sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
-    covariance: Array = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
-    return covariance
 
 
 def own(known: Known) -> tuple[Modulus, KnownGlobe]:

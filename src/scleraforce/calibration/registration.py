@@ -200,8 +200,10 @@ class _Fit:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
-        begun = [(float(log_modulus), rigidity) for rigidity in self._start_rigidities() for log_modulus in moduli]
+        moduli, (low, high) = np.log(START_MODULUS) + self.mean[LOG_MODULUS], self._rigidity_ends
+        # From a stiff globe an open eye is not found.
+        ratios = {float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)}
+        begun = [(float(log_modulus), rigidity) for rigidity in sorted(ratios) for log_modulus in moduli]
         curves = self.model.curves([self._state(*own) for own in begun])
         best, unknown = np.inf, self.mean.copy()
         for own, curve in zip(begun, curves, strict=True):
@@ -216,11 +218,6 @@ class _Fit:
                     nuisance[BY_DEPTH] += shift
                     best, unknown = cost, np.append(nuisance, own)
         return unknown
-
-    def _start_rigidities(self) -> list[float]:
-        """Return the rigidities over the reference to begin from: from a stiff globe an open eye is not found."""
-        low, high = self._rigidity_ends
-        return sorted({float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
 
     def _state(self, log_modulus: float, rigidity: float) -> WallState:
         modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)

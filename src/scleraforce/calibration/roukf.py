@@ -154,14 +154,15 @@ def filter_step(
         start: a state (n,) from where the iteration may begin. Where that explains prior and observation better than
             the prior's mean does, it begins there: from a wide prior about a bent valley it may not find the way.
     """
-    states_rn, prior = _sampled(params, posterior)
     observed = np.asarray(observation, dtype=np.float64)
-    first_rm = observe(states_rn)
+    factor = posterior.factor @ np.linalg.cholesky(np.linalg.inv(posterior.precision))
+    p = factor.shape[1]
+    prior = posterior._replace(factor=factor, precision=np.eye(p))
+    first_rm = observe(prior.mean + params.sigma.points_rp @ factor.T)
     none, same = np.zeros((len(posterior.mean), len(observed))), np.eye(len(posterior.mean))
     failed = StepResult(posterior, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
-    p = prior.factor.shape[1]
     frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
     try:
         return _step(params, frame if start is None else _from(params, frame, start))
@@ -199,7 +200,8 @@ def _from(params: FilterParams, frame: _Frame, start: Array) -> _Frame:
 def _step(params: FilterParams, frame: _Frame) -> StepResult:
     """Return the step; raises `LinAlgError` if only rounding is left, or the model cannot be evaluated."""
     fit, prior, observed = _fit(params, frame), frame.prior, frame.observed
-    nis, count = _normalised_innovation(fit.linear, observed, fit.kept), int(fit.kept.sum())
+    whitened = _whitening(fit.linear, fit.kept).T @ (observed - fit.linear.offset)[fit.kept]
+    nis, count = float(whitened @ whitened), int(fit.kept.sum())
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
@@ -230,14 +232,6 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit:
         kept[worst] = False
         if len(kept) - kept.sum() > allowed:
             return _linearise(params, frame, np.ones(len(kept), dtype=bool))
-
-
-def _sampled(params: FilterParams, posterior: Posterior) -> tuple[Array, Posterior]:
-    """Return the sampling points (r, n) and the prior of the correction (U = 1)."""
-    root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
-    factor = posterior.factor @ root
-    states_rn = posterior.mean + params.sigma.points_rp @ factor.T
-    return states_rn, posterior._replace(factor=factor, precision=np.eye(len(root)))
 
 
 def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit:
@@ -290,11 +284,6 @@ def _gain(factor: Array, linear: _Linear, precision: Array, kept: NDArray[np.boo
 
 def _solve(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-
-
-def _normalised_innovation(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> float:
-    whitened = _whitening(linear, kept).T @ (observed - linear.offset)[kept]
-    return float(whitened @ whitened)
 
 
 def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[int, float]:

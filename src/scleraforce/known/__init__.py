@@ -25,34 +25,27 @@ from scleraforce.units import to_si
 MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding puts their correlation beyond 1
 
 
-def correlation_of(covariance: NDArray[np.float64], first: int, second: int) -> float:
-    """Return the correlation of two unknowns of a covariance (unknown, unknown), at most `MOST_CORRELATED`.
+Floats = NDArray[np.float64]
 
-    >>> correlation_of(np.array([[4.0, 1.0], [1.0, 1.0]]), 0, 1)
-    0.5
-    """
+
+def correlation_of(covariance: Floats, first: int, second: int) -> float:
+    """Return the correlation of two unknowns of a covariance (unknown, unknown), at most `MOST_CORRELATED`."""
     found = covariance[first, second] / np.sqrt(covariance[first, first] * covariance[second, second])
     return float(np.clip(found, -MOST_CORRELATED, MOST_CORRELATED))
 
 
-def within_bounds(
-    mean: NDArray[np.float64], covariance: NDArray[np.float64], place: int, bounds: tuple[float, float]
-) -> NDArray[np.float64]:
+def within_bounds(mean: Floats, covariance: Floats, place: int, bounds: tuple[float, float]) -> Floats:
     """Return the mean of normal unknowns (unknown,) given that one of them stays within its bounds.
 
     >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
     [0.5, 2.0]
     """
     away = np.clip(mean[place], *bounds) - mean[place]
-    moved: NDArray[np.float64] = mean + away * covariance[:, place] / covariance[place, place]
+    moved: Floats = mean + away * covariance[:, place] / covariance[place, place]
     return moved
 
 
-Floats = NDArray[np.float64]
-
 REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy is constant
-
-
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
 _Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
 
@@ -80,20 +73,13 @@ class ForceDiscrepancy:
     widest_gap: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
 
     def corrected_n(
-        self,
-        library_n: Floats,
-        level_z: Floats | float = 0.0,
-        growth_z: Floats | float = 0.0,
+        self, library_n: Floats, level_z: Floats | float = 0.0, growth_z: Floats | float = 0.0,
         eye_z: Floats | tuple[float, float] = (0.0, 0.0),
-    ) -> Floats:
+    ) -> Floats:  # fmt: skip
         """Return the forces of the eye for the library's forces, N.
 
         `level_z` and `growth_z` are standard normal numbers that draw level and growth (0: the mean); `eye_z` (..., 2)
         are the deviations of E and rigidity from their means, in standard deviations.
-
-        >>> stiffer = ForceDiscrepancy(level=0.0, growth=0.2, level_sd=0.0, growth_sd=0.0, correlation=0.0)
-        >>> (1e3 * stiffer.corrected_n(np.array([0.0, 30e-3, 60e-3]))).round(2).tolist()
-        [0.0, 30.0, 66.31]
         """
         level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
         across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
@@ -161,13 +147,8 @@ class KnownGlobe:
 
 OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
 UNKNOWN = KnownGlobe(kind="unknown", lowest=0.0, highest=STIFFEST, mean=0.5 * STIFFEST, sd=STIFFEST / sqrt(12.0))
-SEALED = KnownGlobe(
-    kind="sealed",
-    lowest=SLACKEST,
-    highest=STIFFEST,
-    mean=0.5 * (SLACKEST + STIFFEST),
-    sd=(STIFFEST - SLACKEST) / sqrt(12.0),
-)
+_MIDDLE, _EVEN_SD = 0.5 * (SLACKEST + STIFFEST), (STIFFEST - SLACKEST) / sqrt(12.0)
+SEALED = KnownGlobe(kind="sealed", lowest=SLACKEST, highest=STIFFEST, mean=_MIDDLE, sd=_EVEN_SD)
 
 
 def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
@@ -184,10 +165,8 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
     if rigidity_pa13_per_m3 is None:
         return replace(SEALED, law=law)
     k = rigidity_pa13_per_m3
-    ends = k / STATED_ENDS, k * STATED_ENDS
-    return KnownGlobe(
-        kind="sealed", lowest=ends[0], highest=ends[1], mean=k, sd=STATED_SD * k, law=law, rigidity_told=True
-    )
+    stated = replace(SEALED, lowest=k / STATED_ENDS, highest=k * STATED_ENDS, mean=k, sd=STATED_SD * k)
+    return replace(stated, law=law, rigidity_told=True)
 
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
@@ -245,7 +224,7 @@ class Known:
 
     @property
     def scatter(self) -> float:
-        """Factor of intervals from the scatter of the eye's frames of known force (`ForceDiscrepancy`)."""
+        """Factor of intervals from the scatter of the eye's frames of known force."""
         return 1.0 if self.discrepancy is None else self.discrepancy.scatter
 
 
@@ -254,13 +233,11 @@ NOTHING_KNOWN = Known()
 
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
-    needle = info.needle
     return Known(
-        modulus=None,
         iop_pa=info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
-        gap_m=needle.slice_gap_m,
-        polar_rad=needle.polar_angle_rad,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=info.needle.polar_angle_rad,
         direction_rad=info.oct.plane_direction_rad,
         globe=stated_globe(info.eye),
     )
@@ -275,26 +252,17 @@ def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
     """Return a recording's statements on a known eye, without the findings of a calibration."""
-    globe = known.globe
-    if globe is None or globe.kind != "sealed":
-        told = None if globe is None or globe.kind == "unknown" else globe.kind
-        return EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, globe=told)
-    return EyeInfo(
-        eye,
-        thickness_m=known.thickness_m,
-        iop_pa=known.iop_pa,
-        globe=globe.kind,
-        rigidity_pa13_per_m3=globe.mean if globe.rigidity_told and not globe.calibrated else None,
-        rigidity_law=globe.law,
-    )
+    globe, stated = known.globe, EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa)
+    if globe is None or globe.kind == "unknown":
+        return stated
+    if globe.kind == "open":
+        return replace(stated, globe="open")
+    rigidity = globe.mean if globe.rigidity_told and not globe.calibrated else None
+    return replace(stated, globe="sealed", rigidity_pa13_per_m3=rigidity, rigidity_law=globe.law)
 
 
 def open_doubts(globe: str | None) -> tuple[str, ...]:
-    """Return a sentence if linear mechanics, which takes every globe for open, reads a sealed one.
-
-    >>> open_doubts("open")
-    ()
-    """
+    """Return a sentence if linear mechanics, which takes every globe for open, reads a sealed one."""
     return (_SEALED_DOUBT,) if globe == "sealed" else ()
 
 

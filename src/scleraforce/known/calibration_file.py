@@ -18,16 +18,7 @@ import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known import (
-    MOST_CORRELATED,
-    OPEN,
-    POPULATION_SD,
-    ForceDiscrepancy,
-    Kind,
-    Known,
-    KnownGlobe,
-    Modulus,
-)
+from scleraforce.known import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Kind, Known, KnownGlobe, Modulus
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import eye_id_fault
 from scleraforce.study.fields import allowed, meant
@@ -55,7 +46,7 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file whose format, mechanics and ids of eyes were checked; `path` names it, `sha256` is of its text."""
+    """A file with checked format, mechanics and ids of eyes; `path` names it, `sha256` is of its text."""
 
     path: str
     content: Mapping[str, Any]
@@ -237,16 +228,9 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
-    """Return a globe as it stands in the file, with the band that holds its rigidity with 90 %."""
-    low, high = globe.band
-    values = {
-        "low": low,
-        "high": high,
-        "mean": globe.mean,
-        "sd": globe.sd,
-        "lowest": globe.lowest,
-        "highest": globe.highest,
-    }
+    """Return the entry of a globe in the file, with the band that holds its rigidity with 90 %."""
+    values = dict(zip(("low", "high"), globe.band, strict=True))
+    values |= {name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")}
     return {
         "kind": globe.kind,
         "rigidity_law": globe.law,
@@ -263,10 +247,7 @@ def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
         raise CalibrationError(f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}")
     return KnownGlobe(
         kind=entry.kind,
-        lowest=to_si(rigidity.lowest, RIGIDITY_UNIT),
-        highest=to_si(rigidity.highest, RIGIDITY_UNIT),
-        mean=to_si(rigidity.mean, RIGIDITY_UNIT),
-        sd=to_si(rigidity.sd, RIGIDITY_UNIT),
+        **{name: to_si(value, RIGIDITY_UNIT) for name, value in msgspec.structs.asdict(rigidity).items()},
         law=entry.rigidity_law,
         correlation=entry.correlation,
         calibrated=entry.calibrated,
@@ -289,14 +270,8 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     if own is None or modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus, stiffening=summary.population_stiffening)
     globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
-    return replace(
-        known,
-        modulus=modulus,
-        thickness_m=own.thickness_m,
-        globe=globe,
-        stiffening=own.stiffening,
-        discrepancy=own.discrepancy,
-    )
+    known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m)
+    return replace(known, stiffening=own.stiffening, discrepancy=own.discrepancy)
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
@@ -318,10 +293,7 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
-    """Return a sentence if an eye is read without a modulus of its own, None if it has one.
-
-    It names the eye and the file's eyes, for the id may be mistyped.
-    """
+    """Return a sentence if an eye is read without a modulus of its own, with the file's eyes; None if it has one."""
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
         return None
@@ -329,12 +301,9 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
-    read = (
-        "as one of unknown modulus" + (" in an unknown globe" if own and own.globe.kind == "unknown" else "")
-        if modulus is None
-        else (
-            f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "
-            f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
-        )
-    )
+    if modulus is None:
+        read = "as one of unknown modulus" + (" in an unknown globe" if own and own.globe.kind == "unknown" else "")
+    else:
+        sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
+        read = f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {sd}"
     return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"

@@ -51,12 +51,7 @@ NAMES_REMARK = (
 
 
 def write_evaluation_html(
-    evaluation: Evaluation,
-    looks: Sequence[AnsweredFrame],
-    path: Path,
-    made_at: datetime,
-    *,
-    overwrite: bool = False,
+    evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime, *, overwrite: bool = False
 ) -> None:
     """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
     limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
@@ -153,10 +148,7 @@ def _of(hits: int, total: int) -> str:
 
 
 def write_browser_html(
-    evaluation: Evaluation,
-    path: Path,
-    made_at: datetime,
-    progress: Callable[[int], object],
+    evaluation: Evaluation, path: Path, made_at: datetime, progress: Callable[[int], object]
 ) -> None:
     """Write the page that browses one recording, with the wall that was read; `progress` counts frames."""
     name = evaluation.frames[0].recording
@@ -165,9 +157,9 @@ def write_browser_html(
         "bounds_mn": [from_si(bound, "mn") for bound in evaluation.bounds_n],
         "frames": list(_frames(evaluation, progress)),
     }
-    markup = Html(BROWSER.joinpath("browser.html").read_text(encoding="utf-8"))
-    script = BROWSER.joinpath("browser.js").read_text(encoding="utf-8")
-    style = BROWSER.joinpath("browser.css").read_text(encoding="utf-8")
+    markup, script, style = (
+        BROWSER.joinpath(f"browser.{kind}").read_text(encoding="utf-8") for kind in ("html", "js", "css")
+    )
     limits = [section("What limits the readings", bullets(evaluation.notes))] if evaluation.notes else []
     content = page(
         f"Recording {evaluation.frames[0].eye}",
@@ -200,9 +192,7 @@ def _answered(answer: FrameAnswer) -> dict[str, Any]:
         "file": answer.file,
         "measured_mn": from_si(answer.measured_force_n, "mn"),
         "read_mn": from_si(answer.answer.force_n, "mn"),
-        "interval_mn": None
-        if answer.answer.interval_n is None
-        else [from_si(end, "mn") for end in answer.answer.interval_n],
+        "interval_mn": answer.answer.interval_n and [from_si(end, "mn") for end in answer.answer.interval_n],
         "predicted": answer.answer.predicted,
         "target": answer.target,
         "usable": answer.answer.usable,

@@ -204,7 +204,7 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
     """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
     figure = Figure(figsize=inches(170 if len(names) > 1 else 110, 60))
-    for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=True):
+    for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False):
         for part, colour, line in (("training", RED, (0, (4, 2))), ("validation", BLUE, "-")):
             values = curves.get(f"{part}_{name}", ())
             if values:

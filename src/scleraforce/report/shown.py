@@ -62,17 +62,16 @@ def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
 
 
 def thing_at(path: Path, model: Path | None = None) -> Thing:
-    """Return the description of a file, a folder or a bundled model.
+    """Return the description of a file, a folder or a bundled model; raises `InputError`.
 
-    Args:
-        path: its path or name.
-        model: the model whose limits are checked on a recording; by default the bundled reader.
-
-    Raises:
-        InputError: it does not exist, is of no known kind or cannot be read; or a model for another kind.
+    The limits of `model`, by default the bundled reader, are checked on a recording.
     """
     found = model_folder(path)
-    kind = _kind_of_folder(found) if found.is_dir() else _kind_of_file(found)
+    if found.name in PARTS and found.is_file():
+        raise InputError(f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}")
+    kind = ENDINGS.get(found.suffix.lower()) if found.is_file() else None
+    if found.is_dir():
+        kind = _kind_of_folder(found)
     if kind is None:
         raise InputError(f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}")
     if model is not None and kind != "recording":
@@ -95,12 +94,6 @@ def _kind_of_folder(path: Path) -> str | None:
     if any(next(folder.glob(LOG_FILES), None) for folder in (path, path / "log")):
         return "decision log"
     return "study" if (path / STUDY_FILE).exists() else None
-
-
-def _kind_of_file(path: Path) -> str | None:
-    if path.name in PARTS and path.is_file():
-        raise InputError(f"{path}: a part of a {PARTS[path.name]}; give its folder, {path.parent}")
-    return ENDINGS.get(path.suffix.lower()) if path.is_file() else None
 
 
 def _kind_of_store(file: Path) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from scleraforce.learning.dataset import Dataset, open_dataset
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
@@ -39,7 +39,7 @@ MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
 def show_library(path: Path) -> Thing:
-    """Look at a response library: a store of `scleraforce library`, or the file of a model folder."""
+    """Describe a response library: a store of `scleraforce library`, or the file of a model folder."""
     library = load_library(path) if path.is_file() else open_library(path)
     shape = library.force_ratio_tpd.shape
     rows = (
@@ -87,7 +87,7 @@ def draw_library(library: Library) -> Figure:
 
 
 def show_data_set(path: Path) -> Thing:
-    """Look at a data set; raises `DatasetError`."""
+    """Describe a data set; raises `DatasetError`."""
     dataset = open_dataset(path)
     _, validation = dataset.split()
     counts = np.bincount(dataset.target, minlength=len(dataset.study.classes.bounds_n) + 1).tolist()
@@ -105,18 +105,18 @@ def show_data_set(path: Path) -> Thing:
         "classes": counts,
         "youngs_modulus_mpa": from_si(dataset.youngs_modulus_pa, "mpa"),
     }
-    return Thing(kind="data set", facts=facts, rows=rows, draw=lambda: _draw_slices(dataset))
 
+    def draw() -> Figure:
+        chosen = np.linspace(0, dataset.images - 1, min(PICTURED, dataset.images)).round().astype(int)
+        chosen = chosen[np.argsort(dataset.force_n[chosen])]
+        thickness_m = dataset.read("thickness_m")[chosen]
+        return draw_montage(dataset.slices[chosen], dataset.force_n[chosen], dataset.target[chosen], thickness_m)
 
-def _draw_slices(dataset: Dataset) -> Figure:
-    chosen = np.linspace(0, dataset.images - 1, min(PICTURED, dataset.images)).round().astype(int)
-    chosen = chosen[np.argsort(dataset.force_n[chosen])]
-    thickness_m = dataset.read("thickness_m")
-    return draw_montage(dataset.slices[chosen], dataset.force_n[chosen], dataset.target[chosen], thickness_m[chosen])
+    return Thing(kind="data set", facts=facts, rows=rows, draw=draw)
 
 
 def show_model(path: Path) -> Thing:
-    """Look at a model folder; its files are checked against their hashes; raises `ModelError`."""
+    """Describe a model folder; its files are checked against their hashes; raises `ModelError`."""
     folder = read_folder(path)
     record = folder.record
     metrics, provenance = _table(record, "metrics"), _table(record, "provenance")
@@ -124,7 +124,7 @@ def show_model(path: Path) -> Thing:
     lines = ("what it reads:", *(f"  {name:<36}{words}" for name, words in ranges)) if ranges else ()
     size = sum(map(len, folder.files.values()))
     rows = [
-        ("kind", f"{record['kind']}{_default(record)}"),
+        ("kind", record["kind"] + (f", answers with its {record['default']}" if record.get("default") else "")),
         ("training", ", ".join(f"{count} {name}" for name, count in _amounts(record))),
         ("figures below are of", MEASURED_ON[record["kind"]].format(default=f"its {record.get('default')}")),
         *((TITLES.get(name, name.replace("_", " ")), f"{value:.4g}") for name, value in metrics.items()
@@ -134,7 +134,10 @@ def show_model(path: Path) -> Thing:
         ("seed", str(provenance.get("seed", "-"))),
         ("files", f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f} MB, hashes match"),
     ]  # fmt: skip
-    curves = {name: values for name, values in _table(record, "curves").items() if _are_numbers(values)}
+    curves = {
+        name: values for name, values in _table(record, "curves").items()
+        if isinstance(values, list) and values and all(isinstance(value, int | float) for value in values)
+    }  # fmt: skip
     facts = {
         "model_kind": record["kind"],
         "default": record.get("default"),
@@ -151,14 +154,6 @@ def show_model(path: Path) -> Thing:
 def _table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
     found = record.get(key)
     return found if isinstance(found, dict) else {}
-
-
-def _are_numbers(values: Any) -> bool:
-    return isinstance(values, list) and bool(values) and all(isinstance(value, int | float) for value in values)
-
-
-def _default(record: Mapping[str, Any]) -> str:
-    return f", answers with its {record['default']}" if record.get("default") else ""
 
 
 def _amounts(record: Mapping[str, Any]) -> list[tuple[str, int]]:

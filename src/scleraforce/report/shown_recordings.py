@@ -2,9 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styl
 from scleraforce.report.recording_figures import draw_recording
 from scleraforce.report.shown import LOG_FILES, Thing, span
 from scleraforce.service.console.board import sentence_of
-from scleraforce.service.decision_log import LogPart, read_log
+from scleraforce.service.decision_log import read_log
 from scleraforce.service.messages import Entry
 from scleraforce.study import ClassesStudy
 from scleraforce.units import HumanUnit, from_si
@@ -35,7 +34,7 @@ SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}
 
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
-    """Look at a recording, and whether a model reads it; forces are put into the paper's classes."""
+    """Describe a recording, and the limits of a model that reads it; forces are put into the paper's classes."""
     recording = read_recording(path)
     trials, fault = _labelled(recording)
     notes = (*limit_notes(model, recording.info), *label_notes(recording, () if fault else trials))
@@ -80,7 +79,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
 
 
 def _labelled(recording: Recording) -> tuple[tuple[Trial, ...], str | None]:
-    """Return the frames with their labels, or without and why: who looks at them may be looking for the fault."""
+    """Return the frames with their labels, or without them and the fault."""
     try:
         return label_frames(recording, CLASSES), None
     except RecordingError as fault:
@@ -112,7 +111,7 @@ def _value(value: float | None, unit: HumanUnit, printed: str) -> str:
 
 
 def show_calibration(path: Path) -> Thing:
-    """Look at a calibration file; raises `CalibrationError`."""
+    """Describe a calibration file; raises `CalibrationError`."""
     calibration = parse_calibration(open_calibration(path))
     mean_pa, sd_pa = calibration.population
     used = sum(len(eye.used) for eye in calibration.eyes.values())
@@ -126,15 +125,11 @@ def show_calibration(path: Path) -> Thing:
         "study_sha256": calibration.study_sha256,
         "population": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(sd_pa, "mpa")},
         "eyes": {
-            name: {
-                "mean_mpa": from_si(eye.mean_pa, "mpa"),
-                "sd_mpa": from_si(eye.sd_pa, "mpa"),
-                "frames": len(eye.used),
-                "status": eye.status,
-            }
+            name: {"mean_mpa": from_si(eye.mean_pa, "mpa"), "sd_mpa": from_si(eye.sd_pa, "mpa"),
+                   "frames": len(eye.used), "status": eye.status}
             for name, eye in calibration.eyes.items()
         },
-    }
+    }  # fmt: skip
     return Thing(
         kind="calibration",
         facts=facts,
@@ -182,73 +177,65 @@ def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
     return f"E is {moduli}: the wall bends otherwise than the model"
 
 
-@dataclass(frozen=True)
-class DecisionsRead:
-    """A log: its decisions in order, its notes, and the number of torn or damaged parts."""
-
-    decisions: tuple[Entry, ...]
-    notes: tuple[str, ...]
-    torn: int
-
-    @property
-    def withdrawals(self) -> tuple[Entry, ...]:
-        """The decisions at which the state became WITHDRAW."""
-        pairs = pairwise([None, *self.decisions])
-        return tuple(after for before, after in pairs if after is not None and after.state == "WITHDRAW"
-                     and (before is None or before.state != "WITHDRAW"))  # fmt: skip
-
-
-def read_decisions(path: Path) -> DecisionsRead:
-    """Read a log: a file, the folder of its files, or the folder of a black box; raises `InputError`."""
-    folder = path / "log" if (path / "log").is_dir() else path
-    for file in folder.glob(LOG_FILES):
-        if not file.is_file():
-            raise InputError(f"{file}: not a regular file; a log has no other files")
-    decisions, notes, torn = [], [], 0
-    for part in read_log(folder):
-        if part.record is None:
-            torn += 1
-        elif part.record.get("kind") == "entry":
-            decisions.append(_entry(part))
-        else:
-            notes.append(str(part.record.get("text", "")))
-    if not decisions and not notes:
-        raise InputError(f"{folder}: no whole record of a decision log in it")
-    return DecisionsRead(tuple(decisions), tuple(notes), torn)
-
-
 def show_decision_log(path: Path) -> Thing:
-    """Look at the log of a black box; raises `InputError`."""
-    log = read_decisions(path)
-    forces_mn = [entry.force_mn for entry in log.decisions if entry.force_mn is not None]
-    causes = Counter(entry.cause or "?" for entry in log.withdrawals)
-    frames = sum(entry.event == "frame" for entry in log.decisions)
-    rows = [
-        ("decisions", f"{len(log.decisions)}, {frames} of them on a frame"),
-        ("span", _span(log.decisions)),
+    """Describe a log: a file, the folder of its files, or the folder of a black box; raises `InputError`."""
+    decisions, notes, torn = _read_decisions(path / "log" if (path / "log").is_dir() else path)
+    withdrawals = [entry for entry in _changes(decisions) if entry.state == "WITHDRAW"]
+    forces_mn = [entry.force_mn for entry in decisions if entry.force_mn is not None]
+    causes = Counter(entry.cause or "?" for entry in withdrawals)
+    frames = sum(entry.event == "frame" for entry in decisions)
+    rows = (
+        ("decisions", f"{len(decisions)}, {frames} of them on a frame"),
+        ("span", _span(decisions)),
         ("forces", f"{min(forces_mn):.1f} to {max(forces_mn):.1f} mN" if forces_mn else ""),
-        ("lost frames", str(log.decisions[-1].lost) if log.decisions else ""),
+        ("lost frames", str(decisions[-1].lost) if decisions else ""),
         ("withdrawals", ", ".join(f"{count} {cause}" for cause, count in causes.items()) or "none"),
-        ("notes", str(len(log.notes))),
-        ("torn", f"{log.torn} parts could not be read" if log.torn else "nothing"),
-    ]
+        ("notes", str(len(notes))),
+        ("torn", f"{torn} parts could not be read" if torn else "nothing"),
+    )
     facts = {
-        "decisions": len(log.decisions),
+        "decisions": len(decisions),
         "frames": frames,
         "withdrawals": [
             {"number": entry.number, "time_s": entry.time_s, "cause": entry.cause, "message": entry.message}
-            for entry in log.withdrawals
+            for entry in withdrawals
         ],
-        "notes": log.notes,
-        "torn": log.torn,
+        "notes": notes,
+        "torn": torn,
     }
     return Thing(
         kind="decision log",
         facts=facts,
         rows=tuple((name, words) for name, words in rows if words),
-        lines=tuple(_listed(log.withdrawals)),
-        draw=lambda: draw_decisions(log.decisions),
+        lines=tuple(_listed(withdrawals)),
+        draw=lambda: draw_decisions(decisions),
     )
+
+
+def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], int]:
+    """Return the decisions of a log in order, its notes, and the number of torn or damaged parts."""
+    for file in folder.glob(LOG_FILES):
+        if not file.is_file():
+            raise InputError(f"{file}: not a regular file; a log has no other files")
+    decisions, notes, torn = list[Entry](), list[str](), 0
+    for part in read_log(folder):
+        if part.record is None:
+            torn += 1
+        elif part.record.get("kind") == "entry":
+            try:
+                decisions.append(Entry.from_json(part.record.get("entry")))
+            except MessageError as fault:
+                raise InputError(f"{part.file}: byte {part.offset}: entry: {fault}") from fault
+        else:
+            notes.append(str(part.record.get("text", "")))
+    if not decisions and not notes:
+        raise InputError(f"{folder}: no whole record of a decision log in it")
+    return tuple(decisions), tuple(notes), torn
+
+
+def _changes(decisions: Sequence[Entry]) -> list[Entry]:
+    """Return the decisions whose state is not that of the one before."""
+    return [after for n, after in enumerate(decisions) if not n or decisions[n - 1].state != after.state]
 
 
 @styled
@@ -264,8 +251,9 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
     axes.plot(
         at_s, np.array([entry.force_mn for entry in read], dtype=float), color=BLACK, linewidth=0.8, label="force"
     )
-    for state, (begin_s, end_s) in _stretches(decisions):
-        axes.axvspan(begin_s - start_s, end_s - start_s, color=SHADES[state], alpha=0.12, linewidth=0)
+    changes = _changes(decisions)
+    for begin, end in zip(changes, [*changes[1:], *decisions[-1:]], strict=False):
+        axes.axvspan(begin.at_s - start_s, end.at_s - start_s, color=SHADES[begin.state], alpha=0.12, linewidth=0)
     for state, shade in SHADES.items():
         axes.fill_between([], [], color=shade, alpha=0.12, label=state)
     axes.set_xlabel("time [s]")
@@ -273,23 +261,6 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside upper left", ncols=5)
     return figure
-
-
-def _stretches(decisions: Sequence[Entry]) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield each state with the time from its first decision to the next state's."""
-    changes = [after for before, after in pairwise([None, *decisions]) if after is not None
-               and (before is None or before.state != after.state)]  # fmt: skip
-    ends = [*changes[1:], decisions[-1]] if changes else []
-    for begin, end in zip(changes, ends, strict=True):
-        yield begin.state, (begin.at_s, end.at_s)
-
-
-def _entry(part: LogPart) -> Entry:
-    assert part.record is not None
-    try:
-        return Entry.from_json(part.record.get("entry"))
-    except MessageError as fault:
-        raise InputError(f"{part.file}: byte {part.offset}: entry: {fault}") from fault
 
 
 def _span(decisions: Sequence[Entry]) -> str:

@@ -25,7 +25,7 @@ from scleraforce.recording.folder import read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
-from scleraforce.report.eye_view import eye_view, view_script, view_style
+from scleraforce.report.eye_view import VIEW_SCRIPT, VIEW_STYLE, eye_view
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import (
     SlicePair,
@@ -124,8 +124,8 @@ def write_reproduction_html(
         f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports.",
         made_line(made_at),
         *sections,
-        style=view_style(),
-        script=view_script(),
+        style=VIEW_STYLE,
+        script=VIEW_SCRIPT,
     )
     write_page(content, run.report, overwrite=True)
 

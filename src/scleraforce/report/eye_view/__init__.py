@@ -37,19 +37,14 @@ class Skin:
 
 
 def skin_of(points_nc: Floats, displacement_nc: Floats, cells_en: Integers) -> Skin:
-    """Return the skin of some elements; each face is a fan about its middle, through its mid-edge nodes if it has them.
-
-    Args:
-        points_nc: nodes of the mesh (node, 3), m.
-        displacement_nc: displacement of the nodes (node, 3), m.
-        cells_en: hexahedra (element, node) in VTK's order.
-    """
+    """Return the skin of hexahedra (element, node) in VTK's order; each face is a fan about its middle."""
     outlines = skin_outlines(cells_en)
     middles = len(points_nc) + np.arange(len(outlines))
     fans = np.stack(
         [np.broadcast_to(middles[:, None], outlines.shape), outlines, np.roll(outlines, -1, axis=1)], axis=2
     )
-    weights = _middle_weights(outlines.shape[1])
+    # Of an outline's nodes in the middle of its face: quadratic serendipity shape functions, if it has mid-edge nodes.
+    weights = np.full(4, 0.25) if outlines.shape[1] == 4 else np.tile([-0.25, 0.5], 4)
     moved, still = (
         np.concatenate([values, np.einsum("k,fkc->fc", weights, values[outlines])])
         for values in (displacement_nc, points_nc)
@@ -58,7 +53,7 @@ def skin_of(points_nc: Floats, displacement_nc: Floats, cells_en: Integers) -> S
 
 
 def eye_scene(eye: SimulatedEye) -> dict[str, Any]:
-    """Return what the script draws: both halves of the wall, the needle, the colours of the displacement."""
+    """Return the data of the script: both halves of the wall, the needle, the colours of the displacement."""
     behind = behind_needle(eye)
     halves = [skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en[half]) for half in (behind, ~behind)]
     highest_m = float(np.linalg.norm(eye.displacement_nc, axis=1).max())
@@ -76,13 +71,6 @@ def eye_scene(eye: SimulatedEye) -> dict[str, Any]:
             "moved_mm": from_si(eye.displacement_nc[contact], "mm").tolist(),
         },
     }
-
-
-def _middle_weights(corners_and_edges: int) -> Floats:
-    """Return the weights of an outline's nodes in the middle of its face: of quadratic serendipity shape functions."""
-    if corners_and_edges == 4:
-        return np.full(4, 0.25)
-    return np.tile([-0.25, 0.5], 4)
 
 
 def _packed(skin: Skin) -> dict[str, Any]:
@@ -104,6 +92,7 @@ def _text(values: NDArray[Any]) -> str:
 
 
 HERE = files("scleraforce.report.eye_view")
+VIEW_STYLE, VIEW_SCRIPT = (HERE.joinpath(name).read_text(encoding="utf-8") for name in ("view.css", "view.js"))
 WORDS = (
     "Drag, or use the arrow keys, to turn it; turn the wheel, or press + and -, to come nearer. The slider exaggerates "
     "the displacement, or takes it away. Half of the wall is left out so that the needle's meridian is seen. Colours: "
@@ -112,19 +101,9 @@ WORDS = (
 
 
 def eye_view(eye: SimulatedEye) -> Html:
-    """Return the view; a page that holds it needs `view_style` and `view_script`, and may hold one."""
+    """Return the view; a page that holds it needs `VIEW_STYLE` and `VIEW_SCRIPT`, and may hold one."""
     markup = HERE.joinpath("view.html").read_text(encoding="utf-8")
     return Html(markup + embedded("eye-scene", eye_scene(eye)) + paragraph(WORDS))
-
-
-def view_style() -> str:
-    """Return the rules of the view."""
-    return HERE.joinpath("view.css").read_text(encoding="utf-8")
-
-
-def view_script() -> str:
-    """Return the script of the view."""
-    return HERE.joinpath("view.js").read_text(encoding="utf-8")
 
 
 def write_simulation_html(eye: SimulatedEye, path: Path, made_at: datetime) -> None:
@@ -145,7 +124,7 @@ def write_simulation_html(eye: SimulatedEye, path: Path, made_at: datetime) -> N
         section("Result", numbers),
         section("The deformed wall", eye_view(eye)),
         section("Mesh and slice", drawn),
-        style=view_style(),
-        script=view_script(),
+        style=VIEW_STYLE,
+        script=VIEW_SCRIPT,
     )
     write_page(content, path)

@@ -1,22 +1,25 @@
-"""Sealed and open eyes from the library's own walls: modulus and rigidity from three frames of known force."""
+"""Whole eyes: sealed and open ones of the library's walls, a bent one in 3-D, and recordings in ../shared."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calibration_eyes import stated
 from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
+from scleraforce.calibration.result import EyeCalibration
 from scleraforce.known import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.build import cached_library
 from scleraforce.library.sealed import iop_ratio_at_dent
@@ -32,15 +35,10 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 STUDY = replace(
     Study(),
     library=LibraryStudy(
-        thickness_m=Range(min=0.5e-3, max=0.8e-3),
-        thicknesses=4,
-        tension=Range(min=4e-3, max=0.3),
-        tensions=10,
-        max_tip_m=4e-3,
-        tips=28,
-        stiffenings=1,
+        thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tension=Range(min=4e-3, max=0.3), tensions=10,
+        max_tip_m=4e-3, tips=28, stiffenings=1,
     ),
-)
+)  # fmt: skip
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)  # the deepest that the library has of an eye is its highest force
 SHARES = (0.35, 0.7, 1.0)  # of that force
@@ -173,3 +171,62 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
         of_globe = [doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")]
         assert len(of_globe) == doubts
         assert all(" k 0.03" in doubt for doubt in of_globe)
+
+
+EYE = PhantomEye(
+    id="bent", thickness_m=0.65e-3, youngs_modulus_pa=0.3e6, iop_pa=300.0, gap_m=0.6e-3, polar_rad=radians(42),
+    direction_rad=radians(230),
+)  # fmt: skip
+FORCES = (0.040, 0.010, 0.052, 0.022, 0.031)
+NARROW = LibraryStudy(
+    thickness_m=Range(min=0.58e-3, max=0.72e-3), thicknesses=4, tension=Range(min=5e-3, max=6e-2), tensions=4,
+    max_tip_m=5.5e-3, stiffenings=1,
+)  # fmt: skip
+
+
+@pytest.mark.long
+def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
+    study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
+    sections = BentSections(EYE, study)(FORCES)
+    eye = assimilation.begin(study, stated(study, EYE), cached_library(study, folder=tmp_path, workers=1))
+    alone = []
+    for force_n, section in zip(FORCES, sections, strict=True):
+        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
+        pose = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m)
+        smoothing_m = study.calibration.surface_smoothing_m
+        eye = assimilation.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
+        assert isinstance(eye.last, FrameStep)
+        alone.append(eye.last.registered.wall.youngs_modulus_pa)
+    assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)
+    assert abs(eye.mean_pa - EYE.youngs_modulus_pa) < 2 * eye.sd_pa
+    assert eye.sd_pa < 0.03 * EYE.youngs_modulus_pa
+    assert np.ptp(alone) < 0.08 * EYE.youngs_modulus_pa  # linear mechanics: by a factor of two and more
+
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
+NEEDS_RECORDINGS = pytest.mark.skipif(not RECORDINGS.exists(), reason="no real recordings here")
+
+
+def of_recording(name: str, globe: str | None, frames: int | None = None) -> EyeCalibration:
+    recording = read_recording(RECORDINGS / name)
+    declared = replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)))
+    return calibrate_recordings([declared], Study(), "", cached_library(Study(), workers=1), frames=frames).eyes[name]
+
+
+@pytest.mark.real
+@NEEDS_RECORDINGS
+@pytest.mark.parametrize(("name", "frames"), [("sample-a", 3), pytest.param("sample-b", None, marks=pytest.mark.long)])
+def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(name: str, frames: int | None) -> None:
+    without, declared = of_recording(name, None, frames), of_recording(name, "open")
+    assert (without.status, declared.status) == ("ok", "ok")
+    assert abs(without.globe.mean) / PER_UL < 0.001
+    assert without.mean_pa == pytest.approx(declared.mean_pa, rel=0.03)
+
+
+@pytest.mark.real
+@NEEDS_RECORDINGS
+def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge() -> None:
+    found = of_recording("sample-c", "sealed", frames=3)
+    assert (found.status, len(found.used), found.globe.calibrated) == ("ok", 3, True)
+    assert 0.005 < found.globe.mean / PER_UL < 0.06
+    assert found.globe.sd < 0.1 * found.globe.mean

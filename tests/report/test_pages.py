@@ -1,0 +1,320 @@
+"""Pages of an evaluation and of a recording: their content, nothing fetched, and how a browser shows them."""
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chromium import in_chromium, started_chromium
+from playwright.sync_api import Browser, Page
+from small_recordings import changed, evaluation_of, frame_answer, read_frames, refused_frame
+
+from scleraforce import __version__
+from scleraforce.errors import InputError
+from scleraforce.reader.evaluate import Evaluation
+from scleraforce.report import evaluation_page
+from scleraforce.report.evaluation_page import write_browser_html, write_evaluation_html
+
+MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
+
+
+def answers() -> Evaluation:
+    """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
+    a, b = {"recording": "rec/a", "eye": "eye a"}, {"recording": "rec/b", "eye": "eye <b>"}
+    withdraw = {"target": 2, "predicted": 2, "probabilities": (0.0, 0.0, 1.0)}
+    frames = (
+        frame_answer(**a, measured_force_n=0.002, target=0, predicted=0, probabilities=(0.9, 0.1, 0.0)),
+        frame_answer(**a, file="0001.png", predicted=2, probabilities=(0.0, 0.4, 0.6)),
+        refused_frame(**a, file="0002.png", measured_force_n=0.040, target=2, reason="no wall found"),
+        frame_answer(**b, measured_force_n=0.050, **withdraw),
+        frame_answer(**b, file="0001.png", measured_force_n=0.080, **withdraw, excluded="above 60 mN"),
+        frame_answer(**b, file="0002.png", measured_force_n=0.010, calibration=True),
+    )
+    return evaluation_of(frames, model="out/model", notes=("the gap is another",))
+
+
+class Markup(HTMLParser):
+    """Collects the tags and the text of a page; asserts that every tag is closed."""
+
+    VOID = frozenset({"meta", "img", "br"})
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.cells: list[list[str]] = []
+        self.said = ""
+        self.feed(source)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.cells.append([])
+        if tag in ("td", "th"):
+            self.cells[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.said += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells[-1][-1] += data
+
+
+def write_and_read(folder: Path, evaluation: Evaluation) -> str:
+    write_evaluation_html(evaluation, (), folder / "page.html", MADE_AT)
+    return (folder / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_and_read(tmp_path_factory.mktemp("page"), answers())
+
+
+@pytest.fixture
+def page(source: str) -> Markup:
+    return Markup(source)
+
+
+def test_a_page_loads_nothing_and_has_its_makers_date_limits_and_images_in_words(page: Markup) -> None:
+    sources = [attributes[key] for _, attributes in page.tags for key in ("src", "href") if key in attributes]
+    assert sources
+    assert all((source or "").startswith("data:image/") for source in sources)
+    assert not any(tag in ("script", "link", "iframe") for tag, _ in page.tags)
+    assert all(attributes.get("alt") for tag, attributes in page.tags if tag == "img")
+    assert f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a medical device." in page.said
+    assert "the gap is another" in page.said
+
+
+def test_the_confusion_matrix_has_targets_in_rows_and_counts_scored_trials_only(page: Markup) -> None:
+    rows = [row for row in page.cells if row and row[0].startswith("target class")]
+    assert [row[1:4] for row in rows] == [["1", "0", "0"], ["0", "0", "1"], ["0", "0", "2"]]
+    assert [row[4][:4] for row in rows] == ["1.00", "0.00", "1.00"]
+    precision = next(row for row in page.cells if row and row[0] == "precision")
+    assert precision[1].startswith("1.00")
+    assert precision[2] == "\N{EN DASH}"
+    assert precision[3].startswith("0.67")
+
+
+def test_every_frame_is_listed_with_its_remark_and_usable_ones_with_probabilities(page: Markup) -> None:
+    rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
+    assert len(rows) == 6
+    assert rows["40.0"][-1] == "not usable (no wall found)"
+    assert rows["80.0"][-1] == "not counted: above 60 mN"
+    assert rows["10.0"][-1] == "Young's modulus was fitted on it: not counted"
+    assert rows["20.0"][2:4] == ["1", "2"]
+    assert np.allclose([float(cell) for cell in rows["20.0"][4:7]], [0.0, 0.4, 0.6])
+    assert rows["40.0"][4:7] == ["\N{EN DASH}"] * 3
+
+
+def test_the_same_evaluation_at_another_time_differs_in_its_date_only(source: str, tmp_path: Path) -> None:
+    write_evaluation_html(answers(), (), tmp_path / "later.html", MADE_AT.replace(year=2027))
+    later = (tmp_path / "later.html").read_text(encoding="utf-8")
+    assert later.count("2027-03-01") == 1
+    assert later.replace("2027-03-01", "2026-03-01") == source
+
+
+def test_recordings_without_labels_have_no_metrics_and_still_a_page(tmp_path: Path) -> None:
+    unlabelled = tuple(replace(f, measured_force_n=None, target=None) for f in answers().frames)
+    page = Markup(write_and_read(tmp_path, replace(answers(), frames=unlabelled, notes=())))
+    assert "No frame has a label that counts" in page.said
+    assert len([row for row in page.cells if row and row[0].endswith(".png")]) == 6
+
+
+def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    path.write_text("mine")
+    with pytest.raises(InputError, match="exists already"):
+        write_evaluation_html(answers(), (), path, MADE_AT)
+    assert path.read_text() == "mine"
+    write_evaluation_html(answers(), (), path, MADE_AT, overwrite=True)
+    assert path.read_text().startswith("<!DOCTYPE html>")
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
+        write_evaluation_html(answers(), (), tmp_path / "no" / "page.html", MADE_AT)
+
+
+@pytest.mark.slow
+def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(tmp_path: Path) -> None:
+    read = {"0000.png": (0.0021, (0.001, 0.004)), "0001.png": (0.031, (0.029, 0.033))}
+    moduli = {"eye a": (0.27e6, "own"), "eye <b>": (0.25e6, "population")}
+    frames = []
+    for frame in answers().frames:
+        modulus_pa, source = moduli[frame.eye]
+        force_n, interval_n = read.get(frame.file, (None, None)) if frame.recording == "rec/a" else (None, None)
+        warnings = ("they differ",) if force_n else ()
+        said = {"force_n": force_n, "interval_n": interval_n, "warnings": warnings}
+        frames.append(changed(frame, youngs_modulus_pa=modulus_pa, modulus_source=source, **said))
+    page = Markup(write_and_read(tmp_path, replace(answers(), kind="reader", frames=tuple(frames))))
+    rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
+    assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["20.0"][4:6]] == ["31.0", "29.0 to 33.0"]
+    assert rows["40.0"][4:6] == ["\N{EN DASH}"] * 2
+    assert rows["20.0"][-1] == "they differ"
+    assert "eye a: 0.27 MPa (calibrated), eye <b>: 0.25 MPa (mean of the calibrated eyes)" in page.said
+    assert "5.55 mN" in page.said  # (0.1 + 11) / 2
+    assert "1 of 2 trials" in page.said
+    assert any("over its measured force" in (attributes.get("alt") or "") for _, attributes in page.tags)
+
+
+def written(folder: Path) -> Path:
+    counted: list[int] = []
+    _, evaluation = read_frames(folder / "rec", "</script><b>no wall</b>")  # a reason that ends a script
+    write_browser_html(evaluation, folder / "page.html", MADE_AT, counted.append)
+    assert sum(counted) == 4
+    return folder / "page.html"
+
+
+def data_of(path: Path) -> dict[str, list[dict[str, object]]]:
+    found = re.search(r'id="frames">(.*?)</script>', path.read_text(encoding="utf-8"))
+    assert found is not None
+    return json.loads(found[1])
+
+
+def test_the_page_has_every_frame_with_its_answer_fetches_nothing_and_no_word_is_markup(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    frames = data_of(path)["frames"]
+    assert [frame["file"] for frame in frames] == ["0001.png", "0002.png", "0003.png", "0004.png"]
+    assert frames[0]["measured_mn"] == pytest.approx(20)
+    assert frames[0]["interval_mn"] == pytest.approx([18.7, 23.4])
+    assert frames[1]["remarks"] == ["the methods differ"]
+    assert (frames[2]["usable"], frames[2]["read_mn"]) == (False, None)
+    assert all(str(frame["picture"]).startswith("data:image/jpeg;base64,/9j/") for frame in frames)
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r'(?:src|href)="(?!data:)', text)
+    assert "<b>no wall" not in text.replace("\\/", "/").split('id="frames">')[0]
+    assert text.count("</script>") == 2
+    assert "a gap of 0.9 mm" in text
+
+
+def test_of_a_long_recording_misread_frames_keep_their_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(evaluation_page, "MOST_PICTURES", 2)
+    frames = data_of(written(tmp_path))["frames"]
+    assert [frame["picture"] is not None for frame in frames] == [False, True, True, False]
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    path = written(tmp_path_factory.mktemp("browser"))
+    with started_chromium() as browser:
+        page = browser.new_context(offline=True, viewport={"width": 900, "height": 800}).new_page()
+        faults: list[str] = []
+        page.on("pageerror", lambda fault: faults.append(str(fault)))
+        page.goto(path.as_uri())
+        yield page
+        assert faults == []
+
+
+def shown(page: Page) -> tuple[str, str]:
+    return page.locator("#said dd").first.inner_text().split(",")[0], page.locator("#verdict").inner_text()
+
+
+READ, MISREAD = "class 1: 5 to 30 mN", "class 2: above 30 mN, withdraw (misread)"
+
+
+@in_chromium
+def test_keys_go_through_the_frames_and_a_click_in_the_curve_to_the_nearest(opened: Page) -> None:
+    visited = [shown(opened)]
+    for key in ("ArrowLeft", "ArrowRight", "ArrowRight", "End", "ArrowRight", "Home", "PageDown"):
+        opened.keyboard.press(key)
+        visited.append(shown(opened))
+    files = [1, 1, 2, 3, 4, 4, 1, 4]
+    assert visited == [(f"000{n}.png", MISREAD if n in (2, 3) else READ) for n in files]
+    box = opened.locator("#curve").bounding_box()
+    assert box is not None
+    opened.mouse.click(box["x"] + 0.39 * box["width"], box["y"] + 0.5 * box["height"])
+    assert shown(opened)[0] == "0002.png"
+    opened.keyboard.press("ArrowRight")
+    assert "</script><b>no wall</b>" in opened.locator("#said").inner_text()
+
+
+# Elements that reach beyond the window or that hide a part of what they hold.
+CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
+  const box = element.getBoundingClientRect();
+  return box.right > document.documentElement.clientWidth + 0.5 || element.scrollWidth > element.clientWidth + 1
+    && getComputedStyle(element).overflowX !== "visible";
+}).map((element) => element.outerHTML.slice(0, 80))"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with started_chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a reader's evaluation with every column, a long remark, a long name and pictures."""
+    folder = tmp_path_factory.mktemp("page")
+    reason = "the dent leaves the window of the slice, and its flanks leave the force uncertain by 23 mN"
+    name = "a-recording-with-a-name-as-long-as-they-are" * 2
+    looks, evaluation = read_frames(folder / name, reason, modulus_source="population")
+    write_evaluation_html(evaluation, looks, folder / "page.html", datetime(2026, 3, 1, tzinfo=UTC))
+    return folder / "page.html"
+
+
+def opened_at(browser: Browser, path: Path, width: int, scheme: str = "light") -> Page:
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page.goto(path.as_uri())
+    return page
+
+
+@in_chromium
+def test_nothing_is_cut_at_any_width_or_on_paper(browser: Browser, wide: Path) -> None:
+    for width in (360, 400, 760, 761, 1300):
+        page = opened_at(browser, wide, width)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(CUT) == [], width
+        page.close()
+    page = opened_at(browser, wide, 680)  # A4 between margins of 15 mm
+    page.emulate_media(media="print")
+    assert page.evaluate(CUT) == []
+    page.close()
+
+
+@in_chromium
+def test_on_a_telephone_each_figure_of_a_row_has_its_title_and_the_remark_is_seen(browser: Browser, wide: Path) -> None:
+    page = opened_at(browser, wide, 400)
+    title = "(cell) => getComputedStyle(cell, '::before').content"
+    cells = page.locator("table.stacked tbody tr").nth(2).locator("td")
+    assert [cells.nth(n).evaluate(title) for n in (0, 3, 4)] == ['"force [mN]"', '"read [mN]"', '"90 % [mN]"']
+    box = page.get_by_role("cell", name="leaves the window of the slice").bounding_box()
+    assert box is not None
+    assert box["x"] + box["width"] <= 400
+    assert box["width"] > 300
+    page.close()
+
+
+def lightness(page: Page, selector: str, value: str) -> float:
+    """Mean of red, green and blue of an element's colour."""
+    return float(
+        page.locator(selector).first.evaluate(
+            "(e, value) => getComputedStyle(e)[value].match(/[0-9.]+/g).slice(0, 3).reduce((a, b) => a + +b, 0) / 3",
+            value,
+        )
+    )
+
+
+@in_chromium
+def test_dark_mode_follows_the_system_and_figures_keep_their_white_paper(browser: Browser, wide: Path) -> None:
+    for scheme, dark in (("light", False), ("dark", True)):
+        page = opened_at(browser, wide, 1300, scheme)
+        paper = lightness(page, "body", "backgroundColor")
+        assert (paper < 60) == dark
+        for selector in ("body", "figcaption", "caption", ".card b", "td.marked"):
+            assert abs(lightness(page, selector, "color") - paper) > 70, (scheme, selector)
+        assert lightness(page, "figure img", "backgroundColor") == 255
+        page.emulate_media(media="print", color_scheme=scheme)
+        assert lightness(page, "body", "backgroundColor") == 255
+        page.close()
