@@ -13,8 +13,17 @@ from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes
-from scleraforce.laboratory.phantom import phantom_truth, plan_moving_phantom, plan_phantom, render_frame, write_phantom
+from scleraforce.laboratory.phantom import (
+    Acquisition,
+    acquire_all,
+    is_recorded,
+    phantom_truth,
+    plan_moving_phantom,
+    plan_phantom,
+    render_frame,
+    sample_eyes,
+    write_phantom,
+)
 from scleraforce.laboratory.pushes import (
     ForcePath,
     format_log,

@@ -13,8 +13,7 @@ from small_models import SMALL_STUDY
 from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
-from scleraforce.laboratory.phantom import write_phantom
+from scleraforce.laboratory.phantom import Acquisition, acquire_all, sample_eyes, write_phantom
 from scleraforce.laboratory.virtual_eye import study_sections
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
 from scleraforce.learning.generate import generate_dataset

@@ -428,7 +428,7 @@ def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp
 def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library, tmp_path):
     plan = plan_dataset(study)
     other = replace(library, radius_m=11e-3)
-    with pytest.raises(DatasetError, match="library: of radius, nu, needle radius"):
+    with pytest.raises(DatasetError, match="library: radius"):
         near_library(study, plan, other)
     dead = MechanicsStudy(follower=False)
     others = {"globe.kind": {"globe": GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}

@@ -183,7 +183,7 @@ def phantom(
         )
         wrote: dict[str, Any] = {"recording": str(out), "frames": len(made.frames)}
     else:
-        from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
+        from scleraforce.laboratory.phantom import Acquisition, acquire_all, sample_eyes
         from scleraforce.study.unused import refuse_unused
 
         refuse_unused(study, "phantom", study.mechanics.kind)

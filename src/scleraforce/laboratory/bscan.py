@@ -104,21 +104,13 @@ class Bscan:
     truth_mask: NDArray[np.uint8]
 
 
-@dataclass(frozen=True, eq=False)
-class _Over:
-    """A conjunctiva: the filled fraction of each pixel; the row of the wall's surface below it, (column,)."""
-
-    optics: Conjunctiva
-    filled: Float
-    wall_row: Float
-
-
 @dataclass(frozen=True)
 class _Tissue:
     """The tissue in each pixel, (rows, columns), and `surface_row` (column,) from the top edge, NaN without tissue.
 
     `wall` and `choroid` are filled fractions; `tissue_path_m` (wall and conjunctiva) and `choroid_path_m` the lengths
-    that light has passed, one way, down to the pixel's middle.
+    that light has passed, one way, down to the pixel's middle. `over`: a conjunctiva, its filled fractions,
+    and the row of the wall's surface below it, (column,).
     """
 
     wall: Float
@@ -126,7 +118,7 @@ class _Tissue:
     tissue_path_m: Float
     choroid_path_m: Float
     surface_row: Float
-    over: _Over | None
+    over: tuple[Conjunctiva, Float, Float] | None
 
 
 def render_bscan(
@@ -148,8 +140,9 @@ def render_bscan(
     field = seen_through(field, sigma_rows, sigma_columns)
     _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng, shaft)
     if tissue.over is not None:
-        below = replace(optics, reflection_db=tissue.over.optics.interface_db)
-        _add_reflection(field, tissue.over.wall_row, oct_study, below, sigma_rows, rng, shaft)
+        layer, _, wall_row = tissue.over
+        below = replace(optics, reflection_db=layer.interface_db)
+        _add_reflection(field, wall_row, oct_study, below, sigma_rows, rng, shaft)
     _add_lines(field, tissue.surface_row, oct_study, optics, rng)
     field += circular_gaussian(field.shape, rng)
     counts = optics.counts(np.square(field.real) + np.square(field.imag), 2**oct_study.bits - 1)
@@ -163,17 +156,11 @@ def render_bscan(
 
 
 def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64]) -> Float:
-    """Return the depths at which vertical lines enter and leave, by turns, the region that a curve encloses.
+    """Return the depths (crossings, columns) at which vertical lines enter and leave the region that a curve encloses.
 
-    The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines.
-
-    Args:
-        curve: (points, 2) lateral and depth, closed, or open with ends outside of the lines: then it bounds the region
-            below it.
-        columns_m: increasing, evenly spaced lateral positions.
-
-    Returns:
-        Depths, sorted, shape (crossings, columns), padded with inf.
+    The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines. A
+    curve (points, 2) that is open, with ends outside of the lines, bounds the region below it. Columns are evenly
+    spaced; depths are sorted, and padded with inf.
 
     >>> column_crossings(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([-0.5, 0.5, 1.5]))
     array([[inf, 1.5, 2.5]], dtype=float32)
@@ -195,7 +182,7 @@ def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64])
 def _curve_crossings(
     curve: NDArray[np.float64], columns_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp]]:
-    """Return column, depth and sense (+1 to the right, -1 to the left) of all crossings of a polyline with columns."""
+    """Return column, depth and sense (1: to the right, -1: to the left) of a polyline's crossings with columns."""
     step_m = columns_m[1] - columns_m[0]
     ends = np.ceil((curve[:, 0] - columns_m[0]) / step_m).clip(0, len(columns_m)).astype(np.intp)
     count = np.abs(np.diff(ends))
@@ -234,7 +221,7 @@ def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) ->
         upper_m = wall_m[0] if len(wall_m) else surface_m
         optical_m = surface_m + (upper_m - surface_m) * oct_study.refractive_index
         wall_row = np.where(np.isfinite(optical_m), optical_m / pixel_m, np.nan)
-        over = _Over(layer, _filled(tissue_part_m - wall_part_m, row_m), _as_float32(wall_row))
+        over = layer, _filled(tissue_part_m - wall_part_m, row_m), _as_float32(wall_row)
     return _Tissue(
         wall=_filled(wall_part_m, row_m),
         choroid=_filled(choroid_part_m, row_m),
@@ -278,7 +265,8 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
     depth = optics.attenuation_per_m * tissue.tissue_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
     scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
     if tissue.over is not None:
-        scatter = scatter + decibel(tissue.over.optics.level_db) * tissue.over.filled
+        layer, filled, _ = tissue.over
+        scatter = scatter + decibel(layer.level_db) * filled
     light = decibel(optics.snr_db) * transmission(optics.shadows, _columns_m(oct_study))
     intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
     return intensity

@@ -9,7 +9,7 @@ sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer, most of
 import hashlib
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
@@ -375,14 +375,12 @@ def search_sizes(
     sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()
     kept: tuple[NetworkStudy, Fitted] | None = None
-    tried: Iterable[Fitted | None]
-    if workers is None:
-        tried = (_tried(replace(study, hidden=hidden), training, validation, classes, progress) for hidden in sizes)
-    else:
-        prepare = partial(_trying, study, training, validation, classes)
-        tried = work_in_order(prepare, range(len(sizes)), workers, ahead=len(sizes))
+    here = workers is None
+    prepare = partial(_trying, study, training, validation, classes, progress if here else None)
+    numbers = range(len(sizes))
+    tried = map(prepare(), numbers) if workers is None else work_in_order(prepare, numbers, workers, ahead=len(sizes))
     for hidden, fitted in zip(sizes, tried, strict=True):
-        if workers is not None and progress:
+        if progress and not here:
             progress(study.epochs)
         candidate = Candidate(
             hidden=hidden,
@@ -398,31 +396,24 @@ def search_sizes(
     return Search(candidates, *kept)
 
 
-def _tried(
-    study: NetworkStudy,
-    training: Samples,
-    validation: Samples,
-    classes: int,
-    progress: Callable[[int], object] | None = None,
-) -> Fitted | None:
-    """Train one size; None if it diverges: deep and wide ones may do at a rate that suits the others."""
-    try:
-        return fit(study, training, validation, classes, progress)
-    except SolverError:
-        return None
-
-
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
 
 
 def _trying(
-    study: NetworkStudy, training: Samples, validation: Samples, classes: int
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int,
+    progress: Callable[[int], object] | None,
 ) -> Callable[[int], Fitted | None]:
-    """Return the worker's function from a number of the grid to its trained network."""
+    """Return the function from a number of the grid to its trained network; None if it diverges, as large ones may."""
     sizes = grid(study)
 
     def work(number: int) -> Fitted | None:
-        with _one_training:
-            return _tried(replace(study, hidden=sizes[number]), training, validation, classes)
+        try:
+            with _one_training:
+                return fit(replace(study, hidden=sizes[number]), training, validation, classes, progress)
+        except SolverError:
+            return None
 
     return work

@@ -118,7 +118,7 @@ def draft_plan(study: Study) -> PlanDraft:
     """Draw the contacts of a plan and the seeds of its samples."""
     rng = np.random.default_rng(study.dataset.seed)
     groups = study.dataset.group
-    first_contact = np.cumsum([0, *(_contacts(study, group) for group in groups)])
+    first_contact = np.cumsum([0, *(min(study.dataset.contacts, group.images) for group in groups)])
     drafts = (_draft_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False))
     return PlanDraft(study, tuple(drafts))
 
@@ -162,7 +162,7 @@ class _GroupDraft:
 
 
 def _draft_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> _GroupDraft:
-    contacts = _contacts(study, group)
+    contacts = min(study.dataset.contacts, group.images)
     unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
     return _GroupDraft(
         group,
@@ -183,13 +183,9 @@ def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:
     return sampled.min + (sampled.max - sampled.min) * uniform
 
 
-def _contacts(study: Study, group: DatasetGroup) -> int:
-    return min(study.dataset.contacts, group.images)
-
-
 def unit_images(study: Study) -> int:
     """Return the samples in a unit: whole contacts in every group if a common multiple near `UNIT_IMAGES` exists."""
-    even = [group.images // _contacts(study, group) for group in study.dataset.group]
+    even = [group.images // min(study.dataset.contacts, group.images) for group in study.dataset.group]
     whole = lcm(*even)
     return whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
 

@@ -125,12 +125,9 @@ def _calibrated_tissue(study: Study, library: Library) -> list[float]:
         known, _ = calibrated(eye, draw_frames(eye, study, 2, rng), study, library, rng, range(1))
     except CalibrationError:
         return []
-    modulus = known.modulus
-    return (
-        []
-        if modulus is None
-        else [known.stiffening or 0.0, from_si(modulus.mean_pa, "mpa"), from_si(modulus.sd_pa, "mpa")]
-    )
+    if known.modulus is None:
+        return []
+    return [known.stiffening or 0.0, *(from_si(each, "mpa") for each in (known.modulus.mean_pa, known.modulus.sd_pa))]
 
 
 def classifier_fingerprint(study: Study) -> Fingerprint:

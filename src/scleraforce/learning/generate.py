@@ -24,7 +24,7 @@ from scleraforce.learning.dataset import (
 from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.section import cut_sections
@@ -35,6 +35,7 @@ from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 Floats = NDArray[np.float64]
+Slices = NDArray[np.uint8]
 
 
 class SampleSimulator:
@@ -69,27 +70,23 @@ class SampleSimulator:
     def _of_one_contact(
         self, wall: LinearWall, plan: DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
     ) -> NDArray[np.uint8]:
-        """Slices of the samples of one contact."""
-        sections = self._cut(wall, plan, samples, needle_nc)
-        tops_m = [float(unloaded.outer[:, 1].min()) for unloaded, _ in sections]
-        framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
-        windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
-        return fill_sections([loaded for _, loaded in sections], windows)
-
-    def _cut(
-        self, wall: LinearWall, plan: DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
-    ) -> list[tuple[Section, Section]]:
-        """Sections without and with the needle, for each sample; samples that share their plane are cut together."""
+        """Slices of the samples of one contact; samples that share their plane are cut together."""
         eye = self._study.eye
         resting_nc = eye.iop_pa * wall.pressure_nc + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
         modes_knc = np.stack([resting_nc, needle_nc]) / self._youngs_modulus_pa
-        planes = [_plane(plan, sample) for sample in samples]
-        forces_n = plan.force_n[samples]
+        planes, forces_n = [_plane(plan, sample) for sample in samples], plan.force_n[samples]
         if all(plane == planes[0] for plane in planes):
-            unloaded, *loaded = cut_sections(wall.mesh, planes[:1], modes_knc, _weights(np.r_[0.0, forces_n][None]))[0]
-            return [(unloaded, section) for section in loaded]
-        sections = cut_sections(wall.mesh, planes, modes_knc, _weights(np.c_[np.zeros(len(samples)), forces_n]))
-        return [(unloaded, loaded) for unloaded, loaded in sections]
+            forces_pf = np.r_[0.0, forces_n][None]
+            unloaded, *loaded = cut_sections(wall.mesh, planes[:1], modes_knc, _weights(forces_pf))[0]
+            resting = [unloaded] * len(loaded)
+        else:
+            forces_pf = np.c_[np.zeros(len(samples)), forces_n]
+            pairs = cut_sections(wall.mesh, planes, modes_knc, _weights(forces_pf))
+            resting, loaded = ([pair[state] for pair in pairs] for state in (0, 1))
+        tops_m = [float(section.outer[:, 1].min()) for section in resting]
+        framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
+        windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
+        return fill_sections(loaded, windows)
 
 
 def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
@@ -114,8 +111,7 @@ def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, li
     `library` is a `near_library` of the whole plan.
     """
     bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
-    parts = [_drawn(study, youngs_modulus_pa, plan, slice(*contact), library) for contact in pairwise(bounds)]
-    return np.concatenate(parts)
+    return np.concatenate([_drawn(study, youngs_modulus_pa, plan, slice(*part), library) for part in pairwise(bounds)])
 
 
 def _drawn(
@@ -133,20 +129,25 @@ def _drawn(
     return draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice)
 
 
+def check_library(library: Library, study: Study) -> None:
+    """Refuse a library of other eyes: its walls would be wrong without a sign of it."""
+    compared = (
+        ("radius", library.radius_m, study.eye.radius_m),
+        ("Poisson's ratio", library.poisson_ratio, study.eye.poisson_ratio),
+        ("needle radius", library.needle_radius_m, study.needle.outer_diameter_m / 2),
+    )
+    for name, found, wanted in compared:
+        if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
+            raise DatasetError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
+
+
 def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
     """Return the part of a library that all slices of a plan together may show."""
-    eye, needle = study.eye, study.needle
-    wanted = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
-    found = (library.radius_m, library.poisson_ratio, library.needle_radius_m)
-    if not np.allclose(found, wanted, rtol=1e-12):
-        raise DatasetError(f"library: of radius, nu, needle radius {found}; the study has {wanted}")
+    check_library(library, study)
     lateral_m = 0.5 * study.slice.columns * study.slice.pixel_m + np.abs(plan.framing_lateral_m).max()
     depth_m = study.slice.rows * study.slice.pixel_m + study.eye.radius_m  # below what any tilt makes of it
     offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
     return library.within(float(np.hypot(lateral_m, offset_m)))
-
-
-Slices = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -30,15 +30,13 @@ from scleraforce.learning.reader import (
 from scleraforce.learning.samples import (
     Source,
     concatenated,
-    draw_eyes,
-    draw_walls,
+    draw_framed,
     library_of_tissue,
     validation_chunks,
 )
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
-from scleraforce.library.slices import Framing
 from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.networks import (
@@ -169,13 +167,8 @@ def draw_shafts(
     window: FrameWindow,
 ) -> list[DrawnShaft]:
     """Return the needles of frames in a window's cells; frames without a needle in their optics give none."""
-    cells = replace(
-        study.oct,
-        width_m=window.columns * window.column_m,
-        depth_m=window.rows * window.row_m,
-        columns=window.columns,
-        rows=window.rows,
-    )
+    width_m, depth_m = window.columns * window.column_m, window.rows * window.row_m
+    cells = replace(study.oct, width_m=width_m, depth_m=depth_m, columns=window.columns, rows=window.rows)
     places = zip(optics, depth_sbc[:, OUTER], contact_m.tolist(), rotation_rad.tolist(), strict=True)
     return [
         draw_shaft(each.needle, np.array([at_m, np.interp(at_m, window.laterals_m, outer_m)]), turn_rad, cells)
@@ -235,12 +228,9 @@ class RawSource:
         """Draw samples of a reader's study, all with a needle or all without."""
         study, window = self.study, FrameWindow.of(self.study.raw_reader)
         library = library_of_tissue(self.library, reader, rng)
-        eyes = draw_eyes(library, reader, count, rng)
-        lateral_m = reader.lateral_m.sample(rng, count)
-        framing = Framing(lateral_m, reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad)
-        depth_sbc = draw_walls(library, reader, eyes, framing, window_columns(window), rng)
+        eyes, framing, depth_sbc = draw_framed(library, reader, window_columns(window), count, rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
-        shafts = draw_shafts(optics, depth_sbc, lateral_m, eyes.rotation_rad, study, window)
+        shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study, window)
         drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
         trained = read_by_fit(study.reader)
         return RawSamples(
@@ -249,7 +239,7 @@ class RawSource:
             given_inputs(eyes.stated, trained),
             eyes.force_n,
             given_modulus(eyes.stated, trained)[0],
-            lateral_m,
+            framing.lateral_m,
         )
 
 

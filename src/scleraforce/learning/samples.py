@@ -107,18 +107,17 @@ def draw_seen(
     library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
 ) -> tuple[Eyes, Framing, Floats]:
     """Draw the eyes of samples, their places in the slices, and the boundaries seen (sample, boundary, column), m."""
-    eyes = draw_eyes(library, reader, count, rng)
-    framing = Framing(
-        reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
-    )
-    walls = draw_walls(library, reader, eyes, framing, slice_study, rng)
+    eyes, framing, walls = draw_framed(library, reader, slice_study, count, rng)
     return eyes, framing, disturb(walls, slice_study, rng, scale=reader.boundary_errors)
 
 
-def draw_walls(
-    library: Library, reader: ReaderStudy, eyes: Eyes, framing: Framing, columns: SliceStudy, rng: np.random.Generator
-) -> Floats:
-    """Return the boundaries of eyes' walls, each of another form, at columns (eye, boundary, column), m."""
+def draw_framed(
+    library: Library, reader: ReaderStudy, columns: SliceStudy, count: int, rng: np.random.Generator
+) -> tuple[Eyes, Framing, Floats]:
+    """Draw eyes, their places, and the boundaries of their walls, each of another form (eye, boundary, column), m."""
+    eyes = draw_eyes(library, reader, count, rng)
+    lateral_m, depth_m = reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count)
+    framing = Framing(lateral_m, depth_m, eyes.size, eyes.rotation_rad)
     gap_m = eyes.gap_m / eyes.size
     place = eyes.thickness_m / eyes.size, eyes.iop_ratio
     walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
@@ -126,8 +125,9 @@ def draw_walls(
     moved = section_motion(library, walls, place, gap_m, pole, _reach_m(reader, columns))
     true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, columns, moved)
     radius_m = library.radius_m * eyes.size
-    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(len(gap_m)) < reader.uneven_share, rng)
-    return true.depth_sbc + added_depths(forms, radius_m, column_laterals(columns) - framing.lateral_m[:, None])
+    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng)
+    from_contact_m = column_laterals(columns) - framing.lateral_m[:, None]
+    return eyes, framing, true.depth_sbc + added_depths(forms, radius_m, from_contact_m)
 
 
 def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
@@ -255,7 +255,7 @@ def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
 
 
 def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) -> Floats:
-    """Return forces (sample,), even up to the largest that the library holds, a share of them small."""
+    """Return forces (sample,), even up to the library's largest, a share of them small."""
     small = rng.random(len(largest_n)) < reader.small_force_share
     top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
     return top_n * rng.random(len(largest_n))
@@ -286,9 +286,7 @@ class Source:
     @classmethod
     def of(cls, library: Library, reader: ReaderStudy, slice_study: SliceStudy) -> "Source":
         """Keep only the part of a library that slices can show: it is quicker."""
-        low, high = reader.lateral_m.bounds
-        half_width_m = 0.5 * slice_study.columns * slice_study.pixel_m
-        reach_m = (half_width_m + max(abs(low), abs(high))) / reader.size.bounds[0] + reader.gap_m.bounds[1]
+        reach_m = _reach_m(reader, slice_study) + reader.gap_m.bounds[1]
         return cls(library.within(reach_m + BEYOND_SLICE_M), reader, slice_study)
 
     def chunk(self, number: int, count: int = CHUNK) -> ReaderSamples:
@@ -296,11 +294,8 @@ class Source:
         rng = np.random.default_rng([self.reader.seed, number])
         parts = [min(TISSUE, count - first) for first in range(0, count, TISSUE)]
         libraries = [library_of_tissue(self.library, self.reader, rng) for _ in parts]
-        drawn = [
-            draw_samples(library, self.reader, self.slice_study, part, rng)
-            for library, part in zip(libraries, parts, strict=True)
-        ]
-        return concatenated(drawn)
+        of_tissues = zip(libraries, parts, strict=True)
+        return concatenated([draw_samples(each, self.reader, self.slice_study, n, rng) for each, n in of_tissues])
 
 
 def validation_chunks(draw: Callable[[int, int], Samples], count: int, size: int) -> list[Samples]:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from scleraforce import __version__
-from scleraforce.errors import DatasetError, InputError
+from scleraforce.errors import DatasetError
 from scleraforce.learning import cards, classifier, fingerprint, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
 from scleraforce.learning.descent import READER_THREADS, onnx, torch
+from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
 from scleraforce.library import Library, load_library, save_library
@@ -115,7 +116,7 @@ def train_reader(
 ) -> Record:
     """Train the reader on a library and write its model folder."""
     check_place(out)
-    _check_library(library, study)
+    check_library(library, study)
     own, (content, errors) = study.reader, _stored_library(library)
     stored = load_library(LIBRARY_FILE, content)
     marks = fingerprint.reader_fingerprint(study, stored)
@@ -159,7 +160,7 @@ def train_raw_reader(
 ) -> Record:
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
-    _check_library(library, study)
+    check_library(library, study)
     raw = study.raw_reader
     fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned)
     metrics = raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study)
@@ -194,9 +195,7 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
     check_place(out)
     finder = study.wall_finder
     fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)
-    provenance = _provenance(
-        WALL_FINDER, study, finder.seed, READER_THREADS, scenes_seed=str(study.scenes.seed)
-    )  # fmt: skip
+    provenance = _provenance(WALL_FINDER, study, finder.seed, READER_THREADS, scenes_seed=str(study.scenes.seed))
     graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
     metrics = wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
@@ -238,18 +237,6 @@ def _library_provenance(kind: str, study: Study, seed: int, library: bytes) -> d
 
 def _bounds_mn(study: Study) -> str:
     return ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n)
-
-
-def _check_library(library: Library, study: Study) -> None:
-    """Refuse a library of other eyes: its answers would be wrong without a sign of it."""
-    compared = (
-        ("radius", library.radius_m, study.eye.radius_m),
-        ("Poisson's ratio", library.poisson_ratio, study.eye.poisson_ratio),
-        ("needle radius", library.needle_radius_m, study.needle.outer_diameter_m / 2),
-    )
-    for name, found, wanted in compared:
-        if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
-            raise InputError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
 
 
 def _stored_library(library: Library) -> tuple[bytes, StoredErrors]:

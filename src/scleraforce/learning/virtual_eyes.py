@@ -22,14 +22,7 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
 from scleraforce.calibration.calibrate import frame_order
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
-from scleraforce.calibration.forces import (
-    LABEL_SD_N,
-    PUSH_N,
-    REST_SD_N,
-    ZERO_PRIOR,
-    FrameForces,
-    zero_line,
-)
+from scleraforce.calibration.forces import LABEL_SD_N, PUSH_N, REST_SD_N, ZERO_PRIOR, FrameForces, zero_line
 from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import place_section
@@ -111,8 +104,8 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by turns, its direction or not."""
     reader, stated_globe = study.reader, OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
-    drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
-    modulus_pa, thickness_m, gap_m = drawn
+    ranges = reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m
+    modulus_pa, thickness_m, gap_m = (draw(values, rng) for values in ranges)
     iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
     polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
     sealed = stated_globe is SEALED or (stated_globe is UNKNOWN and rng.random() < 0.5)
@@ -134,11 +127,8 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
     model = library_eye(sharp, true, library)
     wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
-    noise = 1.0 + rng.standard_normal(3) * (
-        reader.iop_noise_fraction,
-        reader.thickness_noise_fraction,
-        reader.gap_noise_fraction,
-    )
+    fractions = reader.iop_noise_fraction, reader.thickness_noise_fraction, reader.gap_noise_fraction
+    noise = 1.0 + rng.standard_normal(3) * fractions
     direction_stated = rng.random() < DIRECTION_STATED
     pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
     stated = replace(
@@ -150,7 +140,11 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_stated else None,
         globe=stated_globe,
     )
-    largest_n = _bearable(model, wall, study.needle.max_force_n)
+    if reason := model.outside(wall):
+        raise CalibrationError(reason)
+    largest_n = study.needle.max_force_n
+    while model.outside(replace(wall, force_n=largest_n)) is not None:
+        largest_n *= WEAKER
     return VirtualEye(model=model, wall=wall, stated=stated, forms=forms, drift=drift, largest_n=largest_n)
 
 
@@ -273,25 +267,11 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    return replace(known_of_constants(eye.stated, modulus), stiffening=_of_others(eye, rng))
-
-
-def _of_others(eye: VirtualEye, rng: np.random.Generator) -> float:
-    """Return b of the population of an eye: of other eyes with tissue that stiffens, if its own does."""
-    if eye.stiffening == 0.0:
-        return 0.0
-    walls = eye.model.library.stiffenings
-    other = np.expm1(np.log1p(eye.stiffening) + POPULATION_STIFFENING_SD * rng.standard_normal())
-    return float(np.clip(other, walls[0], walls[-1]))
-
-
-def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
-    """Return the largest force that the library holds for an eye, at most `largest_n`; or raise a CalibrationError."""
-    if reason := model.outside(wall):
-        raise CalibrationError(reason)
-    while model.outside(replace(wall, force_n=largest_n)) is not None:
-        largest_n *= WEAKER
-    return largest_n
+    stiffening, walls = 0.0, eye.model.library.stiffenings
+    if eye.stiffening > 0.0:  # of other eyes with tissue that stiffens
+        other = np.expm1(np.log1p(eye.stiffening) + POPULATION_STIFFENING_SD * rng.standard_normal())
+        stiffening = float(np.clip(other, walls[0], walls[-1]))
+    return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, the validation's above

@@ -112,21 +112,16 @@ def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first:
     count = study.batch_size
     drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
     frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
-    boundaries = np.stack([_boundaries(scene, study) for scene in drawn])
-    return SceneBatch(frames, boundaries, np.stack([scene.judged[_columns(scene, study)] for scene in drawn]))
+    at = [np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp) for scene in drawn]
+    boundaries = np.stack([_boundaries(*pair, study.rows) for pair in zip(drawn, at, strict=True)])
+    return SceneBatch(frames, boundaries, np.stack([scene.judged[own] for scene, own in zip(drawn, at, strict=True)]))
 
 
-def _columns(scene: Scene, study: WallFinderStudy) -> NDArray[np.intp]:
-    """Return the frame's columns for every second column of the reduced frame."""
-    return np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
-
-
-def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
-    """Return the truth at every second column of the reduced frame, in its rows, kept inside of it."""
-    at = _columns(scene, study)
+def _boundaries(scene: Scene, at: NDArray[np.intp], rows: int) -> Float:
+    """Return the truth at columns in `rows` of the reduced frame, kept inside of it."""
     truth = np.stack([scene.outer_row[at], scene.inner_row[at]])
-    reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
-    return np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)
+    reduced = (truth + 0.5) * rows / len(scene.frame) - 0.5
+    return np.clip(reduced, 0.0, rows - 1.0).astype(np.float32)
 
 
 def fit_wall_finder(

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.acquisition import Acquisition
-from scleraforce.laboratory.phantom import write_phantom
+from scleraforce.laboratory.phantom import Acquisition, write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.mechanics.contact import Contact
