@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zarr
-from analytic_library import no_solution, no_worker, solve_analytic
+from analytic_library import no_solution, no_worker, solve_analytic, solve_slowly
 from effects import contents
 from small_models import rehash_store
+from workers import Cluster
 
+from scleraforce.cluster import cluster_workers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, cached_library, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
@@ -89,6 +92,26 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     result = build_library(STUDY, path, workers=2, progress=rest.append, solve=solve_analytic)
     assert (result.paths, result.solved, sum(rest)) == (UNITS, UNITS - 3, UNITS)
     assert contents(path) == contents(made)
+
+
+@pytest.mark.skipif(find_spec("distributed") is None, reason="the extra [cluster] is not installed")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.slow
+def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
+    cluster, done = Cluster(tmp_path), []
+    victim, _ = cluster.worker(), cluster.worker()
+
+    def kill_half_way(count):
+        done.append(count)
+        if sum(done) == 8:
+            victim.send_signal(signal.SIGKILL)
+
+    workers = cluster_workers(cluster.address)
+    result = build_library(STUDY, tmp_path / "library", workers=workers, progress=kill_half_way, solve=solve_slowly)
+    cluster.end()
+    assert victim.wait() == -signal.SIGKILL
+    assert result.solved == sum(done) == UNITS
+    assert contents(tmp_path / "library") == contents(made)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The SLURM job of the cluster page, with a stand-in for `srun` that starts what it is told on this machine."""
+"""The SLURM job of the cluster page, with a substitute for `srun` that starts its command on this machine."""
 
 import os
 import subprocess

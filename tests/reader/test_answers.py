@@ -1,11 +1,9 @@
 """Answers of a force reader to raw frames: walls of known force, other surfaces, frames with a needle."""
 
-import json
 from dataclasses import replace
 from math import nan
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from analytic_frames import (
@@ -25,7 +23,6 @@ from analytic_frames import (
 )  # fmt: skip
 from analytic_library import made_up_library
 from small_models import FIVE_MN, FixedNetwork, force_reader
-from tifffile import TiffFile
 
 from scleraforce.errors import InputError
 from scleraforce.known import Known, Modulus
@@ -182,76 +179,6 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     model = force_reader()
     for found in (model.read(frame, close, KNOWN), model.read_live(frame, close, KNOWN)):
         assert "of the wall are visible" in withdrawn(found)
-
-
-REAL = Path(__file__).parents[3] / "shared" / "real-oct"
-
-
-OUTSIDE = {"DIVF_endo_metric_20_Slice28.tif", "DSLong4_Slice29.tif", "DSWSlipLongNaN_Slice195.tif",
-           "DS_Coverslip_Slice44.tif", "035.jpeg"}  # fmt: skip
-
-
-def reasons_of(name: str, known: Known | None) -> tuple[str, ...]:
-    if name in OUTSIDE:
-        return ("the wall lies outside the window",)
-    if name == "107.jpg" and known is None:  # a wall with a limbus lies near enough, but no frame has its dent there
-        return ("contact -3",)
-    if name == "011.jpeg" and known is None:  # of two fits that are nearly as good, the processor's rounding chooses
-        return "does not look like the wall of an eye", "the fit reads 148.8 mN, the network 5.0 mN"
-    return ("does not look like the wall of an eye",)
-
-
-def real_scans() -> list[Path]:
-    """Of tissue and of eyes, without the masks beside them."""
-    if not REAL.exists():
-        return []
-    files = [path for folder in ("tissue-surface", "anterior-segment") for path in sorted((REAL / folder).iterdir())]
-    return [path for path in files if "mask" not in path.name]
-
-
-def grey(path: Path) -> np.ndarray:
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
-
-
-def true_scale(path: Path) -> PixelScale:
-    """The scale of a TIFF's tag; for a JPEG the 5 um of the folder's README."""
-    if path.suffix != ".tif":
-        return PixelScale(lateral_m=5e-6, depth_m=5e-6)
-    with TiffFile(path) as file:
-        axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
-    steps_mm = [np.ptp(axes[name]["values"]) / (len(axes[name]["values"]) - 1) for name in ("x", "z")]
-    assert {axes[name]["units"] for name in ("x", "z")} == {"mm"}
-    lateral_m, depth_m = (1e-3 * step for step in steps_mm)
-    return PixelScale(lateral_m=lateral_m, depth_m=depth_m)
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not REAL.exists(), reason="no real images here")
-def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall() -> None:
-    assert len(real_scans()) == 25
-    for path in real_scans():
-        found = force_reader().read(grey(path), true_scale(path), KNOWN)
-        assert "mm of the wall are visible; at least 9.8 mm are needed" in withdrawn(found)
-
-
-def scans_and_known() -> list[object]:
-    """Every fifth scan with known values, by default; the others, and scans of unknown eyes, are slow."""
-    return [
-        pytest.param(path, known, id=f"{'known' if known else 'unknown'}-{path.name}", marks=[pytest.mark.slow] * slow)
-        for known in (KNOWN, None)
-        for number, path in enumerate(real_scans())
-        for slow in [known is None or number % 5 > 0]
-    ]
-
-
-@pytest.mark.real
-@pytest.mark.parametrize(("path", "known"), scans_and_known())
-def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_refused(path: Path, known: Known | None) -> None:
-    pixels = grey(path)
-    pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
-    found = force_reader().read(pixels, PixelScale(lateral_m=pixel_m, depth_m=pixel_m), known or Known())
-    assert withdrawn(found).startswith(reasons_of(path.name, known))
 
 
 def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning() -> None:

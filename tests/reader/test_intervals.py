@@ -38,7 +38,7 @@ OWN_EVEN = ("own E", "open")
 
 
 def scores_of_eyes(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
-    """Scores of eyes that differ: each has an error of its own, larger than those of its frames."""
+    """Scores of eyes that differ: each has an error of its own, larger than its frames'."""
     own = np.abs(rng.standard_normal(eyes))
     return [
         Score("fit", OWN_EVEN, str(eye), float(abs(own[eye] + 0.2 * rng.standard_normal())))

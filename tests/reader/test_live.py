@@ -112,9 +112,3 @@ def test_the_live_reader_warms_its_network_with_the_same_frame_at_each_call() ->
     frame = warming_frame((30, 40), SCALE, RADIUS_M)
     assert (frame.shape, frame.dtype) == ((30, 40), np.uint16)
     np.testing.assert_array_equal(frame, warming_frame((30, 40), SCALE, RADIUS_M))
-
-
-def test_a_frame_wider_than_the_eye_has_a_wall_too() -> None:
-    wide = PixelScale(lateral_m=100e-6, depth_m=40e-6)
-    frame = warming_frame(SHAPE, wide, RADIUS_M)
-    assert (frame > 800).any(axis=0)[236:276].all()

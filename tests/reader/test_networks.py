@@ -67,28 +67,6 @@ def test_quantiles_and_classes_agree_with_forces_drawn_from_the_histogram(histog
         np.testing.assert_allclose(classes[sample], counted, atol=0.005)
 
 
-def test_the_median_lies_in_the_class_that_has_more_than_half() -> None:
-    many = np.random.default_rng(7).dirichlet(np.full(20, 0.2), size=500)
-    found = force_distribution(many, EDGES_M2, np.full(500, 0.3e6))
-    classes = class_probabilities(found, BOUNDS_N)
-    np.testing.assert_allclose(classes.sum(axis=1), 1.0, atol=1e-12)
-    clear = classes.max(axis=1) > 0.5 + 1e-9
-    assert clear.sum() > 300
-    np.testing.assert_array_equal(np.searchsorted(BOUNDS_N, found.median_n)[clear], classes.argmax(axis=1)[clear])
-
-
-def test_the_interval_of_even_forces_leaves_a_twentieth_on_either_side_of_them() -> None:
-    even = force_distribution(np.diff(EDGES_M2)[None], EDGES_M2, np.array([0.25e6]))
-    np.testing.assert_allclose(even.interval_n, [[5e-3, 95e-3]], rtol=1e-12)
-    np.testing.assert_allclose(even.median_n, [50e-3], rtol=1e-12)
-    for place in (0, 7, 19):  # all in one bin
-        sure = np.eye(20, dtype=np.float32)[[place]]
-        low, high = 0.25e6 * EDGES_M2[place : place + 2]
-        ends = [[low + 0.05 * (high - low), low + 0.95 * (high - low)]]
-        found = force_distribution(sure, EDGES_M2, np.array([0.25e6]))
-        np.testing.assert_allclose(found.interval_n, ends, rtol=1e-9)
-
-
 def test_a_single_frame_is_judged_like_many() -> None:
     rng = np.random.default_rng(8)
     for concentration in (0.02, 0.3, 5.0):

@@ -1,6 +1,6 @@
-"""Real scans of eyes at rest and the bundled reader: no force is ever read in them at the scales that they may have.
+"""Real scans of eyes at rest and of tissue, and the bundled reader: no force is read in them at their possible scales.
 
-At a scale that is far from theirs some are read (docs/wall_finder.md): a limit, which nothing here hides.
+At a scale far from theirs some are read (docs/wall_finder.md): a limit, which nothing here hides.
 """
 
 from pathlib import Path
@@ -8,32 +8,38 @@ from pathlib import Path
 import pytest
 
 from scleraforce.known import Known, Modulus, known_globe
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_model
+from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
-SCANS = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
+EYES = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
+TISSUE = [path for path in sorted((REAL / "tissue-surface").glob("*.tif")) if "mask" not in path.name]
 STATED = Known(
     modulus=Modulus.stated(0.3e6), iop_pa=400.0, thickness_m=600e-6, gap_m=0.5e-3, globe=known_globe("sealed")
 )
 WIDTH_M, DEPTH_M, PIXEL_M = 15e-3, 4e-3, 5e-6
-pytestmark = [pytest.mark.real, pytest.mark.skipif(not SCANS, reason="../shared is absent")]
+pytestmark = [pytest.mark.real, pytest.mark.skipif(not EYES, reason="../shared is absent")]
 
 
 @pytest.fixture(scope="module")
 def shipped() -> ForceReader:
-    assert len(SCANS) == 17
-    reader = load_model("default")
-    assert isinstance(reader, ForceReader)
-    return reader
+    assert (len(EYES), len(TISSUE)) == (17, 9)
+    return load_force_reader("default")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("known", [Known(), STATED], ids=["unknown", "stated"])
-@pytest.mark.parametrize("path", SCANS, ids=lambda path: path.stem)
-def test_a_real_eye_at_rest_is_never_read_as_a_force(shipped: ForceReader, path: Path, known: Known) -> None:
+def cases() -> list[object]:
+    """A scan of each kind with known values, by default; the others, and scans of unknown eyes, are slow."""
+    return [
+        pytest.param(path, known, id=f"{path.stem}-{name}", marks=[pytest.mark.slow] * (slow or name == "unknown"))
+        for name, known in (("stated", STATED), ("unknown", Known()))
+        for paths in (EYES, TISSUE)
+        for path, slow in zip(paths, [False] + [True] * len(paths), strict=False)
+    ]
+
+
+@pytest.mark.parametrize(("path", "known"), cases())
+def test_a_real_scan_without_a_needle_is_never_read_as_a_force(shipped: ForceReader, path: Path, known: Known) -> None:
     assumed = Scanner(width_m=WIDTH_M, depth_m=DEPTH_M, refractive_index=1.0)
     pixels = read_scaled_frame(path, assumed, (Scanner(), "")).pixels
     rows, columns = pixels.shape
