@@ -27,8 +27,8 @@ CLEAN = (
     *("src/scleraforce/__init__.py", "src/scleraforce/cli", "src/scleraforce/notebook", "src/scleraforce/replay"),
     *("src/scleraforce/service", "src/scleraforce/monitor", "src/scleraforce/openigtlink"),
     *("tests/notebook", "tests/replay", "tests/service", "tests/monitor", "tests/openigtlink"),
-    *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library/store.py"),
-    *("src/scleraforce/library/files.py", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
+    *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library", "src/scleraforce/reader"),
+    *("tests/library", "tests/reader", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
 )
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {

@@ -227,14 +227,6 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
     assert wide.interval_n[1] > 0.03
 
 
-def test_more_known_values_narrow_the_interval() -> None:
-    frame = image(wall_section(tip_of(0.02)))
-    unsure = replace(KNOWN, modulus=replace(KNOWN.modulus, sd_pa=0.12 * MODULUS_PA))
-    widths = [dict(answer(frame, known).readings)["fit"].width_n for known in (KNOWN, unsure, None)]
-    assert widths == sorted(widths)
-    assert widths[1] > 2 * widths[0]
-
-
 def test_a_dent_farther_from_the_pole_needs_a_larger_force() -> None:
     frame = image(wall_section(tip_of(0.02)))
     middle = answer(frame)

@@ -28,19 +28,12 @@ def frame() -> np.ndarray:
     return image(wall_section(tip_of(0.015)))
 
 
-def test_the_answer_is_the_networks_whichever_method_is_the_default(frame: np.ndarray) -> None:
-    for default in ("fit", "network"):
-        answer = live(frame, force_reader(default=default))
-        assert (answer.usable, answer.reason, answer.predicted) == (True, None, 1)
-        assert (answer.force_n, answer.interval_n) == (FIVE_MN.force_n, FIVE_MN.interval_n)
-        assert (answer.probabilities, answer.contact_m) == (FIVE_MN.probabilities, FIVE_MN.contact_m)
-
-
-def test_a_live_answer_is_the_whole_one_without_the_fit(frame: np.ndarray) -> None:
+def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(frame: np.ndarray) -> None:
     agreeing = replace(FIVE_MN, force_n=0.015, interval_n=(0.012, 0.018))
     alone, beside_the_fit = force_reader(agreeing), force_reader(agreeing, default="network")
     whole, answer = beside_the_fit.read(frame, SCALE, KNOWN), live(frame, alone)
     assert whole.warnings == ()
+    assert (answer.force_n, answer.interval_n, answer.contact_m) == (0.015, (0.012, 0.018), FIVE_MN.contact_m)
     assert answer == replace(whole, can_calibrate=False, readings=(), fit=None)
     np.testing.assert_array_equal(answer.segmentation.outer_row, whole.segmentation.outer_row)
     np.testing.assert_array_equal(answer.segmentation.inner_row, whole.segmentation.inner_row)

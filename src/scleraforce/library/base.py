@@ -47,9 +47,6 @@ def pole_direction(polar_rad: float, direction_rad: float) -> tuple[float, float
     """Return the direction of the eye's pole: the parts of its axis along the section and across it.
 
     `direction_rad`: of the section, from the meridian (`mechanics.contact.ScanPlane`).
-
-    >>> [round(part, 3) for part in pole_direction(0.5, 0.0)]
-    [-0.479, 0.0]
     """
     along, across = pole_directions(np.asarray(polar_rad), np.asarray(direction_rad)).tolist()
     return along, across
@@ -150,11 +147,7 @@ RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # its place among the su
 
 
 def base_angle(polar_rad: float, azimuth_rad: Floats) -> Floats:
-    """Return the angle from the needle axis at which the base lies, by the direction around that axis.
-
-    >>> base_angle(np.radians(50.0), np.radians([0.0, 90.0, 180.0])).round(6)
-    array([0.698132, 1.570796, 2.443461])
-    """
+    """Return the angle from the needle axis at which the base lies, by the direction around that axis."""
     return np.asarray(np.arctan2(np.cos(polar_rad), np.cos(azimuth_rad) * np.sin(polar_rad)))
 
 

@@ -76,7 +76,7 @@ def build_library(
         out: place of the store; an incomplete store of the same plan is completed.
         workers: processes, here or on a cluster (`cluster_workers`); by default one for each core of this process.
         progress: called with the number of paths that are newly done (or found done, at the start).
-        solve: solves a path; by default `solve_path`.
+        solve: solves a path, by default `solve_path`.
 
     Raises:
         InputError: `out` holds something else, another or a complete library.
@@ -100,11 +100,7 @@ def build_library(
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
-    """Return the path of a unit, with an open globe, to twice the library's largest force; beyond it is extrapolated.
-
-    Raises:
-        SolverError: the path cannot be followed to its last tip.
-    """
+    """Return the path of a unit in an open globe, extrapolated beyond twice the library's largest force."""
     planned = plan.path(unit)
     path = axisymmetric_path(
         plan.radius_m,

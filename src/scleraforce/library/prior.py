@@ -111,9 +111,5 @@ def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def form_size(unknown: Array) -> float:
-    """Return how far a wall (unknown,) is from an even sphere: the largest of its form, over the known spread.
-
-    >>> form_size(np.zeros(len(at.NAMES)))
-    0.0
-    """
+    """Return the deviation of a wall (unknown,) from an even sphere: its form's largest, over the known spread."""
     return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - at.FORM.start]).max())

@@ -259,8 +259,7 @@ def draw_slices(
 ) -> NDArray[np.uint8]:
     """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments of `wall_boundaries`.
 
-    Raises:
-        InputError: the plane misses a wall that folds over.
+    A plane that misses a wall that folds over raises `InputError`.
     """
     boundaries = wall_boundaries(curves_sbnc, gap_m, tilt_rad, framing, study)
     images = fill_boundaries(boundaries.depth_sbc, study)

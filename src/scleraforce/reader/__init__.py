@@ -1,7 +1,4 @@
-"""Read force class and force from frames with a trained model: NumPy, OpenCV and ONNX Runtime only.
-
-`evaluate` needs the recording room too, and is imported by name where it is wanted.
-"""
+"""Read force class and force from frames with a trained model: NumPy, OpenCV and ONNX Runtime only."""
 
 from scleraforce.reader.kinds import (
     Classifier as Classifier,

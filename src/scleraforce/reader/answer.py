@@ -1,7 +1,4 @@
-"""The answer of a model to a frame, and the readings of its methods.
-
-A frame that cannot be judged is of class 2 (withdraw).
-"""
+"""The answer of a model to a frame, and the readings of its methods. A frame that cannot be judged is of class 2."""
 
 from dataclasses import dataclass, field, fields
 from math import hypot, isfinite
@@ -86,13 +83,7 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
 
 
 def spanned_interval(answer: Reading, check: Reading) -> tuple[float, float]:
-    """Return the interval that spans the intervals of both readings; a check that is not finite adds nothing.
-
-    >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
-    >>> far = Reading(probabilities=(0, 1, 0), force_n=0.013, interval_n=(0.012, 0.015), contact_m=0.0)
-    >>> spanned_interval(near, far)
-    (0.009, 0.015)
-    """
+    """Return the interval that spans the intervals of both readings; a check that is not finite adds nothing."""
     if not check.finite:
         return answer.interval_n
     (low, high), (other_low, other_high) = answer.interval_n, check.interval_n
@@ -163,11 +154,7 @@ class Answer:
 
 
 def unusable(classes: int, reason: str) -> Answer:
-    """Return the answer of a model with n classes to a frame that cannot be judged: withdraw.
-
-    >>> unusable(3, "no wall was found").predicted
-    2
-    """
+    """Return the answer of a model with n classes to a frame that cannot be judged: withdraw."""
     return Answer(predicted=classes - 1, probabilities=None, usable=False, reason=reason)
 
 
@@ -178,9 +165,5 @@ def stretched_interval(median_n: float, interval_n: tuple[float, float], factor:
 
 
 def unstretched(median_n: float, forces_n: tuple[float, ...], factor: float) -> tuple[float, ...]:
-    """Return the forces at which a distribution has the quantiles that the stretched one has at `forces_n`.
-
-    >>> unstretched(10.0, (16.0, 1.0), 2.0)
-    (13.0, 5.5)
-    """
+    """Return the forces at which a distribution has the quantiles that the stretched one has at `forces_n`."""
     return tuple(max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n)

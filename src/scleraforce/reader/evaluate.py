@@ -17,20 +17,10 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
 from scleraforce.models import model_name
+from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
-from scleraforce.reader.metrics import (
-    ForceTrial,
-    Proportion,
-    accuracy,
-    confusion_matrix,
-    coverage,
-    coverage_by_eye,
-    mean_absolute_error,
-    precision,
-    recall,
-)
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -126,25 +116,26 @@ class Evaluation:
     def confusion(self) -> NDArray[np.int64]:
         """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
         targets = [frame.target for frame in self.scored if frame.target is not None]
-        return confusion_matrix(targets, [frame.answer.predicted for frame in self.scored], len(self.bounds_n) + 1)
+        predicted = [frame.answer.predicted for frame in self.scored]
+        return metrics.confusion_matrix(targets, predicted, len(self.bounds_n) + 1)
 
     @cached_property
-    def forces(self) -> tuple[ForceTrial, ...]:
+    def forces(self) -> tuple[metrics.ForceTrial, ...]:
         """Measured and read force of each usable frame that counts; empty with a classifier."""
         return tuple(self._trials(lambda frame: (frame.measured_force_n, frame.measured_force_sd_n or 0.0)))
 
     @cached_property
-    def true_forces(self) -> tuple[ForceTrial, ...]:
+    def true_forces(self) -> tuple[metrics.ForceTrial, ...]:
         """True and read force of each usable frame that counts and whose true force is known."""
         return tuple(self._trials(lambda frame: (frame.true_force_n, 0.0)))
 
-    def _trials(self, measured: Callable[[FrameAnswer], tuple[float | None, float]]) -> Iterator[ForceTrial]:
+    def _trials(self, measured: Callable[[FrameAnswer], tuple[float | None, float]]) -> Iterator[metrics.ForceTrial]:
         """Yield the frames that count and have both a read force and one to compare it with, N, and its SD, N."""
         for frame in self.scored:
             force_n, sd_n = measured(frame)
             read = frame.answer
             if force_n is not None and read.force_n is not None and read.interval_n is not None:
-                yield ForceTrial(
+                yield metrics.ForceTrial(
                     eye=frame.eye,
                     measured_n=force_n,
                     read_n=read.force_n,
@@ -155,17 +146,17 @@ class Evaluation:
     @property
     def mae_n(self) -> float:
         """Mean absolute error of the force over `forces`, N; NaN if there are none."""
-        return mean_absolute_error(self.forces)
+        return metrics.mean_absolute_error(self.forces)
 
     @property
-    def coverage(self) -> Proportion:
+    def coverage(self) -> metrics.Proportion:
         """Share of `forces` whose 90 % interval and label agree, the label's own error included."""
-        return coverage(self.forces)
+        return metrics.coverage(self.forces)
 
     @property
-    def true_coverage(self) -> Proportion:
+    def true_coverage(self) -> metrics.Proportion:
         """Share of `true_forces` in their 90 % intervals."""
-        return coverage(self.true_forces)
+        return metrics.coverage(self.true_forces)
 
     @property
     def label_sd_n(self) -> float:
@@ -173,19 +164,19 @@ class Evaluation:
         return median([trial.measured_sd_n for trial in self.forces]) if self.forces else nan
 
     @property
-    def accuracy(self) -> Proportion:
+    def accuracy(self) -> metrics.Proportion:
         """Share of right answers."""
-        return accuracy(self.confusion)
+        return metrics.accuracy(self.confusion)
 
     @property
-    def recall(self) -> tuple[Proportion, ...]:
+    def recall(self) -> tuple[metrics.Proportion, ...]:
         """Share of each target class that was recognised (rows; the paper's Table 3 calls it precision)."""
-        return recall(self.confusion)
+        return metrics.recall(self.confusion)
 
     @property
-    def precision(self) -> tuple[Proportion, ...]:
+    def precision(self) -> tuple[metrics.Proportion, ...]:
         """Share of each predicted class that was right (columns; the paper's Table 3 calls it recall)."""
-        return precision(self.confusion)
+        return metrics.precision(self.confusion)
 
     def as_json(self) -> dict[str, Any]:
         """Return the result of `evaluate --json`; undefined figures are NaN (printed as null)."""
@@ -196,13 +187,13 @@ class Evaluation:
             "mae_mn": from_si(self.mae_n, "mn"),
             "coverage": self.coverage.value,
             "coverage_interval": self.coverage.interval,
-            "coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(self.forces).items()},
+            "coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.forces).items()},
             "label_sd_mn": from_si(self.label_sd_n, "mn"),
             "truth": "truth.json" if self.true_forces else None,
-            "true_mae_mn": from_si(mean_absolute_error(self.true_forces), "mn"),
+            "true_mae_mn": from_si(metrics.mean_absolute_error(self.true_forces), "mn"),
             "true_coverage": self.true_coverage.value,
             "true_coverage_interval": self.true_coverage.interval,
-            "true_coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(self.true_forces).items()},
+            "true_coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.true_forces).items()},
             "usable": self.usable._metrics(),
             "notes": self.notes,
             "frames": [frame.as_json() for frame in self.frames],
@@ -235,12 +226,8 @@ def evaluate_recordings(
     """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
 
     Recordings, or their folders, are given once each. Frames of the `calibration` are marked and not scored; a reader
-    reads an eye of it with its own modulus, others with the population's. `progress` is called with 1 after each frame.
-
-    Raises:
-        RecordingError: a recording cannot be used, or is given twice.
-        FrameError: a frame cannot be read.
-        CalibrationError: the calibration cannot be used with this model.
+    reads an eye of it with its own modulus, others with the population's. A recording or a frame that cannot be used
+    raises `RecordingError` or `FrameError`, a calibration that does not suit the model `CalibrationError`.
     """
     paths = [entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings]
     for number, path in enumerate(paths):
@@ -279,13 +266,7 @@ def evaluate_recordings(
 def recording_scores(
     reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
 ) -> Iterator[Score]:
-    """Score both methods' readings of the frames of a recording that its eye was not calibrated on.
-
-    Scores refer to the reader's present intervals.
-
-    Raises:
-        FrameError: a frame cannot be read.
-    """
+    """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
     return _Session(reader, recording, summary).scores(progress)
 
 

@@ -73,9 +73,6 @@ def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> t
 
     First the kind of modulus, then one of `GLOBE_TRAITS`, then the others. A modulus that was stated, or that is of
     other eyes, is not the eye's own: its uncertainty was not measured.
-
-    >>> traits_of(Known(), 20e-3)
-    ('other E', 'unknown')
     """
     globe = UNKNOWN if known.globe is None else known.globe
     of_eye = _of_calibration(known, force_n) if known.has_own_modulus else ()
@@ -140,11 +137,7 @@ class _Intervals(msgspec.Struct):
 
 
 def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
-    """Return the factors of a model's record (`model.json`), `NO_FACTORS` without `intervals`; `place` is the file.
-
-    Raises:
-        ModelError: `intervals` are not valid.
-    """
+    """Return the factors of a model's record, `NO_FACTORS` without `intervals`; raises `ModelError` naming `place`."""
     if record.get("intervals") is None:
         return NO_FACTORS
     try:
@@ -188,11 +181,7 @@ class Stretch:
 
 
 def score(reading: Reading, force_n: float) -> float:
-    """Return the distance of a force from a reading's median, over that of the interval's end on that side.
-
-    >>> round(score(Reading(probabilities=(1.0,), force_n=1e-3, interval_n=(0.0, 3e-3), contact_m=0.0), 4e-3), 9)
-    1.5
-    """
+    """Return the distance of a force from a reading's median, over that of the interval's end on that side."""
     low_n, high_n = reading.interval_n
     end_n = high_n if force_n > reading.force_n else low_n
     return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
@@ -211,11 +200,7 @@ def weights_of_eyes(scores: Sequence[Score]) -> Floats:
 
 
 def share_of_new_eye(eyes: int) -> float:
-    """Return the share of the scores of n eyes that has to be held for 90 % of a new eye's.
-
-    >>> round(share_of_new_eye(90), 3), share_of_new_eye(8)
-    (0.91, 1.0)
-    """
+    """Return the share of the scores of n eyes that has to be held for 90 % of a new eye's."""
     return min(1.0, LEVEL * (eyes + 1) / eyes)
 
 

@@ -17,6 +17,7 @@ from scleraforce.library.fit import BoundaryFit, fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
+from scleraforce.reader import verdicts
 from scleraforce.reader.answer import (
     METHODS,
     Answer,
@@ -29,22 +30,6 @@ from scleraforce.reader.answer import (
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
-from scleraforce.reader.verdicts import (
-    NEEDLE_SEEN,
-    Look,
-    can_calibrate,
-    contact_outside,
-    crossed_by_needle,
-    dent_leaves,
-    fit_leaves,
-    judged_answer,
-    look,
-    needle_elsewhere,
-    no_class,
-    no_wall_of_an_eye,
-    read_by_fit,
-    too_little_wall,
-)
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries, surface
@@ -104,18 +89,13 @@ class Reader(ABC):
         return None if self.reads_force else self.study.eye.youngs_modulus_pa
 
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
-        """Read one raw frame by every method of the model.
+        """Read one raw frame (row, column) by every method of the model.
 
-        Args:
-            frame: raw B-scan (row, column).
-            scale: size of a pixel as stored, with the refractive index.
-            known: of the eye; a model with a fixed modulus uses the thickness alone.
-
-        Raises:
-            ValueError: an invalid frame (see `find_wall`).
-            ModelError: the network cannot be run.
+        `scale` is the size of a pixel as stored, with the refractive index. With a fixed modulus the model uses the
+        thickness alone of the known eye. An invalid frame raises `ValueError` (see `find_wall`), a network that fails
+        `ModelError`.
         """
-        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._trained.finder)
+        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._trained.finder)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 
@@ -124,7 +104,7 @@ class Reader(ABC):
 
         Arguments and errors as for `read`.
         """
-        seen = look(frame, scale, self.study.slice, self._shifts, known.thickness_m)
+        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._live(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 
@@ -137,16 +117,16 @@ class Reader(ABC):
         return limits(self.kind, self.study, known, scan, gauge)
 
     @abstractmethod
-    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         """Return the answer of all methods to a frame with a wall."""
 
-    def _network_alone(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _network_alone(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         """Return the network's answer, and whether the frame can calibrate."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        return replace(self._live(seen, frame, scale, known), can_calibrate=can_calibrate(seen, boundaries))
+        return replace(self._live(seen, frame, scale, known), can_calibrate=verdicts.can_calibrate(seen, boundaries))
 
     @abstractmethod
-    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         """Return the network's answer to a frame with a wall."""
 
 
@@ -155,10 +135,7 @@ class Classifier(Reader):
     """Reads the force class from slices.
 
     The same slices give the same answer: the session runs on the CPU with a fixed number of threads. It knows the
-    modulus of its training only.
-
-    Raises:
-        ModelError: the network has other inputs or outputs than its study asks for.
+    modulus of its training only. A network of other inputs or outputs than its study's raises `ModelError`.
     """
 
     kind = CLASSIFIER
@@ -198,18 +175,18 @@ class Classifier(Reader):
         """Return None: a classifier reads every eye as its own."""
         return None
 
-    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         return self._network_alone(seen, frame, scale, known)
 
-    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
 
         The network met few dents that leave the window: it would take the rest for a wall without force, and read the
         most dangerous frames as the least. It was never trained on slices with a needle.
         """
         if seen.needle:
-            return unusable(self.classes, NEEDLE_SEEN)
-        if dent_leaves(seen.cut):
+            return unusable(self.classes, verdicts.NEEDLE_SEEN)
+        if verdicts.dent_leaves(seen.cut):
             return unusable(self.classes, "the dent leaves the window of the slice")
         probabilities = self.probabilities(seen.cut[np.newaxis])[0]
         if not np.isfinite(probabilities).all():
@@ -261,9 +238,9 @@ class ForceReader(Reader):
         """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
         return outside_training(known, self.study.reader, self.study.library)
 
-    def _unread_slices(self, seen: Look, known: Known) -> str | None:
+    def _unread_slices(self, seen: verdicts.Look, known: Known) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
-        return self.refusal(known) or (NEEDLE_SEEN if seen.needle else None)
+        return self.refusal(known) or (verdicts.NEEDLE_SEEN if seen.needle else None)
 
     def library_for(self, known: Known) -> Library:
         """Return the library of an eye's tissue at its contact, or at the middle of the study's angles if unknown.
@@ -279,32 +256,34 @@ class ForceReader(Reader):
     def _found_library(self, polar_rad: float | None, stiffening: float) -> Library:
         return self.library.for_stiffening(stiffening).nearest_contact(polar_rad)
 
-    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        outside = outside_training(known, read_by_fit(self.study.reader), self.study.library)
-        if reason := outside or needle_elsewhere(seen.needle, known, self.library.needle_radius_m):
-            return replace(unusable(self.classes, reason), can_calibrate=can_calibrate(seen, boundaries))
-        if reason := too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice):
+        outside = outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
+        if reason := outside or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m):
+            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
+        if reason := verdicts.too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice):
             return unusable(self.classes, reason)
         return self._fitted(seen, boundaries, known)
 
-    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
-        short = too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+        short = verdicts.too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
         if reason := self._unread_slices(seen, known) or short:
             return unusable(self.classes, reason)
-        return judged_answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut), self.study)
+        leaves = verdicts.dent_leaves(seen.cut)
+        return verdicts.judged_answer(self.read_slices(seen.cuts, known), "network", leaves, self.study)
 
-    def _fitted(self, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
+    def _fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> Answer:
         """Fit a wall of the library to the frame, and read the frame if the fit is the wall of an eye."""
-        library = self.library_for(known)
-        trained = crossed_by_needle(self.study.reader, library.needle_radius_m) if seen.needle else self.study.reader
+        library, trained = self.library_for(known), self.study.reader
+        if seen.needle:
+            trained = verdicts.crossed_by_needle(trained, library.needle_radius_m)
         prior = prior_of(known, trained)
         smoothing_m = self.study.calibration.surface_smoothing_m
         fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
             return unusable(self.classes, "too little of the wall is seen")
-        if reason := no_wall_of_an_eye(fit, prior):
+        if reason := verdicts.no_wall_of_an_eye(fit, prior):
             return replace(unusable(self.classes, reason), fit=fit)
         factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
@@ -312,16 +291,16 @@ class ForceReader(Reader):
             answer = self._unchecked(seen, fit, by_fit, unread)
         else:
             answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
-        return replace(answer, can_calibrate=can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
+        return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
-    def _unchecked(self, seen: Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
+    def _unchecked(self, seen: verdicts.Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
         """Return the fit's answer to a frame that the network cannot read."""
-        leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
-        answer = judged_answer(reading, "fit", leaves, self.study)
+        leaves = verdicts.dent_leaves(seen.cut) or verdicts.fit_leaves(fit, self.study.slice)
+        answer = verdicts.judged_answer(reading, "fit", leaves, self.study)
         warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
         return replace(answer, warnings=warnings, readings=(("fit", reading),))
 
-    def _checked(self, seen: Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
+    def _checked(self, seen: verdicts.Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
         """Return the answer of the model's default method, checked by the other one.
 
         If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
@@ -330,10 +309,10 @@ class ForceReader(Reader):
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
-        leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
-        answer = judged_answer(reading, self.default, leaves, self.study)
-        undecided = no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
-        reason = contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
+        leaves = verdicts.dent_leaves(seen.cut) or verdicts.fit_leaves(fit, self.study.slice)
+        answer = verdicts.judged_answer(reading, self.default, leaves, self.study)
+        undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
+        reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
         if answer.usable and reason:
             answer = unusable(self.classes, reason)
         warnings = (warning,) if warning and answer.usable else ()
@@ -358,20 +337,20 @@ class RawReader(Reader):
 
     def refusal(self, known: Known) -> str | None:
         """Return the known value outside the training, in a sentence."""
-        return outside_training(known, read_by_fit(self.study.reader), self.study.library)
+        return outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
 
-    def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         return self._network_alone(seen, frame, scale, known)
 
-    def _live(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         reason = (
             other_index(self.study, scale.refractive_index)
             or self.refusal(known)
-            or needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
-            or too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+            or verdicts.needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
+            or verdicts.too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
         )
         if reason:
             return unusable(self.classes, reason)
         reading = self._network.read(self._window.reduced(frame, scale)[None], known)
-        answer = judged_answer(reading, "network", dent_leaves(seen.cut), self.study)
+        answer = verdicts.judged_answer(reading, "network", verdicts.dent_leaves(seen.cut), self.study)
         return replace(answer, readings=(("network", reading),))

@@ -58,19 +58,12 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
 
     A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
     deviation, and the error that it takes from thickness and IOP, which the training's moduli have too.
-
-    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
-    'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
     return next(iter(_refusals(known, trained, library)), None)
 
 
 def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
-    """Return a note for each value of a recording that a model's training did not cover; its network is not loaded.
-
-    Raises:
-        ModelError: the model cannot be used, or reads no forces.
-    """
+    """Return a note for each value of a recording outside a model's training; raises `ModelError`."""
     folder, name = read_folder(model), model_name(model_folder(model))
     kind = folder.record["kind"]
     if kind not in KINDS:
@@ -80,13 +73,7 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
 
 
 def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
-    """Return the name of each quantity that a model's study covers, and its range in words.
-
-    Empty for a model that reads no forces, the wall finder.
-
-    Raises:
-        ModelError: it cannot be used.
-    """
+    """Return name and range in words of each quantity of a model's study; () for a wall finder; raises `ModelError`."""
     folder = read_folder(model)
     kind = folder.record["kind"]
     if kind not in KINDS:

@@ -22,12 +22,7 @@ RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes;
 
 
 def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return Wilson's score interval of a proportion (Wilson 1927; NaN, NaN where `total` is 0).
-
-    >>> low, high = wilson_interval(42, 45)
-    >>> round(low, 2), round(high, 2)
-    (0.82, 0.98)
-    """
+    """Return Wilson's score interval of a proportion (Wilson 1927; NaN, NaN where `total` is 0)."""
     if total == 0:
         return nan, nan
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
@@ -39,11 +34,7 @@ def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[fl
 
 @dataclass(frozen=True)
 class Proportion:
-    """`hits` out of `total`, with its value and 95 % Wilson interval (NaN where `total` is 0).
-
-    >>> Proportion(14, 15).value
-    0.9333333333333333
-    """
+    """`hits` out of `total`, with its value and 95 % Wilson interval (NaN where `total` is 0)."""
 
     hits: int
     total: int
@@ -60,14 +51,7 @@ class Proportion:
 
 
 def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> NDArray[np.int64]:
-    """Count the trials by target (row) and predicted (column) class, shape (classes, classes).
-
-    >>> confusion_matrix([0, 1, 1], [0, 1, 2]).tolist()
-    [[1, 0, 0], [0, 1, 1], [0, 0, 0]]
-
-    Raises:
-        ValueError: the sequences differ in length, or a class lies outside 0 to classes - 1.
-    """
+    """Count the trials by target (row) and predicted (column) class, shape (classes, classes)."""
     if len(target) != len(predicted):
         raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
     if any(not 0 <= label < classes for label in (*target, *predicted)):
@@ -122,12 +106,7 @@ class ForceTrial:
 
 
 def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
-    """Return the mean absolute error, N; NaN without trials.
-
-    >>> trial = ForceTrial(eye="a", measured_n=0.25, read_n=0.5, interval_n=(0.0, 1.0))
-    >>> mean_absolute_error([trial])
-    0.25
-    """
+    """Return the mean absolute error, N; NaN without trials."""
     return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
 
 
@@ -163,11 +142,7 @@ def band_of(trials: Sequence[ForceTrial]) -> tuple[float, float] | None:
 
 
 def held_by_eye(trials: Sequence[ForceTrial]) -> str:
-    """Return the number of forces that the intervals of each eye hold, in words.
-
-    >>> held_by_eye([ForceTrial(eye="a", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))])
-    '1 of 1 of a'
-    """
+    """Return the number of forces that the intervals of each eye hold, in words: '1 of 1 of a'."""
     return ", ".join(f"{held.hits} of {held.total} of {eye}" for eye, held in coverage_by_eye(trials).items())
 
 

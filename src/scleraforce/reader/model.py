@@ -55,10 +55,8 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHI
 
     `path` is the folder that `scleraforce train` wrote, or the name of a bundled one ("default"); `threads` are ONNX
     Runtime's within one operation, 1 is fastest for single slices; `finder` is the folder of the wall finder that
-    checks the walls it reads, None: nothing checks them.
-
-    Raises:
-        ModelError: a file is missing, was changed, or does not fit the study beside it.
+    checks the walls it reads, None: nothing checks them. A file that is missing, was changed, or does not fit the study
+    beside it raises `ModelError`.
     """
     folder = read_folder(Path(path))
     kind = folder.record["kind"]

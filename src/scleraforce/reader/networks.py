@@ -58,13 +58,7 @@ class ForceDistribution:
 
 
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
-    """Return the edges of the bins of x = F/E (bins + 1,), m^2; their widths grow linearly from 0.
-
-    So bins are narrow for small forces and stiff eyes.
-
-    >>> ratio_edges(4, 16.0)
-    array([ 0.,  1.,  4.,  9., 16.])
-    """
+    """Return the edges of the bins of F/E (bins + 1,), m^2; they are narrow for small forces and stiff eyes."""
     edges: Floats = max_force_ratio * (np.arange(bins + 1) / bins) ** 2
     return edges
 
@@ -176,12 +170,7 @@ class GivenEyes:
 
 
 def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
-    """Return the mean and relative standard deviation of an unknown modulus: even over the training's range.
-
-    >>> mean_pa, sd = unknown_modulus(ReaderStudy())
-    >>> round(mean_pa), round(sd, 3)
-    (400000, 0.361)
-    """
+    """Return the mean and relative standard deviation of an unknown modulus: even over the training's range."""
     low, high = study.youngs_modulus_pa.bounds
     mean = 0.5 * (low + high)
     return mean, (high - low) / sqrt(12.0) / mean

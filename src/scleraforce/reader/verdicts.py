@@ -61,12 +61,7 @@ def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
 
 
 def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> str | None:
-    """Return a sentence if an interval reaches into every class, else None.
-
-    >>> no_class((0.002, 0.049), (0.005, 0.030))
-    'from 2 to 49 mN, every class is possible'
-    >>> no_class((0.006, 0.049), (0.005, 0.030))
-    """
+    """Return a sentence if an interval reaches into every class, else None."""
     low_n, high_n = interval_n
     if low_n >= bounds_n[0] or high_n <= bounds_n[-1]:
         return None
@@ -91,11 +86,7 @@ def least_wall_m(slice_study: SliceStudy) -> float:
 
 
 def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
-    """Return a sentence if too little of a wall is seen, else None.
-
-    >>> wall_seen(6e-3, SliceStudy()), wall_seen(12e-3, SliceStudy())
-    ('6.0 mm of the wall are visible; at least 9.8 mm are needed', None)
-    """
+    """Return a sentence if too little of a wall is seen, else None."""
     least_m = least_wall_m(slice_study)
     if extent_m >= least_m:
         return None
