@@ -45,7 +45,7 @@ from scleraforce.units import from_si
 pytest.importorskip("torch")
 
 HALF = FINDER_STUDY.columns // 2
-SAID = ("two ways to find", "the network sees no wall", "the network does not know")
+SAID = ("two ", "the network sees no wall", "the network does not know")
 
 
 @pytest.fixture(scope="module")
