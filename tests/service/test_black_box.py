@@ -145,20 +145,6 @@ def quick(monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda _: None)
 
 
-def test_every_decision_and_note_is_in_the_log_in_its_order(tmp_path):
-    monitor = Monitor(tmp_path)
-    for number in range(20):
-        monitor.decide(with_frame=number % 2)
-    monitor.tell(Note(time_s=1.5, text="robot came"))
-    monitor.decide()
-    monitor.end()
-    kinds = [record["kind"] for record in monitor.records()]
-    assert kinds == ["entry"] * 20 + ["note", "entry"]
-    numbers = [record["entry"]["number"] for record in monitor.records() if record["kind"] == "entry"]
-    assert numbers == list(range(1, 22))
-    assert not (tmp_path / "box" / "withdrawals").exists()
-
-
 def test_decisions_that_never_came_are_said(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
