@@ -189,11 +189,7 @@ def _pack(message: Message) -> tuple[str, bytes]:
 
 
 def query_of(name: str) -> Query | None:
-    """Return the query of a message of type GET_...; None for other types.
-
-    >>> query_of("GET_TRANS")
-    Query(type='TRANSFORM')
-    """
+    """Return the query of a message of type GET_...; None for other types."""
     asked = name.removeprefix(GET)
     return Query(WHOLE.get(asked, asked)) if asked and asked != name else None
 

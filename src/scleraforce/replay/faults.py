@@ -166,16 +166,14 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
             client.listen(began_s + WITHIN_S, doubted)
     except LinkError as gone:
         return FaultReport(name=name, began_s=began_s, delay_s=client.clock() - began_s, message=str(gone))
+    report = FaultReport(name=name, began_s=began_s, delay_s=None, message="the monitor still says OK")
     if (change := log.first_doubt(since_s)) is not None:
-        expected = change.cause in [cause.name for cause in FAULTS[name].causes]
-        return FaultReport(
-            name=name, began_s=began_s, delay_s=change.at_s - began_s, message=change.message, code=change.code,
-            cause=change.cause, expected=expected,
-        )  # fmt: skip
+        report = replace(report, delay_s=change.at_s - began_s, message=change.message, code=change.code)
+        return replace(report, cause=change.cause, expected=change.cause in [one.name for one in FAULTS[name].causes])
     if _silent(player, began_s):
         delay_s = (log.status_s or began_s) + SILENT_S - began_s
-        return FaultReport(name=name, began_s=began_s, delay_s=delay_s, message="no STATUS for 150 ms")
-    return FaultReport(name=name, began_s=began_s, delay_s=None, message="the monitor still says OK")
+        return replace(report, delay_s=delay_s, message="no STATUS for 150 ms")
+    return report
 
 
 def _silent(player: Player, began_s: float) -> bool:

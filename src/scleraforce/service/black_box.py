@@ -16,14 +16,7 @@ from scleraforce.service import messages
 from scleraforce.service.channel import Channel, ChannelClosedError, run_companion
 from scleraforce.service.decision_log import Journal
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.recordings import (
-    FrameTaker,
-    Recent,
-    RobotForce,
-    SessionBeginning,
-    SessionRecording,
-    Withdrawals,
-)
+from scleraforce.service.recordings import FrameTaker, RobotForce, SessionBeginning, SessionRecording, Withdrawals
 
 NICENESS = 5
 ALIVE_S = 0.5
@@ -38,9 +31,9 @@ class BlackBox:
         ring = FrameRing(settings.ring)
         self.ended = False
         self._channel, self._journal = channel, Journal(settings.folder, channel)
-        self._recent, self._force = Recent(settings.keep_s, ring.frames), RobotForce(settings.force)
+        self._force = RobotForce(settings.force)
         self._session = SessionRecording(settings, ring, self._journal)
-        self._withdrawals = Withdrawals(settings, ring, self._recent, self._force, self._journal)
+        self._withdrawals = Withdrawals(settings, ring, self._force, self._journal)
         self._beginning: SessionBeginning | None = None
         self._entry: messages.Entry | None = None  # the last one
         self._alive_s = 0.0
@@ -119,9 +112,9 @@ class BlackBox:
         before, self._entry = self._entry, entry
         if before and entry.number != before.number + 1:
             self._journal.note(f"decisions {before.number + 1} to {entry.number - 1} never arrived")
-        self._recent.add_line(entry.at_s, self._journal.record(message))
+        is_new = self._withdrawals.remember(entry, self._journal.record(message))
         beginning = self._begin(entry.at_s, entry.time_s)
-        if entry.frame is not None and self._recent.add_frame(entry.at_s, entry.frame) and self._session.taker:
+        if entry.frame and is_new and self._session.taker:
             self._session.taker.add(entry.frame, entry.at_s - beginning.at_s)
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)

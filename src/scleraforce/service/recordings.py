@@ -34,41 +34,6 @@ class SessionBeginning:
     comment: str
 
 
-class Recent:
-    """Remembers frames and log lines with their times, in order: the last `keep_s`, and `most_frames` frames at most.
-
-    >>> recent = Recent(10.0, 100)
-    >>> for at_s in range(30):
-    ...     _ = recent.add_frame(float(at_s), at_s + 1)
-    >>> recent.until(25.0)[0][0], recent.until(25.0)[0][-1]
-    ((15.0, 16), (25.0, 26))
-    """
-
-    def __init__(self, keep_s: float, most_frames: int) -> None:
-        self._keep_s = keep_s
-        self._frames: deque[tuple[float, int]] = deque(maxlen=most_frames)
-        self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
-
-    def add_line(self, at_s: float, line: bytes) -> None:
-        """Remember a line of the log."""
-        self._lines.append((at_s, line))
-        while self._lines[0][0] < at_s - self._keep_s:
-            self._lines.popleft()
-
-    def add_frame(self, at_s: float, number: int) -> bool:
-        """Remember a frame; return False if it is known already (a second opinion names its frame again)."""
-        if self._frames and number <= self._frames[-1][1]:
-            return False
-        self._frames.append((at_s, number))
-        return True
-
-    def until(self, at_s: float) -> tuple[list[tuple[float, int]], list[bytes]]:
-        """Return the frames, with their times, and the lines of the last seconds up to a time."""
-        since_s = at_s - self._keep_s
-        frames = [(frame_s, number) for frame_s, number in self._frames if since_s <= frame_s <= at_s]
-        return frames, [line for line_s, line in self._lines if since_s <= line_s <= at_s]
-
-
 ForceSample = tuple[float, tuple[float, ...]]  # the middle of a step (s), and the means in it (N, N m)
 
 
@@ -240,15 +205,26 @@ class _Writing:
 
 
 class Withdrawals:
-    """Keeps the last seconds before withdrawals, of the frames and lines in `recent` and the robot's `force`."""
+    """Remembers the frames and the log's lines of the last seconds, and keeps them at a withdrawal."""
 
-    def __init__(
-        self, settings: BlackBoxSettings, ring: FrameRing, recent: Recent, force: RobotForce, journal: Journal
-    ) -> None:
-        self._settings, self._ring, self._recent, self._force, self._journal = settings, ring, recent, force, journal
+    def __init__(self, settings: BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal) -> None:
+        self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
+        self._keep_s = settings.keep_s
+        self._frames: deque[tuple[float, int]] = deque(maxlen=ring.frames)
+        self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
         self._writing: _Writing | None = None
         self._wanted: tuple[str, Entry, SessionBeginning] | None = None
+
+    def remember(self, entry: Entry, line: bytes) -> bool:
+        """Remember the line and the frame of a decision; return whether the frame is new (opinions name it again)."""
+        self._lines.append((entry.at_s, line))
+        while self._lines[0][0] < entry.at_s - self._keep_s:
+            self._lines.popleft()
+        if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
+            return False
+        self._frames.append((entry.at_s, entry.frame))
+        return True
 
     @property
     def taker(self) -> FrameTaker | None:
@@ -274,14 +250,16 @@ class Withdrawals:
 
     def _begin(self, cause: str, entry: Entry, beginning: SessionBeginning) -> _Writing:
         """Begin the recording of the seconds up to an entry."""
-        frames, lines = self._recent.until(entry.at_s)
+        since_s = entry.at_s - self._keep_s
         stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
         folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
         partial, comment = folder.parent / f".{folder.name}.partial", f"{beginning.comment} Kept: {cause}."
         taker = FrameTaker(self._ring, partial, self._settings.info, comment)
+        lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
-        for frame_s, number in frames:
-            taker.add(number, frame_s - beginning.at_s)
+        for frame_s, number in self._frames:
+            if since_s <= frame_s <= entry.at_s:
+                taker.add(number, frame_s - beginning.at_s)
         # Labels of the last frames average over what comes after them.
         return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
 

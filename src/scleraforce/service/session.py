@@ -42,12 +42,7 @@ class FramePace:
         self._last_sent_s: float | None = None
 
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
-        """Take the times of a frame, its completion's and its header's; return the interval.
-
-        >>> pace = FramePace(0.1)
-        >>> [round(pace.arrived(0.02 * n), 3) for n in range(20)][8::11]
-        [0.01, 0.02]
-        """
+        """Take the times of a frame, its completion's and its header's; return the interval."""
         if len(self._gaps_s) < SETTLED_FRAMES:
             self._sent(sent_s)
         enough = len(self._gaps_s) >= (ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES)

@@ -40,13 +40,7 @@ class ShownPictures:
         self._shape: tuple[int, ...] | None = None
 
     def back(self, pixels: Pixels) -> int:
-        """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new.
-
-        >>> shown, rng = ShownPictures(50), np.random.default_rng(0)
-        >>> first, second = rng.integers(0, 4096, (2, 512, 512), dtype=np.uint16)
-        >>> [shown.back(picture) for picture in (first, second, first + 1, first // 16)]
-        [0, 0, 2, 1]
-        """
+        """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new."""
         if self._shape != pixels.shape:
             self._begin(pixels.shape)
         runs_brp = pixels.reshape(-1).take(self._places_brp)

@@ -53,13 +53,7 @@ def sentence_of(cause: str) -> str:
 
 
 def detail_of(message: str, state: str) -> str:
-    """Return the reason within a decision's message: without the state before it and the last reading after it.
-
-    >>> detail_of("WITHDRAW: up to 31.2 mN, the bound is 30.0 mN; class 1; 28.9 mN", "WITHDRAW")
-    'up to 31.2 mN, the bound is 30.0 mN'
-    >>> detail_of("WATCHING: class 0; 2.1 mN", "WATCHING")
-    ''
-    """
+    """Return the reason within a decision's message: without the state before it and the last reading after it."""
     reason = message.removeprefix(state).removeprefix(": ")
     if state == "WATCHING":  # there need not be a reason
         reason = f"; {reason}"

@@ -54,14 +54,7 @@ SHARES = (
 
 
 class Thrift:
-    """Chooses the share of the pages by signs that the machine is short.
-
-    >>> thrift = Thrift()
-    >>> for n in range(3):
-    ...     thrift.woke(0.02, 0.1 * n)
-    >>> thrift.share(0.2).level, thrift.share(5.3).level
-    (1, 0)
-    """
+    """Chooses the share of the pages by signs that the machine is short."""
 
     def __init__(self) -> None:
         self._signs: deque[float] = deque(maxlen=SIGNS)
