@@ -65,6 +65,21 @@ def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
         client.close()
 
 
+def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
+    heard = []
+    with fake_monitor() as monitor:
+        monitor.answers = False
+        client = ScannerClient("127.0.0.1", monitor.port, lambda *said: heard.append(said), observed=True)
+        while len(monitor._peers) < 2:
+            time.sleep(0.001)
+        for _ in range(3):
+            monitor.say_bytes(encode(Text("once"), "ForceReading"))
+            client.listen(time.monotonic() + 0.05)
+        wait_until(client, lambda: sum(isinstance(message, Text) for _, _, message in heard) >= 3)
+        assert sum(isinstance(message, Text) for _, _, message in heard) == 3
+        client.close()
+
+
 def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> None:
     heard = []
     with fake_monitor() as monitor:

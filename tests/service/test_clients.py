@@ -68,6 +68,7 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
         message = encode(Text("x" * 500), "ForceReading")
         for number in range(5000):
             connection.send(message, 100.0 + number)
+        assert connection._forget_taken() <= WAITING_BYTES + len(message)
         newest = encode(Text("newest"), "ForceReading")
         peer.settimeout(FUSE_S)
         heard = b""

@@ -103,10 +103,12 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
     session.take(QueueLoss(at_s=clock.now_s, lost=2, unread_s=0.02, row=4))
+    so_far = session.summary()
     take(session, clock, 40_000, 4)
     take(session, clock, 41_000, 5)
     summary = session.summary()
     assert (summary["frames"], summary["lost"]) == (3, 2)
+    assert so_far["withdrawals"] == []
     (withdrawal,) = summary["withdrawals"]
     assert (withdrawal["frame"], withdrawal["cause"]) == (2, "DANGEROUS_CLASS")
 

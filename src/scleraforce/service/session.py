@@ -245,8 +245,8 @@ class Session:
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
-        counts = {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost}
-        return {**counts, "withdrawals": self.withdrawals}
+        withdrawals = [*self.withdrawals]  # the end of the monitor adds one, which is not the session's
+        return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
         """Return the last decision as a new entry, with the reading if it was made on a frame.
