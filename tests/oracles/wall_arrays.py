@@ -15,7 +15,7 @@ from scleraforce.segmentation.boundaries import BOTTOM_ROWS, FOUND_SHARE
 from scleraforce.segmentation.found import Segmentation, without_wall
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float, Grid, imaged_part
 from scleraforce.segmentation.inner import CELLS, EDGES, LINE_CELLS, LOW_CELLS, POOLED, REFINE_CELLS, SKIP_EDGE
-from scleraforce.segmentation.needle import find_needle
+from scleraforce.segmentation.needle import STANDS_OUT, find_needle, top_rows
 from scleraforce.segmentation.slice import BoundaryRows
 from scleraforce.segmentation.tables import continuation, fine_columns, grouping, nearest_point
 from scleraforce.segmentation.wall import LEAST_SIDE
@@ -53,7 +53,10 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     fault = verdict.blank_fault(grid.floor, brightest, bool(bright > verdict.SATURATED_SHARE * some.size))
     if fault:
         return without_wall(frame.shape, fault)
-    needle = find_needle(imaged_part(frame, left, missing), grid, left, frame.shape[1])
+    mean = grid.cells[: top_rows(grid.size)].sum(axis=0, dtype=np.float32)
+    middle, low = np.sort(mean)[[len(mean) // 2, len(mean) // 6]]
+    begin = np.flatnonzero(mean > middle + STANDS_OUT * max(middle - low, np.float32(1e-3) * middle))
+    needle = find_needle(imaged_part(frame, left, missing), grid, begin, left, frame.shape[1]) if len(begin) else None
     if needle is None:
         return _found(frame, scale, left, missing, None)
     first, after = (end - left for end in needle.hidden)

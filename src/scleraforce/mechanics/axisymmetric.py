@@ -95,16 +95,13 @@ def boundary_shapes(nodes_n: Integers, points: int = BOUNDARY_POINTS) -> tuple[I
 
 @dataclass(frozen=True, eq=False)
 class AxisymmetricPath:
-    """States along a load path of a wall of revolution; the first is under pressure without the needle.
+    """States along a load path of a wall of revolution, (state,) each; the first is under pressure without the needle.
 
-    Attributes:
-        tip_m: inward displacement of the outer surface at the contact from the undented wall at the state's pressure,
-            (state,) in m.
-        force_ratio_m2: F/E, (state,); it may fall where the wall snaps.
-        iop_ratio: p/E, (state,); constant unless the globe is sealed.
-        displaced_m3: volume inside the undented wall at the state's pressure less that inside the state, (state,).
-        curves_sbnc: deformed boundaries, (state, [outer, inner], node, [distance from the needle axis, depth below the
-            undeformed contact]) in m, from the axis to the support; the same nodes for every wall of one size of mesh.
+    `tip_m`: inward displacement of the outer surface at the contact from the undented wall at the state's pressure. F/E
+    may fall where the wall snaps; p/E is constant unless the globe is sealed. `displaced_m3`: volume inside the
+    undented wall at the state's pressure less that inside the state. `curves_sbnc`: deformed boundaries, (state,
+    [outer, inner], node, [distance from the needle axis, depth below the undeformed contact]) in m, from the axis to
+    the support; the same nodes for every wall of one size of mesh.
     """
 
     tip_m: Floats
@@ -131,23 +128,9 @@ def axisymmetric_path(
 ) -> AxisymmetricPath:
     """Return the load path of a sphere with an even wall under a needle along its normal.
 
-    Args:
-        radius_m: outer radius.
-        thickness_m: of the wall.
-        poisson_ratio: nu.
-        needle_radius_m: outer radius of the needle, whose force is uniform over its disc seen along the axis.
-        iop_ratio: eye pressure over Young's modulus.
-        tips_m: tips at which states are wanted, ascending, (state,) in m; by default every step of the path.
-        max_tip_m: the deepest dent, by default the last of `tips_m`.
-        max_force_ratio_m2: F/E at which the path may end.
-        support_rad: angle from the needle axis at which the wall is clamped.
-        globe: how the pressure follows the displaced volume, over Young's modulus (`Globe.over`).
-        stiffening: b of `mechanics.material`.
-        size: of the mesh.
-
-    Raises:
-        InputError: sizes that make no eye, or no end of the path.
-        SolverError: no equilibrium was found; the message says what was reached.
+    The needle's force is uniform over its disc seen along the axis. For `tips_m` and the end of the path see `trace`;
+    the wall is clamped at the angle `support_rad` from the needle axis; the globe is over Young's modulus
+    (`Globe.over`); `stiffening`: b of `mechanics.material`.
     """
     mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
     wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)

@@ -27,14 +27,11 @@ STATES = 8  # at most, that a step starts from: their polynomial takes one facto
 
 @dataclass(frozen=True, eq=False)
 class PathStates:
-    """States along a load path; the first is the one without the needle.
+    """States along a load path, (state,) each; the first is the one without the needle.
 
-    Attributes:
-        tip_m: inward displacement of the tip from the undented wall at the state's pressure, ascending, (state,) in m.
-        force: F/E, (state,) in m^2.
-        pressure: p/E, (state,); the same everywhere unless the globe is sealed.
-        displacement_su: free displacements, (state, unknown) in m.
-        undented_su: those of the undented wall at the state's pressure, (state, unknown) in m.
+    `tip_m`: inward displacement of the tip from the undented wall at the state's pressure, ascending. `force` is F/E in
+    m^2, `pressure` p/E. `displacement_su` and `undented_su` (state, unknown) in m: free displacements of the wall, and
+    of the undented wall at the state's pressure.
     """
 
     tip_m: Floats
@@ -45,11 +42,7 @@ class PathStates:
 
 
 def pressurise(problem: Equilibrium, pressure: float) -> Floats:
-    """Return the displacement (unknown,) under a pressure p/E and no needle.
-
-    Raises:
-        SolverError: no equilibrium was found; the message says what pressure was reached.
-    """
+    """Return the displacement (unknown,) under a pressure p/E and no needle."""
     reached, step = 0.0, 1.0
     u = np.zeros_like(problem.needle)
     if pressure == 0.0:
@@ -86,23 +79,11 @@ def trace(
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
 
-    Args:
-        problem: the wall.
-        start: its equilibrium without the needle, (unknown,), as from `pressurise`.
-        pressure: p/E there.
-        tips_m: tips at which states are wanted, ascending, positive, (state,) in m; steps between them are as short as
-            needed. By default every step of the path is kept.
-        max_tip_m: end of the path, by default the last of `tips_m`.
-        max_force: F/E in m^2; the path ends at the first kept state that carries it.
-        largest_step_m: of the tip.
-        globe: how the pressure follows the volume, over E.
-        as_far_as_found: let the path end where no equilibrium is found beyond some state, without an error; the end is
-            then known to 1/32 of the largest step.
-        progress: called after each step with the largest F/E so far.
-
-    Raises:
-        InputError: no end of the path is given.
-        SolverError: no equilibrium was found; the message says what dent and force were reached.
+    `start` is the equilibrium without the needle at `pressure`, p/E, as from `pressurise`. `tips_m`: tips at which
+    states are wanted, ascending, positive, (state,); steps between them are as short as needed; by default every step
+    is kept. The path ends at `max_tip_m`, by default the last of `tips_m`, or at the first kept state that carries
+    `max_force`, F/E in m^2; with `as_far_as_found` also where no equilibrium is found, to 1/32 of the largest step. The
+    globe is over E. `progress` is called after each step with the largest F/E so far.
     """
     end_m = _end(tips_m, max_tip_m, max_force)
     control = SealedDent(problem, start, pressure, globe) if globe.is_sealed else Dent(problem, start, pressure)

@@ -59,10 +59,8 @@ class Equilibrium(Protocol):
 class Balance:
     """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
 
-    Attributes:
-        count: number of displacements among the unknowns, of which they are the first.
-        unloaded: the unknowns without the load that a control adds.
-        applied: size of the forces applied.
+    A control has `count` displacements, the first of its unknowns, and `unloaded` unknowns without the load that it
+    adds; `applied` is the size of the forces applied.
     """
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
@@ -87,9 +85,8 @@ class Balance:
 class Dent:
     """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u and the force.
 
-    Attributes:
-        tip_m: the prescribed displacement of the tip; `continuation` sets it along the path.
-        largest_force: on the path so far; errors are relative to it where the force passes through zero.
+    `continuation` sets `tip_m` along the path; errors are relative to `largest_force`, on the path so far, where the
+    force passes through zero.
     """
 
     remedy = "ask for a smaller dent"
@@ -218,11 +215,7 @@ def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Flo
 
 
 def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
-    """Return the unknowns that meet the control, from a guess x, and the number of factors.
-
-    Raises:
-        SolverError: it does not converge from there.
-    """
+    """Return the unknowns that meet the control, from a guess x, and the number of factors."""
     defect = control.defect(x)
     found = control.met(defect, x)
     for factors in range(MOST_FACTORS):

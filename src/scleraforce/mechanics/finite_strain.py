@@ -42,15 +42,11 @@ LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """States of equilibrium of one eye along the needle's path; between them everything is cubic in the tip.
+    """States of equilibrium along the needle's path, (state,) each; between them everything is cubic in the tip.
 
-    Attributes:
-        tips_m: the tip's inward displacement from the undented wall at the state's pressure, ascending from 0,
-            (state,) in m.
-        forces_n: force through the needle, (state,) in N; it need not ascend.
-        pressures_pa: eye pressure, (state,) in Pa; constant unless the globe is sealed.
-        rises_m: outward displacement of the undented wall's tip from rest to the state's pressure, (state,) in m.
-        displacement_snc: displacement from the undeformed wall, (state, node, 3) in m.
+    `tips_m`: the tip's inward displacement from the undented wall at the state's pressure, ascending from 0; the forces
+    need not ascend. `rises_m`: outward displacement of the undented wall's tip from rest to the state's pressure.
+    `displacement_snc`: displacement from the undeformed wall, (state, node, 3) in m.
     """
 
     tips_m: Floats
@@ -65,11 +61,7 @@ class LoadPath:
         return float(self.forces_n.max())
 
     def tip_m(self, force_n: float) -> float:
-        """Return the tip's displacement in m at a force; the smallest one if several states carry the force.
-
-        Raises:
-            InputError: the path does not reach the force.
-        """
+        """Return the tip's displacement in m at a force; the smallest one if several states carry the force."""
         if not 0.0 <= force_n <= self.max_force_n:
             raise InputError(
                 f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
@@ -141,18 +133,10 @@ class FiniteWall:
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
-        Args:
-            mesh: the wall, of any form.
-            poisson_ratio: nu.
-            held_nc: holds displacement components at zero, (node, 3); by default the clamped base.
-            modulus_factor_ep: modulus over E at every Gauss point, (element, point), or an array that broadcasts to it.
-            dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
-                that follows the inner surface (`loads.pressure_load`).
-            springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
-            stiffening: b of `mechanics.material`; 0: neo-Hookean.
-
-        Raises:
-            SolverError: an element is turned inside out, or the supports leave a rigid motion free.
+        `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `modulus_factor_ep`:
+        modulus over E at every Gauss point, (element, point). `dead_pressure_nc`: nodal forces of 1 Pa that keep their
+        direction, (node, 3) in m^2, in place of a pressure that follows the inner surface. `springs` hold what is left
+        free; `stiffening`: b of `mechanics.material`.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
@@ -189,10 +173,6 @@ class FiniteWall:
         `iop_pa` is the pressure without the needle; a density of 0 leaves the weight out. The last state carries at
         least `max_force_n`, unless the path ends at `max_tip_m`, or, with `as_far_as_found`, where no equilibrium is
         found any more. `progress` is called after each step with the largest force so far in N.
-
-        Raises:
-            InputError: a sealed globe with a dead pressure.
-            SolverError: no equilibrium was found; the message says what was reached.
         """
         if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
@@ -320,10 +300,6 @@ def bend_eye(
 
     The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
     the path see `FiniteWall.load_path`; `progress` is called after every state with the share of the force.
-
-    Raises:
-        InputError: the contact is too close to the base.
-        SolverError: no equilibrium was found; the message says what was reached.
     """
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     wall = FiniteWall(

@@ -37,14 +37,10 @@ DIRECTIONS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z i
 class Front:
     """A part of the mesh, its unknowns numbered in the order of elimination.
 
-    Attributes:
-        own: the unknowns that are eliminated here.
-        shared: those that stay, ascending, (unknown,).
-        children: numbers of the fronts whose parts make this one; empty for a front of elements.
-        places: for every child, the places of its shared unknowns among the own and the shared ones here, ascending.
-        elements: of a front without children.
-        element_places: the same for the unknowns (component, node) of every element, behind all where held, (element,
-            unknown).
+    `own` unknowns are eliminated here, `shared` ones stay, ascending. `children` are the numbers of the fronts whose
+    parts make this one, `places` for each of them the places of its shared unknowns among the own and the shared ones
+    here. A front of elements has no children: `element_places` are those of the elements' unknowns (component, node),
+    behind all where held, (element, unknown).
     """
 
     own: slice
@@ -158,11 +154,7 @@ class FrontalFactor:
     """The factors of a matrix, in the precision of its elements."""
 
     def __init__(self, dissection: Dissection, element_eiajb: Floats) -> None:
-        """Sum up and factor symmetric element matrices (element, 3, node, 3, node).
-
-        Raises:
-            SolverError: the matrix is singular, or not finite.
-        """
+        """Sum up and factor symmetric element matrices (element, 3, node, 3, node)."""
         self._number_u = dissection.number_u
         self._dtype = element_eiajb.dtype
         size = element_eiajb.shape[1] * element_eiajb.shape[2]

@@ -39,21 +39,9 @@ def graded_mesh(
 ) -> HexMesh:
     """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact, or a whole sphere.
 
-    A whole sphere has fewer rings below z = 0, where it is the mirror image of a half-sphere, and no base to clamp;
-    other supports must hold it.
-
-    Args:
-        radius_m: outer radius R.
-        thickness_m: wall thickness t.
-        contact: where the needle pushes.
-        core: quads along a side of the square under the needle; there are 4 `core` around every ring.
-        rings: of quads, from the square to the base.
-        layers: hexahedra through the wall.
-        order: 1 (8 nodes) or 2 (curved, 27 nodes).
-        whole: make a whole sphere.
-
-    Raises:
-        InputError: a wall thicker than half the radius, a mesh that does not exist, or a contact close to the base.
+    There are `core` quads along a side of the square under the needle, 4 `core` around every ring, and `rings` from
+    there to the base; `layers` and `order` are those of `build_mesh`. A whole sphere has fewer rings below z = 0, where
+    it is the mirror image of a half-sphere, and no base to clamp; other supports must hold it.
     """
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)
     if whole:
@@ -66,9 +54,6 @@ def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -
     """Return the upper half of the unit sphere as quads graded towards the contact; its edge has z = 0 exactly.
 
     `core_ratio`: half the side of the square under the needle over the sphere's radius.
-
-    Raises:
-        InputError: a contact too close to the base, or no rings or quads.
     """
     if not 0.0 <= contact.polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(
@@ -151,11 +136,7 @@ def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:
 
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
-    """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact.
-
-    Raises:
-        InputError: a graded mesh for several contacts.
-    """
+    """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact."""
     mesh, radius_m = study.mesh, study.eye.radius_m
     if mesh.kind == "hexahedra":
         return build_mesh(radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
@@ -174,11 +155,7 @@ def graded_eye(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
 
 
 def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
-    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
-
-    Raises:
-        InputError: a bed for a mesh that is not graded: no other mesh is a whole globe.
-    """
+    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere."""
     if not study.supports.has_bed:
         return study_mesh(study, thickness_m, contact)
     if study.mesh.kind != "graded":

@@ -41,9 +41,6 @@ class LinearWall:
         """Assemble and factor.
 
         Springs do not scale with E: the wall then represents `springs_modulus_pa` only. By default the base is clamped.
-
-        Raises:
-            SolverError: the supports leave the wall free to move as a rigid body, or the mesh is invalid.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc

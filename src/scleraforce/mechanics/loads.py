@@ -44,9 +44,6 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
     The needle, seen along its axis, covers a disc of its outer radius; the force along the axis is uniform over it and
     taken up by the outer surface below. Integrated by Gauss in the squared radius and equal angles; the weights of the
     points sum to 1 and so do the shape functions, hence the resultant is exactly 1 N along the inward normal.
-
-    Raises:
-        InputError: a disc reaches over the base plane.
     """
     places_pk, weights_p = disc_rule()
     sideways_pk = needle_radius_m / mesh.radius_m * places_pk
@@ -104,9 +101,6 @@ def needle_at(mesh: HexMesh, contact: Contact, needle_radius_m: float, axis_c: F
     the outer surface below; for a sphere and the default axis it is that of `needle_loads`. Of a wall of another form
     the contact is the point that has this direction on the sphere. `axis_c` is a unit vector into the eye, (3,); by
     default the opposite of the contact's normal.
-
-    Raises:
-        InputError: the axis is not a unit vector that points inward, or the disc reaches over the base plane.
     """
     axis = -contact.normal if axis_c is None else axis_c
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:

@@ -43,11 +43,7 @@ class SurfaceLocator:
         self._located = 0
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
-        """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction.
-
-        Raises:
-            InputError: a direction below the base plane of a half-sphere, or one that is not finite.
-        """
+        """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction."""
         lengths = np.linalg.norm(directions_dc, axis=1)
         above = np.full(len(lengths), self._whole) | (directions_dc[:, 2] >= -BELOW_BASE * lengths)
         if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):

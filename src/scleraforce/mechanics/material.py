@@ -37,13 +37,7 @@ LARGEST_EXPONENT = 300.0  # of b Q: sums of squares of such stresses are finite;
 
 
 def strain_measure(excess: Floats, log_ratio: Floats, poisson_ratio: float) -> Floats:
-    """Return Q, 0 without strain; shapes broadcast.
-
-    Args:
-        excess: I1 - 3, the sum of the squared stretches less 3.
-        log_ratio: ln J.
-        poisson_ratio: nu; lambda/mu = 2 nu/(1 - 2 nu).
-    """
+    """Return Q, 0 without strain, by I1 - 3 (the sum of the squared stretches less 3) and ln J; shapes broadcast."""
     lame_ratio = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio)
     return excess - 2.0 * log_ratio + lame_ratio * log_ratio**2
 

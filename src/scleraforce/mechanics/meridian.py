@@ -39,13 +39,9 @@ class MeridianSize:
 class MeridianMesh:
     """Nodes and 9-node quads of the meridian, in columns across the wall, outer node first.
 
-    Attributes:
-        radius_m: outer radius.
-        points_nc: nodes (node, [distance from the needle axis, height over the centre]) in m.
-        cells_en: nodes of each quad, (element, 9), along the meridian first: node 3 j + i is the i-th of three columns
-            and the j-th of three nodes across.
-        outer_n: nodes of the outer boundary from the axis to the support; every other one is an element's corner.
-        inner_n: the same of the inner boundary.
+    `points_nc`: nodes (node, [distance from the needle axis, height over the centre]) in m. `cells_en` (element, 9),
+    along the meridian first: node 3 j + i is the i-th of three columns and the j-th of three nodes across. `outer_n`,
+    `inner_n`: nodes of the boundaries from the axis to the support; every other one is an element's corner.
     """
 
     radius_m: float
@@ -65,9 +61,6 @@ def meridian_mesh(
     quarter of its thickness between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that, nor does the 3-D wall of the
     default mesh, and beyond the disc it hardly shows. Outside the needle the elements grow in proportion to their
     number, from a fifth of their mean to twice.
-
-    Raises:
-        InputError: the needle is wider than the eye, or the wall thicker than its radius.
     """
     if not 0.0 < thickness_m < radius_m:
         raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius")

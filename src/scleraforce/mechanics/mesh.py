@@ -178,16 +178,8 @@ def build_mesh(
 ) -> HexMesh:
     """Return the wall between the spheres of radius R and R - t, z >= 0.
 
-    Args:
-        radius_m: outer radius R.
-        thickness_m: wall thickness t.
-        divisions: quads along an edge of the half cube, even.
-        level: Catmull-Clark subdivisions; each doubles the quads along an edge.
-        layers: hexahedra through the wall.
-        order: 1 (8 nodes) or 2 (curved, 27 nodes).
-
-    Raises:
-        InputError: a wall thicker than half the radius, or a mesh that does not exist.
+    `divisions`: quads along an edge of the half cube, even; each Catmull-Clark subdivision (`level`) doubles them.
+    `layers`: hexahedra through the wall; `order`: 1 (8 nodes) or 2 (curved, 27 nodes).
 
     >>> mesh = build_mesh(12e-3, 0.5e-3, divisions=10, level=2, layers=2, order=1)  # the paper's counts
     >>> len(mesh.cells_en), len(mesh.points_nc)

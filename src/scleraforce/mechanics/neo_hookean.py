@@ -21,11 +21,7 @@ Precise = NDArray[np.floating[Any]]
 
 
 class NeoHookeanSolid:
-    """The wall's material on its mesh, E = 1 Pa times a factor: forces are those of E divided by E.
-
-    Attributes:
-        points: the Gauss points of the undeformed wall.
-    """
+    """The wall's material on its mesh, E = 1 Pa times a factor: forces are those of E divided by E."""
 
     def __init__(
         self,
@@ -37,15 +33,8 @@ class NeoHookeanSolid:
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
-        Args:
-            mesh: the wall, elements of 8, 20 or 27 nodes.
-            poisson_ratio: nu.
-            modulus_factor_ep: modulus over E at every Gauss point of `volume_points`, (element, point) or anything
-                that broadcasts to it; 1 by default.
-            stiffening: b of `stiffening`; 0: the neo-Hookean solid.
-
-        Raises:
-            SolverError: an element is turned inside out.
+        `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`, (element, point) or anything that
+        broadcasts to it; `stiffening`: b of `material`, 0 for the neo-Hookean solid.
         """
         points = volume_points(mesh)
         elements, count, nodes, _ = points.gradients_epnc.shape
@@ -84,9 +73,6 @@ class NeoHookeanSolid:
         K_iakb = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
         grad N is the gradient by the deformed position. The first term does not depend on the displacement. In tissue
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) p_ai p_bk with p_ai = P_iJ N_a,J of b = 0.
-
-        Raises:
-            SolverError: J <= 0 somewhere.
         """
         H_epJi = self._displacement_gradient(displacement_nc)
         J_ep = 1.0 + _dilatation(H_epJi)

@@ -30,12 +30,9 @@ MARGIN_RAD = np.radians(1.0)
 class BaseShift:
     """The motion of the two boundaries of a wall of revolution caused by a plane base, in proportion to the loads.
 
-    The nodes are those of `AxisymmetricPath.curves_sbnc`. The parts away from the axis and along it go with cos(m phi),
-    the part around it with sin(m phi). Beyond the angle where the base begins, the last value is repeated.
-
-    Attributes:
-        pressure_mbnc: for p/E = 1, (harmonic, [outer, inner], node, [away from the axis, around it, depth]) in m.
-        needle_mbnc: for F/E = 1 m^2, same shape, in m.
+    For p/E = 1 and for F/E = 1 m^2: (harmonic, [outer, inner], node, [away from the axis, around it, depth]) in m, at
+    the nodes of `AxisymmetricPath.curves_sbnc`. The parts away from the axis and along it vary with cos(m phi), the
+    part around it with sin(m phi). Beyond the angle where the base begins, the last value is repeated.
     """
 
     pressure_mbnc: Floats
@@ -54,9 +51,6 @@ def base_shift(
     """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution in 3-D and one of revolution.
 
     Arguments are those of `axisymmetric_path`.
-
-    Raises:
-        InputError: a polar angle out of range, or sizes that make no eye.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")

@@ -44,11 +44,7 @@ class PlaneFrames:
         return cls(axes, np.array([plane.origin(radius_m) for plane in planes]))
 
     def latitudes(self, radius_m: float) -> Floats:
-        """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,).
-
-        Raises:
-            InputError: a plane passes by the sphere.
-        """
+        """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,)."""
         sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
         if np.any(np.abs(sine) > 0.98):
             raise InputError(
@@ -129,10 +125,6 @@ def cut_sections(
     `weights_pfk`: for each plane the deformations as weights of the modes (plane, deformation, mode). Return for each
     plane its sections, one for each deformation, from base to base; a plane that misses the base gives two closed
     curves.
-
-    Raises:
-        InputError: a plane does not cut through both surfaces of the wall.
-        SolverError: the material has moved too far across a plane to be followed.
     """
     frames = PlaneFrames.of(planes, mesh.radius_m)
     circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])

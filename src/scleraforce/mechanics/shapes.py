@@ -44,11 +44,7 @@ def node_positions(dimension: int, nodes: int) -> Floats:
 
 @cache
 def shape_monomials(dimension: int, nodes: int) -> Monomials:
-    """Return the polynomials of an element with `nodes` nodes in `dimension` 2 or 3.
-
-    Raises:
-        ValueError: there is no such element.
-    """
+    """Return the polynomials of an element with `nodes` nodes in `dimension` 2 or 3."""
     if nodes not in {2: (4, 8, 9), 3: (8, 20, 27)}.get(dimension, ()):
         raise ValueError(f"no element with {nodes} nodes in {dimension} dimensions")
     order = 1 if nodes == 2**dimension else 2

@@ -92,9 +92,6 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
 
     The stiffness is the pressure per metre that the wall moves along its normal, either way; the shear stiffness the
     shear per metre that it slides.
-
-    Raises:
-        InputError: a wall without a lower half.
     """
     places, _ = gauss_points(2, BED_POINTS)
     heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ surface_weights(mesh, places).T

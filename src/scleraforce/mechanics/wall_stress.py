@@ -36,13 +36,9 @@ DEEPEST_M, LARGEST_STEP_M = 10e-3, 2.5e-4
 
 @dataclass(frozen=True, eq=False)
 class InnerPath:
-    """A load path by the strain and stress of the wall's inner surface.
+    """A load path, (state,) each: F/E, the contact's inward displacement, and two measures of the wall's inner surface.
 
-    Attributes:
-        force_ratio_m2: F/E, (state,).
-        tip_m: inward displacement of the contact, (state,) in m.
-        stretch: largest principal stretch of the inner surface, (state,).
-        stress_ratio: its largest principal Cauchy stress over E, (state,).
+    They are its largest principal stretch, and its largest principal Cauchy stress over E.
     """
 
     force_ratio_m2: Floats
@@ -57,10 +53,6 @@ def adaptive_bound_n(study: Study, *, thickness_m: float, youngs_modulus_pa: flo
     The study's upper class bound B is assumed right for a wall of 500 um with the study's E and IOP. With stretch s0
     and stress q0 that B causes there, let F_s and F_q be the least forces at which this wall has s0 and q0. The bound
     is F_s where that is below B; else the least of F_s, F_q and 2 B, but not below B.
-
-    Raises:
-        InputError: a wall outside 350 to 900 um, 0.12 to 0.8 MPa or 8e-5 to 6e-3 IOP/E.
-        SolverError: no load path was found.
 
     >>> round(1e3 * adaptive_bound_n(Study(), thickness_m=500e-6, youngs_modulus_pa=0.25e6, iop_pa=266.64), 1)
     30.0

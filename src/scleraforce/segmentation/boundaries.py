@@ -7,7 +7,7 @@ from scleraforce.compiled import compiled
 from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
 from scleraforce.segmentation.inner import CELLS, GROUP, find_thickness, stretch, unroll
-from scleraforce.segmentation.light import grid_cells, noise_floor, stands_out
+from scleraforce.segmentation.light import brighter_columns, grid_cells, noise_floor
 from scleraforce.segmentation.loops import at_every_column, bridge, mean_of_neighbours
 from scleraforce.segmentation.surface import (
     coarse_rows,
@@ -33,7 +33,7 @@ FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 def look(
     frame: Counts, first: int, eight_bits: bool, brightest: int, missing: Flags, behind: tuple[int, int],
     workplace: Workplace, outer_row: NDArray[np.float64], inner_row: NDArray[np.float64],
-) -> tuple[Counts, int, bool, bool, int, float, float, float]:  # fmt: skip
+) -> tuple[Counts, int, bool, NDArray[np.int64], int, float, float, float]:  # fmt: skip
     """Look for the wall in a frame's columns from the first one on; write its boundaries, (column,), NaN without wall.
 
     `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` are
@@ -41,8 +41,8 @@ def look(
     first one after.
 
     Returns:
-        The columns as cells, their noise floor, whether the detector is saturated, and whether a needle may be there;
-            the number of points that show the surface, its median contrast in these, the noise of a pixel, and the
+        The columns as cells, their noise floor, whether the detector is saturated, and where a needle may begin; the
+            number of points that show the surface, its median contrast in these, the noise of a pixel, and the
             wall's median thickness, m, NaN if its inner boundary was not found. The number is -1 if the detector is
             saturated, a needle may be there or the frame is empty; nothing is written for less than LEAST_SHAPE.
     """
@@ -54,9 +54,9 @@ def look(
         for column in range(0, cells.shape[1], 4):
             saturated += cells[row, column] >= bright
             some += 1
-    needle, flooded = stands_out(cells, tables.top_rows), saturated > SATURATED_SHARE * some
-    if brightest > 0 and (needle or flooded or brightest - floor < EMPTY_SHARE * brightest):
-        return cells, floor, flooded, needle, -1, np.nan, np.nan, np.nan
+    begin, flooded = brighter_columns(cells, tables.top_rows), saturated > SATURATED_SHARE * some
+    if brightest > 0 and (len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest):
+        return cells, floor, flooded, begin, -1, np.nan, np.nan, np.nan
     row, contrast, noise = _find_surface(frame, first, cells, floor, behind, tables)
     present = show_points(row, contrast, missing, tables.column, frame.shape[0] - BOTTOM_ROWS, tables.widest_gap)
     shown, seen = present.copy(), 0
@@ -65,11 +65,11 @@ def look(
         seen += shown[at]
     typical = np.float64(quantile_of_chosen(contrast, shown, 0.5))
     if seen < LEAST_SHAPE:
-        return cells, floor, flooded, needle, seen, typical, noise, np.nan
+        return cells, floor, flooded, begin, seen, typical, noise, np.nan
     inner, thickness_m = _find_inner(frame, first, floor, tables, bridge(row, present), present)
     at_every_column(tables.column, row, present, tables.nearest, outer_row)
     at_every_column(tables.column, inner, present, tables.nearest, inner_row)
-    return cells, floor, flooded, needle, seen, typical, noise, thickness_m
+    return cells, floor, flooded, begin, seen, typical, noise, thickness_m
 
 
 @compiled

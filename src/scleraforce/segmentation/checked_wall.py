@@ -51,20 +51,11 @@ def checked_by(
 ) -> Segmentation:
     """Return the wall that both methods give together, usable if nothing speaks against it.
 
-    The network does not know how thick the wall is: one that takes the conjunctiva for a part of the wall, as it does
-    from 140 um on, is no witness against the surface below it.
-
-    Args:
-        finder: the network.
-        frame: counts on a logarithmic scale (row, column).
-        scale: size of the frame's pixel, with the refractive index.
-        first: the wall from the first surface on.
-        found: the wall below a conjunctiva; the same object if none is seen.
-
-    Returns:
-        Below a conjunctiva, `found`. Elsewhere the network's wall at the edges near it, and where the two methods
-        agree, `found` with the network's inner boundary in stretches where light falls more there. It is usable where
-        `found` can be judged and the network does not contradict it.
+    `first` is the wall in a frame of a logarithmic display from the first surface on, `found` the one below a
+    conjunctiva, the same object if none is seen. Below a conjunctiva `found` is returned: the network does not know how
+    thick the wall is, and takes a conjunctiva from 140 um on for a part of it. Elsewhere the wall is the network's at
+    the edges near it, or, where the two methods agree, `found` with the network's inner boundary in stretches where
+    light falls more there.
     """
     part = lit_part(frame, scale)
     if part is None:
@@ -270,12 +261,7 @@ def _zoom(thickness_m: float) -> float:
 
 
 def _prior(thickness_m: Float, sd_m: Float) -> Float:
-    """Return what each edge between cells of the unrolled wall gains by the network's thickness, (group, CELLS + 1).
-
-    Args:
-        thickness_m: that the network sees, (group,).
-        sd_m: its standard deviation.
-    """
+    """Return each edge's gain by the network's thickness (group,) and its standard deviation, (group, CELLS + 1)."""
     edge_m = np.arange(CELLS + 1, dtype=np.float32) * np.float32(CELL_M)
     off = (edge_m - thickness_m[:, None]) / sd_m[:, None]
     gain: Float = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
@@ -285,13 +271,8 @@ def _prior(thickness_m: Float, sd_m: Float) -> Float:
 def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: float) -> Segmentation:
     """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
 
-    Columns that only the other wall has are taken from it, except where a needle hides them.
-
-    Args:
-        frame: counts on a logarithmic scale (row, column).
-        finer: a wall in it.
-        other: another one.
-        apart_rows: by how many rows the inner boundaries have to part.
+    The inner boundaries have to part by more than `apart_rows`. Columns that only the other wall has are taken from it,
+    except where a needle hides them.
     """
     seen, added = np.isfinite(finer.outer_row), np.isfinite(other.outer_row)
     both, only = seen & added, added & ~seen

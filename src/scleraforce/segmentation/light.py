@@ -177,16 +177,13 @@ def noise_floor(cells: Counts) -> int:
 
 
 @compiled
-def stands_out(cells: Counts, rows: int) -> bool:
-    """Return whether a column is much brighter than the others in the uppermost rows: see `needle`."""
+def brighter_columns(cells: Counts, rows: int) -> NDArray[np.int64]:
+    """Return the columns that are much brighter than the others in the uppermost rows: see `needle`."""
     columns = cells.shape[1]
     total = np.zeros(columns, np.float32)
     for row in range(min(rows, len(cells))):
         for column in range(columns):
             total[column] += np.float32(cells[row, column])
-    largest = total[0]
-    for column in range(columns):
-        largest = max(largest, total[column])
-    middle = nth(total, columns, columns // 2)
-    low = nth(total, columns, columns // 6)
-    return largest > middle + _STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle)
+    ordered = total.copy()
+    middle, low = nth(ordered, columns, columns // 2), nth(ordered, columns, columns // 6)
+    return np.flatnonzero(total > middle + _STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle))

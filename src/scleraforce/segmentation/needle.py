@@ -98,9 +98,12 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     }
 
 
-def find_needle(frame: Pixels, grid: Grid, left: int, columns: int) -> SeenNeedle | None:
-    """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None."""
-    edges = find_edges(frame, grid)
+def find_needle(frame: Pixels, grid: Grid, begin: NDArray[np.intp], left: int, columns: int) -> SeenNeedle | None:
+    """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None.
+
+    It begins in one of the columns `begin` of the grid: see `light.brighter_columns`.
+    """
+    edges = _find_edges(frame, grid, begin)
     shaded = _shaded(grid, edges) if edges else None
     if shaded is None:
         return None
@@ -240,26 +243,14 @@ def _tip(grid: Grid, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[flo
     return float(tip[0]), float(tip[1])
 
 
-def find_edges(frame: Pixels, grid: Grid) -> list[ShaftEdge]:
+def _find_edges(frame: Pixels, grid: Grid, begin: NDArray[np.intp]) -> list[ShaftEdge]:
     """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
-    begin = _standing_out(grid)
-    if not len(begin):
-        return []
     thin = _thin(grid.cells, grid.size.scale.lateral_m)
     coarse = _longest(thin, begin, grid)
     if coarse is None:
         return []
     fine = _thin(_all_columns(frame, grid), grid.size.scale.lateral_m / grid.size.step_columns)
     return _edges(thin, fine, coarse, grid)
-
-
-def _standing_out(grid: Grid) -> NDArray[np.intp]:
-    """Return the columns that are much brighter than the others in the uppermost rows."""
-    mean = grid.cells[: top_rows(grid.size)].sum(axis=0, dtype=np.float32)
-    ordered = np.sort(mean)
-    middle, low = ordered[len(ordered) // 2], ordered[len(ordered) // 6]
-    limit = middle + STANDS_OUT * max(middle - low, np.float32(1e-3) * middle)
-    return np.flatnonzero(mean > limit) if ordered[-1] > limit else _NOWHERE
 
 
 def _thin(light: Pixels, lateral_m: float) -> Float:
@@ -392,6 +383,3 @@ def _straightened(fine: Float, edge: ShaftEdge) -> ShaftEdge:
     centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
     slope, top = (float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row)))
     return replace(edge, top=top, slope=slope)
-
-
-_NOWHERE = np.zeros(0, dtype=np.intp)

@@ -34,15 +34,10 @@ def find_wall(
 ) -> Segmentation:
     """Find the wall in a frame: the one that forces are read from.
 
-    Args:
-        frame: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
-        scale: size of the frame's pixel, with the refractive index.
-        thickness_m: of the wall, if known: its surface is then looked for below a conjunctiva, too.
-        finder: a network that checks the wall; None: nothing does, as in the control loop, where its 7 ms are too long.
-
-    Returns:
-        Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask. With a network the
-        wall is the one that both methods give (see `checked_wall.checked_by`).
+    `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye. With a known thickness the surface
+    is looked for below a conjunctiva, too. A network (`finder`) checks the wall, which is then the one that both
+    methods give (see `checked_wall.checked_by`); the control loop has no time for its 7 ms. A frame without a wall has
+    NaN boundaries and an empty mask.
 
     Raises:
         ValueError: not such an array, or smaller than 16 x 16.
@@ -60,27 +55,26 @@ def find_wall(
 
 
 def find_first_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
-    """Find the wall below the first surface that light meets, in a frame of a logarithmic display.
-
-    Arguments, result and errors are those of `find_wall`.
-    """
+    """Find the wall below the first surface that light meets, in a frame of a logarithmic display; see `find_wall`."""
     counts, columns = counts_of(_checked(frame)), frame.shape[1]
     left, after, lit, brightest, dark = find_lit(counts)
     if lit < LEAST_SHAPE:
         return without_wall(frame.shape, "the frame is empty: all pixels are alike")
     part = _part(counts, frame.dtype == np.uint8, scale, left, dark[left:after])
-    cells, floor, saturated, suspected, found = part.look(brightest)
+    (cells, floor, saturated, begin), found = part.look(brightest)
     fault = blank_fault(float(floor), brightest, saturated)
     if fault:
         return without_wall(frame.shape, fault)
     grid = Grid(cells, float(floor), grid_size(len(frame), len(part.missing), scale))
-    needle = find_needle(part.imaged, grid, left, columns) if suspected else None
+    if not len(begin):
+        return found
+    needle = find_needle(part.imaged, grid, begin, left, columns)
     if needle is None:
-        return part.look(0)[-1] if suspected else found
+        return part.look(0)[1]
     beside = _beside(counts, part, (needle.hidden[0] - left, needle.hidden[1] - left))
     if beside is None:
         return without_wall(frame.shape, "the needle and its shadow hide the wall", needle)
-    found = replace(beside.look(0)[-1], needle=needle)
+    found = replace(beside.look(0)[1], needle=needle)
     for boundary in (found.outer_row, found.inner_row):
         boundary[slice(*needle.hidden)] = np.nan
     return found
@@ -109,10 +103,10 @@ class Part:
         """The columns of the part."""
         return self.frame[:, self.first : self.first + len(self.missing)]
 
-    def look(self, brightest: int) -> tuple[Counts, int, bool, bool, Segmentation]:
-        """Return cells, noise floor, whether they are saturated, whether a needle may be there, and the wall: `look`.
+    def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, NDArray[np.int64]], Segmentation]:
+        """Return the cells, their noise floor, whether they are saturated and where a needle may begin, and the wall.
 
-        The wall is none where one of these needs a closer look, unless `brightest` is 0.
+        It is not looked for where these need a closer look, unless `brightest` is 0.
         """
         width, shape = len(self.missing), (len(self.frame), self.columns)
         behind = 0, 0
@@ -121,15 +115,15 @@ class Part:
             behind = int(start), int(stop)
         rows = np.full((2, self.columns), np.nan)
         outer, inner = rows[0, self.left : self.left + width], rows[1, self.left : self.left + width]
-        cells, floor, saturated, needle, seen, contrast, noise, thickness_m = look(
+        cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
             self.frame, self.first, self.is_bytes, brightest, self.missing, behind, self.workplace, outer, inner
         )
         fault = surface_fault(seen, len(fine_columns(width)), contrast, noise)
         if seen < LEAST_SHAPE:
-            return cells, floor, saturated, needle, without_wall(shape, fault or "no wall was found")
+            return (cells, floor, saturated, begin), without_wall(shape, fault or "no wall was found")
         found = not isnan(thickness_m)
         wall = Segmentation(rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m)
-        return cells, floor, saturated, needle, wall
+        return (cells, floor, saturated, begin), wall
 
 
 def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:

@@ -67,10 +67,7 @@ class WallFinder:
     """A network that ONNX Runtime runs: `frames` float32 (n, row, column) in, `rows` and `wall` out.
 
     `rows` float32 (n, 2, row, column / 2) are probabilities over the rows, of the upper and the lower boundary; `wall`
-    float32 (n, column / 2) is the probability that a column has wall.
-
-    Raises:
-        ModelError: the network has other inputs or outputs than its study; names `place`.
+    float32 (n, column / 2) is the probability that a column has wall. Errors name `place`.
     """
 
     def __init__(self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str) -> None:
