@@ -29,6 +29,7 @@ CLEAN = (
     *("tests/notebook", "tests/replay", "tests/service", "tests/monitor", "tests/openigtlink"),
     *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library", "src/scleraforce/reader"),
     *("tests/library", "tests/reader", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
+    *("src/scleraforce/mechanics", "src/scleraforce/segmentation"),
 )
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {
@@ -42,7 +43,7 @@ WORDS = {
     r"(?:is|are) no (?!longer|more|less)\w+": "is not a ...",
     r"(?:of )?those (?:of|that|which|in|with)": "a plain noun",
     r"(?:goes|go) on": "continues",
-    r"stands?(?! for)|lies under": "is",
+    r"stands?(?! (?:for|out))|lies under": "is",
     r"that ships?": "the bundled ...",
     r"(?:two|both) ways": "the two methods",
     r"as (?:it is|they are|it comes|they come)(?=[,.;:)]|$)": "unchanged; with default settings",

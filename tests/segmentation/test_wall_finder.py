@@ -207,7 +207,7 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[
     outer, inner = true_rows(bscan)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer + shift[0], inner + shift[1]))
     assert not checked.usable
-    assert checked.reason.startswith(f"two ways to find the wall differ: {what}")
+    assert checked.reason.startswith(f"two methods to find the wall differ: {what}")
 
 
 def test_a_network_that_is_unsure_does_not_contradict() -> None:
@@ -231,7 +231,7 @@ def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
     nowhere = np.full(HALF, np.nan)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(nowhere, nowhere))
     assert not checked.usable
-    assert checked.reason == "the network sees no wall where the other way finds one"
+    assert checked.reason == "the network sees no wall where the other method finds one"
     assert np.array_equal(checked.outer_row, find_wall(bscan.frame, SCALE).outer_row, equal_nan=True)
 
 

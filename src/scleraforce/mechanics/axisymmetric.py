@@ -173,7 +173,7 @@ class AxisymmetricWall:
         self.tip = tip[self.free]
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Return internal forces minus those of the pressure, (unknown,)."""
+        """Return internal forces minus the pressure's, (unknown,)."""
         everywhere = self._all(u)
         balance: Floats = self._solid.forces(everywhere) - pressure * self._inside.volume(everywhere)[1]
         return balance[self.free]

@@ -92,7 +92,7 @@ class ScanPlane:
 
 @dataclass(frozen=True)
 class Section:
-    """What the B-scan plane cuts out of the wall: two curves in the plane's frame.
+    """The wall's cut by the B-scan plane: two curves in the plane's frame.
 
     `outer` and `inner` have shape (points, 2): lateral and depth in m (depth grows into the eye), both in the order of
     the material, from negative to positive lateral side. `outer` followed by reversed `inner` is the closed contour.

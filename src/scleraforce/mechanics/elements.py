@@ -115,7 +115,7 @@ class FacePlaces:
         self._entries = (row[..., None, None] + unknown_qin[:, None, None]).ravel()
 
     def add(self, element_eiajb: NDArray[np.floating[Any]], face_qiajb: Floats) -> None:
-        """Add matrices of the faces (face, 3, node, 3, node) to those of the elements, in place."""
+        """Add matrices of the faces (face, 3, node, 3, node) to element matrices, in place."""
         entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
         np.add.at(entries, self._entries, face_qiajb.ravel().astype(entries.dtype))
 

@@ -135,7 +135,7 @@ class SealedDent:
     soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
     73 mN).
 
-    The attributes are those of `Dent`.
+    See `Dent` for the attributes.
     """
 
     remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
@@ -251,7 +251,7 @@ def _newton_step(control: Control, x: Floats, defect: Floats) -> tuple[Floats, F
 
 
 def _found(control: Control, x: Floats, defect: Floats, step: Floats) -> bool:
-    """Whether the forces balance, or the correction by `step` is negligible.
+    """Return whether the forces balance, or the correction by `step` is negligible.
 
     The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
     """

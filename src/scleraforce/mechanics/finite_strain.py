@@ -272,7 +272,7 @@ def _scaled(factor: FrontalFactor) -> Solve:
 
 
 LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path
-LEAST_STATES = 4  # of a path: a cubic in the tip needs so many
+LEAST_STATES = 4  # of a path: a cubic in the tip has 4 coefficients
 STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
 
 

@@ -39,7 +39,7 @@ class Front:
 
     `own` unknowns are eliminated here, `shared` ones stay, ascending. `children` are the numbers of the fronts whose
     parts make this one, `places` for each of them the places of its shared unknowns among the own and the shared ones
-    here. A front of elements has no children: `element_places` are those of the elements' unknowns (component, node),
+    here. A front of elements has no children: `element_places`: places of the elements' unknowns (component, node),
     behind all where held, (element, unknown).
     """
 
@@ -207,7 +207,7 @@ class FrontalFactor:
         if own == 0:
             return _Factored(front.own, front.shared, C, C, C.T, None), D
         L, fault = self._potrf(A[:own, :own], lower=1, clean=0)
-        if fault == 0 and np.isfinite(L[-1, -1]):  # whatever is no number comes down to there
+        if fault == 0 and np.isfinite(L[-1, -1]):  # a value that is not finite comes down to there
             Y = self._trsm(1.0, L, C, side=1, lower=1, trans_a=1, overwrite_b=1)
             rest = self._syrk(-1.0, Y, beta=1.0, c=D, lower=1, overwrite_c=1) if len(D) else D
             return _Factored(front.own, front.shared, L, Y, Y.T, None), rest

@@ -27,7 +27,7 @@ SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as th
 
 @dataclass(frozen=True)
 class Globe:
-    """How the pressure follows the displaced volume; open where `rate` is 0. Numbers and arrays broadcast.
+    """The rise of the pressure with the displaced volume; open where `rate` is 0. Numbers and arrays broadcast.
 
     Attributes:
         law: "cube-root" or "logarithmic": which `level` of the pressure is linear in the volume.
@@ -46,7 +46,7 @@ class Globe:
 
     @property
     def is_sealed(self) -> bool:
-        """Whether the pressure follows the volume."""
+        """Return whether the pressure follows the volume."""
         return bool(np.any(np.asarray(self.rate) != 0.0))
 
     def over(self, youngs_modulus_pa: Values) -> "Globe":

@@ -40,7 +40,7 @@ def graded_mesh(
     """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact, or a whole sphere.
 
     There are `core` quads along a side of the square under the needle, 4 `core` around every ring, and `rings` from
-    there to the base; `layers` and `order` are those of `build_mesh`. A whole sphere has fewer rings below z = 0, where
+    there to the base; `layers` and `order` as in `build_mesh`. A whole sphere has fewer rings below z = 0, where
     it is the mirror image of a half-sphere, and no base to clamp; other supports must hold it.
     """
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)

@@ -57,7 +57,7 @@ def meridian_mesh(
     """Return a mesh from the needle axis to the support, with one element under the needle.
 
     Only one, on purpose. The force keeps its direction and its disc moves with the wall, so a pressure of about the
-    modulus itself crushes what lies under it where the mesh lets it: with two elements the wall below shrinks to a
+    modulus itself crushes the wall below it where the mesh lets it: with two elements the wall below shrinks to a
     quarter of its thickness between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that, nor does the 3-D wall of the
     default mesh, and beyond the disc it hardly shows. Outside the needle the elements grow in proportion to their
     number, from a fifth of their mean to twice.

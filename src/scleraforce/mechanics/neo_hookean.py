@@ -21,7 +21,7 @@ Precise = NDArray[np.floating[Any]]
 
 
 class NeoHookeanSolid:
-    """The wall's material on its mesh, E = 1 Pa times a factor: forces are those of E divided by E."""
+    """The wall's material on its mesh, E = 1 Pa times a factor: forces are divided by E."""
 
     def __init__(
         self,

@@ -50,7 +50,7 @@ def base_shift(
 ) -> BaseShift:
     """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution in 3-D and one of revolution.
 
-    Arguments are those of `axisymmetric_path`.
+    See `axisymmetric_path` for the arguments.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")

@@ -3,7 +3,7 @@
 The two surfaces of the wall are followed along material lines. Give the undeformed sphere latitude and longitude about
 the normal of the plane: the plane is then a circle of latitude, and the needle moves material only a little across it.
 So every meridian (a *station*) is sampled on a few parallels around that circle, and the place where its deformed image
-passes through the plane is found between two of them. Positions are those of the finite elements, from the surface
+passes through the plane is found between two of them. Positions are of the finite elements, from the surface
 quads' own shape functions. The points come in the order of the material, so a wall that folds over in the plane is
 right, and all stations, deformations and planes of a contact are computed at once.
 """

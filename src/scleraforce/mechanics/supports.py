@@ -78,7 +78,7 @@ class Springs:
         return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
     def add_to(self, element_eiajb: NDArray[np.floating[Any]], places: FacePlaces, factor: float) -> None:
-        """Add `factor` times the stiffness to element matrices, in place; `places` are those of `nodes_qn`."""
+        """Add `factor` times the stiffness to element matrices, in place; `places` of `nodes_qn`."""
         places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
 
     def forces(self, displacement_nc: Floats) -> Floats:

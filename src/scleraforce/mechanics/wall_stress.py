@@ -4,7 +4,7 @@ The measures are the largest principal stretch and the largest principal Cauchy 
 of revolution under the needle. A blunt needle stretches the wall most there, on the axis. The rim of the needle's disc,
 where the pressure jumps and values grow with mesh refinement, is on the other surface, a thickness away.
 
-This is no criterion of damage and was not tested on tissue: `docs/monitor_decision.md` has the reasons and a table.
+This is not a criterion of damage and was not tested on tissue: `docs/monitor_decision.md` has the reasons and a table.
 """
 
 from dataclasses import dataclass

@@ -28,20 +28,20 @@ Curve = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
-NEAR_STEPS = 1.0  # an edge within so many rows of the reduced frame is the wall's: the network sees no finer
+NEAR_STEPS = 1.0  # rows of the reduced frame from the network's boundary to the wall's edge, at most
 PRIOR_WEIGHT, PRIOR_CAP = 0.25, 2.0  # of the network's thickness, against a jump's gain of at most 1
 PRIOR_SD_M = 25e-6  # at least: of the network's thickness
 SHOWN_SDS, SHOWN_SHARE = 3.0, 0.5  # the end is seen where jumps lie so near the network's, in so much of the wall
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
 UNROLLED_M = (0.3e-3, 1.1e-3)  # median thickness that fits into the unrolled wall; others are looked at scaled
-SAME_SDS = 2.0  # both ways see one boundary: so many standard deviations of the network, at least as many of its rows
-SAME_SHARE = 0.8  # ... in so many of the columns that both see, which are so many of those that either sees
-SDS, OTHER_ROWS = 4.0, 2.0  # both ways may differ by so many standard deviations; that of `find_wall` in rows
+SAME_SDS = 2.0  # largest distance of one boundary by both methods: the network's standard deviations or rows
+SAME_SHARE = 0.8  # ... in this share of the columns that both see, and these of the columns that either sees
+SDS, OTHER_ROWS = 4.0, 2.0  # largest difference in standard deviations; the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
 UNSURE_THICKNESS, UNSURE_SHARE = 0.25, 0.5  # the wall's end is unsure by so much of it, in so much of the wall
-CONFIRMED_THICKNESS = 0.1  # ... unless the other way sees it so near, in thicknesses, or within a row of the network's
+CONFIRMED_THICKNESS = 0.1  # ... unless the other method sees it this near, in thicknesses, or within a network's row
 SIDE_SHARE, LEAST_SIDE_ROWS = 0.1, 3.0  # of the thickness are looked at above and below a boundary
 SAMPLES = 8  # rows that are looked at on a side
 
@@ -99,7 +99,7 @@ def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
 def doubt(other: Segmentation, seen: SeenWall) -> str:
     """Return what speaks against a wall once a network has looked, too, '' where nothing does."""
     if not sees_wall(seen):
-        return "the network sees no wall where the other way finds one"
+        return "the network sees no wall where the other method finds one"
     return _network_doubt(other, seen) or _ways_difference(other, seen)
 
 
@@ -122,7 +122,7 @@ def _network_doubt(other: Segmentation, seen: SeenWall) -> str:
 
 
 def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
-    """Return by how much both ways differ, '' where they may be that unsure."""
+    """Return by how much both methods differ, '' where they may be that unsure."""
     at = seen.frame_column
     both, either = _columns(other, seen)
     if np.count_nonzero(either & ~both) > UNSEEN_SHARE * np.count_nonzero(either):
@@ -142,7 +142,7 @@ def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
-    """Return in which of the network's columns both ways see wall, and in which either does.
+    """Return in which of the network's columns both methods see wall, and in which either does.
 
     What a needle hides counts for neither: the other wall has no boundaries there, the network may guess them.
     """
@@ -161,7 +161,7 @@ def _within(off: NDArray[np.float64], sd: NDArray[np.float64], step_rows: float)
 
 def _sentence(what: str, where: Mask, among: Mask) -> str:
     share = np.count_nonzero(where) / np.count_nonzero(among)
-    return f"two ways to find the wall differ: {what}, in {share:.0%} of its columns"
+    return f"two methods to find the wall differ: {what}, in {share:.0%} of its columns"
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def _surface(part: Part, start: _Start) -> Float:
 def _inner(part: Part, row: Float, start: _Start) -> tuple[Float, bool, float]:
     """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
 
-    Where the network sees no end inside of the frame the wall goes on as thick as it is beside that. Where it sees
+    Where the network sees no end inside of the frame the wall continues, as thick as beside that. Where it sees
     hardly any end, the wall is 1 mm thick, as that of the other method is, and the thickness NaN.
     """
     row = bridge(row, start.there)

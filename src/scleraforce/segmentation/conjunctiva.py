@@ -21,7 +21,7 @@ from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.inner import stretch
 from scleraforce.segmentation.loops import best_path
 
-LEAST_M = 35e-6  # a wall that looks this much thicker than told may lie below a conjunctiva
+LEAST_M = 35e-6  # a wall that looks this much thicker than known may lie below a conjunctiva
 LARGEST_M = 0.4e-3  # conjunctiva with Tenon's layer
 CELL_M = 8e-6  # of depth below the surface in the unrolled picture
 CELLS = 80

@@ -29,12 +29,12 @@ POOLED = 3  # points whose mean makes a jump stand out of the speckle
 LINE_CELLS = 6  # for the straight line above a jump
 LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
-HALF_JUMP = 0.08  # of the level at the surface: a jump of this size earns half of what the largest one can
+HALF_JUMP = 0.08  # of the level at the surface: a jump of this size earns half of the largest gain
 UPPER_COST = 1.2  # share of an upper jump's gain that a jump below it loses
 LAYER_CELLS = (4, 16)  # distance between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
 REACH_CELLS = 5
 REFINE_CELLS = 6
-LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundary
+LEAST_JUMP = 0.06  # of the level at the surface: a smaller jump does not show the boundary
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken
 STEEPEST = 3.0  # slope of a surface: beyond it a wall is no longer along a column
@@ -179,7 +179,7 @@ def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, NDArr
 def _find_jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float, Float]:
     """Return straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
 
-    First the means over neighbouring groups, then those of the lines that start at each cell, their fall from their
+    First the means over neighbouring groups, then of the lines that start at each cell, their fall from their
     middle to the jump, (group, cell) each, and the jump, (group, CELLS + 1).
     """
     groups, shape = len(wall), wall.shape
@@ -231,7 +231,7 @@ def _score_jumps(jump: Float, least: Float, prior: Float) -> Float:
 
 @compiled
 def _standing_out(jump: Float) -> Float:
-    """Return the jump that stands out from those of speckle and texture, (edge,).
+    """Return the jump that stands out of speckle and texture, (edge,).
 
     These are estimated from the median size of jumps (the wall's end is rare), and from how much jumps at one depth
     differ from place to place (the wall's end does not).

@@ -2,7 +2,7 @@
 
 Where something stands out in the uppermost rows, the straight line that shines longest is looked for (a Hough
 transform whose lines begin at the top edge), then another one beside it. Such lines are a shaft's only where the tissue
-below them is darker than that beside, and they end at it: what shines through the tissue, or goes on below it, is a
+below them is darker than that beside, and they end at it: what shines through the tissue, or continues below it, is a
 flare, and a shadow without a line is a vessel's.
 """
 
@@ -27,26 +27,26 @@ BESIDE_M = 2.5e-3
 TISSUE_M = 0.1e-3  # depth over which light is tissue's: thinner lines are not
 HOVERING_M = 0.3e-3  # over the surface beside it, at most: a needle's tip
 BELOW_M = 1.2e-3  # below a line's end, from where on no tissue is expected
-DEEP_M = 0.5e-3  # from there down to the frame's end, at least, to judge what goes on there
-NEAR_M = 0.5e-3  # beside a line's end, of what its column is compared with there
+DEEP_M = 0.5e-3  # from there down to the frame's end, at least, to judge the light there
+NEAR_M = 0.5e-3  # beside a line's end: columns that its own is compared with
 PARTS = 3  # of that depth
 STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
 NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
-TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least so many rows: the shaft comes in through the top edge
+TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least 4 rows: the shaft comes in through the top edge
 STANDS_OUT = 5.0  # times the spread of the columns' means there
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search
 WIDEST_M = 1.3e-3  # between the edges of a shaft, along the columns
-LINE_M, LINE_COLUMNS = 0.4e-3, 5  # what is narrower along the columns, or than so many pixels, is a line
+LINE_M, LINE_COLUMNS = 0.4e-3, 5  # a line is narrower along the columns, or narrower than 5 pixels
 STEEPEST = 1.2  # columns over rows in metres: 50 degrees off the depth
 SLOPES = 81
 BRIGHT = 4.0  # spreads of the background: as bright as this is all that counts
-LEAST_BRIGHT = 0.45  # of that: a line goes on while it is brighter in the mean
-LEAST_LENGTH_M = 0.1e-3  # of full brightness, over LEAST_BRIGHT: what is shorter is no shaft
+LEAST_BRIGHT = 0.45  # of that: a line continues while it is brighter in the mean
+LEAST_LENGTH_M = 0.1e-3  # of full brightness, over LEAST_BRIGHT: a shaft is not shorter
 NEAR_SLOPES = 2  # steps of the slope that a coarse line may be off
 NEAR_COLUMNS = 2.0  # of the frame: what shines so near to a line belongs to it
 LEAST_ROWS = 4
-MORE_M = 0.3e-3  # a line may go on farther than it is seen in the grid
+MORE_M = 0.3e-3  # a line may continue farther than the grid shows
 OTHER_SHARE = 0.35  # of the first edge's length: the other edge's
 
 
@@ -70,7 +70,7 @@ class SeenNeedle:
     """A needle seen in a frame.
 
     `angle_rad` lies between its shaft and the depth; above 0 it leans to growing columns on its way up. `tip_m`:
-    lateral place from the frame's middle and depth from its top edge, None where the shaft goes on below the frame. In
+    lateral place from the frame's middle and depth from its top edge, None where the shaft leaves below the frame. In
     pixels, `tip` and `top`: column and row of its tip, or of the last that is seen of it, and of where its axis meets
     the top edge; `hidden`: the first column that shaft or shadow cover, and the first one after.
     """
@@ -83,7 +83,7 @@ class SeenNeedle:
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
-    """Return a needle as it stands in JSON: its angle off the depth, where it leans on its way up, its tip.
+    """Return a needle for JSON: its angle off the depth, where it leans on its way up, its tip.
 
     >>> seen = SeenNeedle(angle_rad=-0.5, tip_m=(1e-4, 2e-3), tip=(259.0, 256.0), top=(200.0, -0.5), hidden=(199, 270))
     >>> needle_entry(seen)
@@ -148,7 +148,7 @@ def _shaded(grid: Grid, edges: list[ShaftEdge]) -> tuple[tuple[float, float], tu
         after += 1
     shown = tissue > LIT_SHARE * usual
     tip = _tip(grid, edges, (first * step, after * step))
-    if _goes_through(grid, edges, shown, first, after) or _goes_on(grid, edges):
+    if _goes_through(grid, edges, shown, first, after) or _shines_below(grid, edges):
         return None
     if not _touches(grid, shown, (first, after), tip[1]):
         return None
@@ -172,7 +172,7 @@ def _touches(grid: Grid, lit: NDArray[np.bool_], shadow: tuple[int, int], tip_ro
 
 
 def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], first: int, after: int) -> bool:
-    """Return whether edges end far below the tissue's surface beside them: those of a flare do."""
+    """Return whether edges end far below the tissue's surface beside them: a flare's do."""
     around = max(1, round(MARGIN_M / grid.size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
     surfaces = [int(side.argmax(axis=0).max()) for side in sides if side.any()]
@@ -180,7 +180,7 @@ def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], fi
     return below * grid.size.scale.depth_m > WIDEST_M
 
 
-def _goes_on(grid: Grid, edges: list[ShaftEdge]) -> bool:
+def _shines_below(grid: Grid, edges: list[ShaftEdge]) -> bool:
     """Return whether columns in which edges end are brighter than those beside down to the frame's end, as in a flare.
 
     A steep reflection floods its A-scans with light, which remains at all depths; below a needle it is dark.
@@ -315,7 +315,7 @@ def _all_columns(frame: Pixels, grid: Grid) -> Pixels:
 def _edges(thin: Float, fine: Float, coarse: ShaftEdge, grid: Grid) -> list[ShaftEdge]:
     """Return the shaft's edge near a coarse line, and the other edge if it is seen, the shaft's own one first.
 
-    `thin` are the thin structures in the grid, `fine` those in the frame's own columns.
+    `thin` are the thin structures in the grid, `fine` structures in the frame's own columns.
     """
     first = _refined(fine, coarse, grid)
     widest = max(2, round(WIDEST_M / grid.size.scale.lateral_m))

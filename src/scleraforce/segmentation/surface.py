@@ -36,21 +36,21 @@ Flags = NDArray[np.bool_]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
-PATH_COLUMNS = 30  # the path is searched on at most so many columns ...
-ROWS = 2  # ... and on so many rows of the grid taken as one
+PATH_COLUMNS = 30  # columns at most on which the path is searched ...
+ROWS = 2  # ... and rows of the grid taken as one
 MAX_SLOPE = 2.5  # of the surface: 68 degrees
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
 LEAST_STEP = 0.06  # of the bright tissue's level: less is texture
 LARGEST_LEVEL = 1.2  # times that: what is brighter counts as that
-HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the largest one can
+HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of the largest gain
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
 SMOOTHED = 5  # points
-BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
+BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
 ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
 TYPICAL = 0.75  # of the columns have less than the typical contrast
-GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
+GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUR = 4  # rows of the score of which the best one is searched first
 _SINGLE_LEVEL = np.float32(LARGEST_LEVEL)
@@ -130,7 +130,7 @@ def opened_pairs(cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int)
 
 @compiled
 def _extend_upwards(cells: Counts, black: float, pairs: NDArray[np.uintp], margin: int, opened: Counts) -> None:
-    """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
+    """Continue what lies at the upper edge of the measured part into the black above: it is not a surface."""
     rows, columns = opened.shape
     for at in range(columns):
         first = 0
@@ -349,7 +349,7 @@ def _median_of_five(values: Float) -> np.float32:
 def show_points(row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, widest: int) -> Flags:
     """Return which points show a surface, or lie in a gap that it bridges.
 
-    `missing` are columns of the frame's imaged part, `column` those of the points in it. A surface below row `deepest`
+    `missing`: columns of the frame's imaged part, `column`: columns of the points in it. A surface below row `deepest`
     has left the window; a point with less than ABSENT_SHARE of the typical contrast shows no surface. `widest`: gap,
     points.
     """

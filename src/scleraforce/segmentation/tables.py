@@ -102,7 +102,7 @@ class _WorkplaceType(types.StructRef):
 
 
 class Workplace(structref.StructRefProxy):
-    """Tables as one argument of a loop: passing so many arrays would take 60 us a call.
+    """Tables as one argument of a loop: passing each array would take 60 us a call.
 
     Made by a compiled function only, whose code is cached.
     """

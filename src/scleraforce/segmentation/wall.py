@@ -1,7 +1,7 @@
 """The wall of the eye in a raw frame, and a verdict whether it can be judged.
 
 `docs/segmentation.md` explains the steps. Frames are taken one by one, each by one thread; the same frame gives the
-same wall, to the last bit, whatever came before it.
+same wall, to the last bit, whatever the frames before it show.
 """
 
 from dataclasses import dataclass, replace

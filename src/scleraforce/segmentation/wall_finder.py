@@ -31,14 +31,14 @@ NEAR_ROWS = 3  # of the likeliest row: these are averaged
 MEANS = 2  # times, about the mean before: the path may lie beside the likeliest row
 LEAST_PROBABILITY = 1e-6  # of a row: no path is ruled out by less
 LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
-LEAST_SPREAD_ROWS = 0.3  # of a boundary: a row of the reduced frame is no finer
+LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced frame
 EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
 SURE_WALL = 0.5  # probability from which on a column has wall
 
 
 @dataclass(frozen=True)
 class SeenWall:
-    """The wall in a frame, at evenly spaced columns (point,); rows are those of pixel centres.
+    """The wall in a frame, at evenly spaced columns (point,); rows of pixel centres.
 
     `column`; `outer_row`, `inner_row`; `outer_sd`, `inner_sd`: their uncertainty, rows; `there`: whether there is wall.
     Where there is none the rows say nothing. `step_rows`: rows of the frame in one of the reduced frame.
