@@ -154,7 +154,7 @@ class DeadPressureWall:
         self._pressed = wall.volume(np.zeros_like(wall.needle))[1]
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Return internal forces minus those of the pressure, (unknown,)."""
+        """Return internal forces minus the forces of the pressure, (unknown,)."""
         return self._wall.residual(u, 0.0) - pressure * self._pressed
 
     def factor(self, u: Floats, pressure: float) -> Solve:  # noqa: ARG002 (its part of the tangent is 0)

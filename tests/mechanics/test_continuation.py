@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics import continuation
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -114,30 +112,6 @@ def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought
     with pytest.raises(SolverError, match="no equilibrium found beyond"):
         trace(truss, np.zeros(2), 0.0, **ends)
     assert ended_early < 0.75 * truss.factors
-
-
-def test_after_a_failure_the_step_that_worked_is_not_made_longer_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    attempts: list[tuple[float, bool]] = []
-    solve = continuation.solve_balance
-
-    def watched(control: Any, x: Floats) -> tuple[Floats, int]:
-        try:
-            found = solve(control, x)
-        except SolverError:
-            attempts.append((control.tip_m, False))
-            raise
-        attempts.append((control.tip_m, True))
-        return found
-
-    monkeypatch.setattr(continuation, "solve_balance", watched)
-    trace(Truss(0.01), np.zeros(2), 0.0, as_far_as_found=True, max_tip_m=2.0, largest_step_m=0.05)
-    reached_m, after = 0.0, []
-    for (tip_m, worked), (next_m, _) in pairwise(attempts):
-        if worked and after and not after[-1]:
-            assert next_m - tip_m <= (tip_m - reached_m) * (1.0 + 1e-9)
-        reached_m = tip_m if worked else reached_m
-        after.append(worked)
-    assert after.count(False) >= 3
 
 
 def test_pressure_above_the_limit_raises_and_says_what_was_reached() -> None:

@@ -142,15 +142,6 @@ def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> N
     assert np.log2(coarse / fine) > 2.5
 
 
-@pytest.mark.slow
-def test_the_path_does_not_depend_on_the_steps() -> None:
-    fine = coarse_path(largest_step_m=1e-4)
-    for force_n in np.linspace(2e-3, 0.95 * fine.max_force_n, 15):
-        assert coarse_path().tip_m(force_n) == pytest.approx(fine.tip_m(force_n), rel=1e-3)
-        moved_nc = coarse_path().displacement_nc(force_n) - fine.displacement_nc(force_n)
-        assert np.abs(moved_nc).max() < 1e-3 * fine.tip_m(force_n)
-
-
 def test_every_state_balances_its_loads() -> None:
     """Reactions of the base against needle, weight, and the pressure on the opening that the deformed wall closes."""
     path, mesh, wall = coarse_path(), coarse_mesh(), coarse_wall()

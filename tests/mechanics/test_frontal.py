@@ -1,4 +1,3 @@
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,10 +94,3 @@ def test_a_graded_wall_of_13185_unknowns_has_fronts_of_at_most_960() -> None:
     fronts = dissect(mesh, clamped_base(mesh)).fronts
     assert fronts[-1].own.stop == 13_185
     assert max(front.own.stop - front.own.start + len(front.shared) for front in fronts) <= 960
-
-
-def test_a_shaped_wall_is_cut_as_its_sphere() -> None:
-    mesh = MESHES["graded"]
-    shaped = replace(mesh, points_nc=mesh.points_nc * (1.0, 3.0, 0.5), shaped_from_nc=mesh.points_nc)
-    numbers = [dissect(wall, held(mesh)).number_u for wall in (mesh, shaped)]
-    np.testing.assert_array_equal(*numbers)

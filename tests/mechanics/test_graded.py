@@ -47,18 +47,6 @@ def test_elements_are_positive_and_fill_the_shell(kind: str, contact: Contact) -
         assert len(np.unique(np.round(mesh.points_nc / R, 9), axis=0)) == len(mesh.points_nc)
 
 
-@pytest.mark.parametrize("contact", CONTACTS, ids=str)
-def test_nodes_lie_on_spheres_and_rays_and_the_base_on_its_plane(contact: Contact) -> None:
-    mesh = graded_mesh(R, T, contact, layers=2)
-    radii = np.linalg.norm(mesh.points_nc, axis=1)
-    assert np.abs(radii[:, None] - (R - T * np.linspace(0, 1, 5))).min(axis=1).max() < 1e-17
-    outer, inner = mesh.points_nc[mesh.outer_qn], mesh.points_nc[mesh.inner_qn]
-    np.testing.assert_allclose(inner / (R - T), outer / R, atol=1e-15)
-    assert np.all(mesh.points_nc[mesh.base_nodes, 2] == 0.0)
-    assert np.delete(mesh.points_nc[:, 2], mesh.base_nodes).min() > 0.02e-3
-    assert len(mesh.base_nodes) == 5 * 2 * 24  # five sheets, two nodes for each of 24 edges
-
-
 def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
     contact = Contact(polar_rad=radians(35), azimuth_rad=1.0)
     mesh = graded_mesh(R, T, contact)

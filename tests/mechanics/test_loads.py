@@ -1,12 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from reference_r1 import gaussian_load
+from reference_walls import stiffness_matrix, symmetric_base
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import InnerSurface, gravity_load, needle_at, needle_loads, pressure_load, tip_at
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.supports import clamped_base
 
 R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
 KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}
@@ -16,6 +21,7 @@ CONTACTS = [
     Contact(polar_rad=np.radians(54.7), azimuth_rad=np.pi / 4),
     Contact(polar_rad=1.4, azimuth_rad=-2.0),
 ]
+LEANING = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -71,3 +77,113 @@ def test_the_gaussian_load_of_r1_is_normalised_and_has_the_mean_of_its_weight(me
     k = (R / spread) ** 2
     mean_cosine = -(load @ contact.normal) @ (mesh.points_nc @ contact.normal) / R
     assert mean_cosine == pytest.approx(1.0 / np.tanh(k) - 1.0 / k, abs=2e-3 if mesh.order == 1 else 1e-4)
+
+
+def tilted(angle_rad: float) -> np.ndarray:
+    return -np.cos(angle_rad) * LEANING.normal + np.sin(angle_rad) * LEANING.meridian
+
+
+def test_the_needle_along_the_normal_of_a_sphere_is_that_of_linear_mechanics() -> None:
+    mesh = build_mesh(R, 0.5e-3)
+    theirs = needle_loads(mesh, [LEANING], NEEDLE)[0]
+    np.testing.assert_allclose(needle_at(mesh, LEANING, NEEDLE).load_nc, theirs, atol=1e-5 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 5.0, 20.0])
+def test_the_disc_is_round_and_centred_on_the_contact_as_seen_along_the_axis(angle_deg: float) -> None:
+    """Shape functions of second order reproduce first moments of the load exactly and second ones nearly."""
+    mesh, axis = build_mesh(R, 0.5e-3, divisions=20), tilted(np.radians(angle_deg))
+    load = needle_at(mesh, LEANING, NEEDLE, axis).load_nc
+    np.testing.assert_allclose(load.sum(axis=0), axis, atol=1e-12)
+    amount = load @ axis
+    across = np.cross(axis, LEANING.parallel) / np.linalg.norm(np.cross(axis, LEANING.parallel))
+    for direction in (LEANING.parallel, across):
+        offset = (mesh.points_nc - R * LEANING.normal) @ direction
+        assert abs(amount @ offset) < 1e-3 * NEEDLE
+        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)  # of a uniform disc
+
+
+def test_a_form_moves_the_disc_with_its_surface() -> None:
+    mesh = build_mesh(R, 0.5e-3, divisions=20)
+    stretch = np.array([1.06, 1.0, 0.95])
+    shaped = replace(mesh, points_nc=mesh.points_nc * stretch, shaped_from_nc=mesh.points_nc)
+    load = needle_at(shaped, LEANING, NEEDLE).load_nc
+    amount = -load @ LEANING.normal
+    centre = R * LEANING.normal * stretch
+    for direction in (LEANING.parallel, LEANING.meridian):
+        offset = (shaped.points_nc - centre) @ direction
+        assert abs(amount @ offset) < 1e-3 * NEEDLE
+        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)
+
+
+def test_the_tip_is_the_displacement_at_the_contact_along_the_axis() -> None:
+    mesh, axis = build_mesh(R, 1e-3, divisions=6), tilted(0.1)
+    inward = np.array([0.2, -0.1, 0.7])
+    assert np.sum(tip_at(mesh, LEANING, axis) * inward) == pytest.approx(inward @ axis)
+    assert np.sum(tip_at(mesh, LEANING, axis) * mesh.points_nc) == pytest.approx(R * LEANING.normal @ axis, rel=1e-4)
+
+
+@pytest.mark.parametrize("axis", [np.array([0.0, 0.0, -2.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])])
+def test_an_axis_that_does_not_point_into_the_eye_is_an_input_error(axis: np.ndarray) -> None:
+    with pytest.raises(InputError, match="unit vector"):
+        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(polar_rad=0.0), NEEDLE, axis)
+
+
+def test_a_needle_over_the_base_is_an_input_error_and_fine_on_a_whole_globe() -> None:
+    with pytest.raises(InputError, match="over the base"):
+        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(polar_rad=1.56), NEEDLE)
+    globe = graded_mesh(R, 1e-3, Contact(polar_rad=1.0), rings=4, whole=True)
+    assert needle_at(globe, Contact(polar_rad=1.56), NEEDLE).load_nc.sum() != 0.0
+
+
+def surface(kind: str = "27 nodes") -> tuple[HexMesh, InnerSurface]:
+    mesh = build_mesh(R, 1e-3, divisions=4, level=0, **KINDS[kind])
+    return mesh, InnerSurface(mesh)
+
+
+def noise(mesh: HexMesh, seed: int, held: np.ndarray | None = None) -> np.ndarray:
+    moves = np.random.default_rng(seed).normal(size=mesh.points_nc.shape) * 0.2e-3
+    return moves if held is None else np.where(held, 0.0, moves)
+
+
+def test_the_pressure_on_the_undeformed_wall_is_the_dead_load() -> None:
+    mesh, inner = surface()
+    dead = pressure_load(mesh)
+    np.testing.assert_allclose(inner.forces(np.zeros_like(dead)), dead, atol=1e-14 * np.abs(dead).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("support", [clamped_base, symmetric_base])
+def test_the_tangent_is_the_derivative_where_the_edge_is_held_or_stays_in_its_plane(kind: str, support) -> None:
+    """The forces are quadratic in the positions, so the central difference is exact."""
+    mesh, inner = surface(kind)
+    held = support(mesh)
+    held[mesh.base_nodes, 2] = True
+    u, direction = noise(mesh, 0, held), noise(mesh, 1, held)
+    nodes = mesh.cells_en.shape[1]
+    elements = np.zeros((len(mesh.cells_en), 3, nodes, 3, nodes))
+    inner.add_tangent(elements, u, 2.5)
+    np.testing.assert_array_equal(elements, elements.transpose(0, 3, 4, 1, 2))
+    slope = (stiffness_matrix(mesh, elements) @ direction.ravel()).reshape(-1, 3)
+    difference = 2.5 * (inner.forces(u + direction) - inner.forces(u - direction)) / 2
+    np.testing.assert_allclose(slope[~held], difference[~held], atol=1e-13 * np.abs(slope).max())
+    loose = noise(mesh, 2)  # a free edge would break it
+    difference = 2.5 * (inner.forces(u + loose) - inner.forces(u - loose)) / 2
+    slope = (stiffness_matrix(mesh, elements) @ loose.ravel()).reshape(-1, 3)
+    assert np.abs(slope - difference).max() > 1e-3 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("support", [clamped_base, symmetric_base])
+def test_the_forces_are_the_derivative_of_the_volume(support) -> None:
+    mesh, inner = surface()
+    held = support(mesh)
+    u, direction = noise(mesh, 3, held), 1e-3 * noise(mesh, 4, held)
+    change = (inner.volume(u + direction) - inner.volume(u - direction)) / 2
+    assert change == pytest.approx(np.sum(inner.forces(u) * direction), rel=1e-6)
+
+
+def test_the_volume_is_that_of_the_half_sphere_and_scales_with_its_cube() -> None:
+    mesh, inner = surface()
+    volume = inner.volume(np.zeros_like(mesh.points_nc))
+    assert volume == pytest.approx(2 * np.pi / 3 * (R - 1e-3) ** 3, rel=2e-4)
+    assert inner.volume(0.1 * mesh.points_nc) == pytest.approx(1.1**3 * volume, rel=1e-13)

@@ -43,14 +43,6 @@ def test_nodes_are_found_at_themselves(kind: str) -> None:
     np.testing.assert_allclose(points, mesh.points_nc[nodes], atol=1e-13 * R)
 
 
-def test_pole_and_base_are_found() -> None:
-    mesh = build_mesh(R, T)
-    rays = np.array([[0, 0, 1], [1, 0, 0], [0, -1, 0], [1, 1, 0], [1, 1, 1], [-1, 1, 1]], dtype=float)
-    quads, local = locate(mesh, rays)
-    points = pierced(mesh, mesh.outer_qn, quads, local)
-    np.testing.assert_allclose(points / R, rays / np.linalg.norm(rays, axis=1, keepdims=True), atol=2e-5)
-
-
 def test_a_direction_that_rounding_put_below_the_base_is_found_at_the_base() -> None:
     mesh = build_mesh(R, T)
     azimuth = np.linspace(-np.pi, np.pi, 997)

@@ -118,20 +118,6 @@ def test_half_cube_is_a_disc_of_the_expected_quads(divisions: int) -> None:
     assert np.abs(surface.points_vc).max() == pytest.approx(1.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("levels", [0, 1, 2])
-def test_every_quad_faces_outward_and_meets_at_most_one_other_at_an_edge(levels: int) -> None:
-    surface = half_cube(4)
-    for _ in range(levels):
-        surface = catmull_clark(surface)
-    corners = surface.points_vc[surface.quads_qv]
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    assert np.all(np.sum(normals * corners.mean(axis=1), axis=1) > 0)
-    assert np.bincount(surface.edges[1].ravel()).max() == 2
-    # Neighbours run through their common edge in opposite senses: every directed edge occurs once.
-    directed = {(q[k], q[(k + 1) % 4]) for q in surface.quads_qv.tolist() for k in range(4)}
-    assert len(directed) == 4 * len(surface.quads_qv)
-
-
 def test_subdivision_follows_the_rules_of_catmull_and_clark_at_every_vertex() -> None:
     coarse = half_cube(4)
     fine = catmull_clark(coarse)

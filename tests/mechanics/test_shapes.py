@@ -33,15 +33,6 @@ def test_gradients_are_the_slopes_of_the_values(dimension: int, nodes: int) -> N
         np.testing.assert_allclose(shape_gradients(points, nodes)[..., axis], slopes, atol=1e-11)
 
 
-def test_the_27_node_hexahedron_is_the_product_of_three_parabolas() -> None:
-    point = np.array([[0.3, -0.6, 0.1]])
-    parabola = {-1: lambda x: x * (x - 1) / 2, 0: lambda x: 1 - x**2, 1: lambda x: x * (x + 1) / 2}
-    expected = [
-        np.prod([parabola[int(n)](x) for n, x in zip(node, point[0], strict=True)]) for node in node_positions(3, 27)
-    ]
-    np.testing.assert_allclose(shape_values(point, 27)[0], expected, atol=1e-15)
-
-
 def test_an_unknown_element_is_refused() -> None:
     with pytest.raises(ValueError, match="7 nodes"):
         shape_values(np.zeros((1, 3)), 7)

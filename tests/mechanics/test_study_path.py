@@ -56,14 +56,6 @@ def test_a_wall_that_bursts_says_at_what_pressure_one_like_it_does() -> None:
 
 
 @pytest.mark.slow
-def test_a_path_may_end_at_a_dent_and_is_the_same_up_to_there() -> None:
-    whole, part = bent(WEIGHTLESS).path, bent(WEIGHTLESS, max_tip_m=0.2e-3).path
-    assert part.tips_m[-1] == pytest.approx(0.2e-3)
-    assert part.max_force_n < FORCE_N
-    assert part.tip_m(0.9 * part.max_force_n) == pytest.approx(whole.tip_m(0.9 * part.max_force_n), rel=1e-3)
-
-
-@pytest.mark.slow
 def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
     everywhere = with_form(
         FormStudy(region=(RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1)),))

@@ -44,17 +44,3 @@ def test_a_wall_lies_in_the_same_cells_in_frames_of_any_size() -> None:
         places.append(np.flatnonzero(reduced[:, 72] > 0.5))
     np.testing.assert_array_equal(*places)
     assert (places[0][0], places[0][-1]) == (20, 31)  # 50 µm each
-
-
-def test_noise_lies_at_0_and_tissue_at_1() -> None:
-    rng = np.random.default_rng(2)
-    frame = rng.integers(280, 320, (512, 512)).astype(np.uint16)
-    frame[100:250] += 1500
-    reduced = WINDOW.reduced(frame, PixelScale(lateral_m=29e-6, depth_m=7.8e-6))
-    assert abs(np.median(reduced[40:])) < 0.02
-    assert abs(np.median(reduced[20:35]) - 1.0) < 0.02
-
-
-def test_an_empty_frame_has_no_levels() -> None:
-    frame = np.zeros((64, 64), dtype=np.uint16)
-    assert not WINDOW.reduced(frame, PixelScale(lateral_m=2e-4, depth_m=5e-5)).any()

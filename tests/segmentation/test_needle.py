@@ -208,16 +208,6 @@ def test_an_overlay_shows_the_shaft_in_yellow() -> None:
     assert min(green, red) > 50.0 > blue
 
 
-def test_json_has_the_angle_the_side_and_the_tip() -> None:
-    frame, tip_m = frame_of(replace(STEEL, angle_rad=radians(-20.0)))
-    entry = needle_entry(find_wall(frame, SCALE).needle)
-    assert entry is not None
-    assert entry["angle_deg"] == pytest.approx(20.0, abs=3.0)
-    assert entry["leans"] == "left"
-    assert entry["tip_mm"] == pytest.approx((tip_m * 1000).tolist(), abs=0.35)
-    assert needle_entry(None) is None
-
-
 @pytest.mark.real
 @needs_shared
 def test_a_needle_is_found_in_the_recording_of_one_and_in_none_of_the_others() -> None:

@@ -47,15 +47,6 @@ def test_a_network_that_sees_the_same_wall_hardly_moves_it(force_mn: int, shippe
     assert mask_dice(checked.mask, alone.mask) > 0.99
 
 
-def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
-    noise = np.random.default_rng(0).integers(0, 4095, (512, 512)).astype(np.uint16)
-    finder = fixed_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
-    alone, checked = find_wall(noise, SCALE), find_wall(noise, SCALE, finder=finder)
-    assert not alone.usable
-    assert checked.reason == alone.reason
-    assert not checked.usable
-
-
 @pytest.mark.slow
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped: WallFinder) -> None:
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look refuses most frames.

@@ -1,10 +1,8 @@
 """A frame's wall drawn into slices."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import wall_arrays
 from hypothesis import given, strategies as st
 
 from scleraforce.mechanics.contact import Section, SliceWindow
@@ -41,33 +39,6 @@ def test_the_slice_is_that_of_the_section_with_the_same_curves(dent_m: float, sh
     assert set(np.unique(drawn)) == {0, 255}
 
 
-def test_optical_depth_below_the_surface_is_divided_by_the_refractive_index():
-    outer_m = 0.4e-3 + lateral() ** 2 / 30e-3
-    stretched = boundary_slice(
-        segmentation(outer_m, outer_m + 1.38 * 0.7e-3), replace(SCALE, refractive_index=1.38), SLICE
-    )
-    plain = boundary_slice(segmentation(outer_m, outer_m + 0.7e-3), SCALE, SLICE)
-    np.testing.assert_array_equal(stretched, plain)
-
-
-def test_columns_without_a_wall_stay_empty_and_their_neighbours_do_not():
-    outer_m = np.full(512, 1.0e-3)
-    found = segmentation(outer_m, outer_m + 0.5e-3)
-    found.outer_row[200:300] = found.inner_row[200:300] = np.nan
-    drawn = boundary_slice(found, SCALE, SLICE)
-    wall = drawn.any(axis=0)
-    at = (np.arange(140) + 0.5 - 70) * 0.1e-3 / SCALE.lateral_m + 255.5
-    np.testing.assert_array_equal(wall, (at < 199.5) | (at > 299.5))
-    assert (drawn[:, wall] > 0).sum(axis=0).tolist() == [5] * int(wall.sum())
-
-
-def test_rows_below_the_frame_are_empty_only_where_the_wall_has_ended():
-    outer_m = np.full(512, 3.85e-3)
-    drawn = boundary_slice(segmentation(outer_m, outer_m + 1.0e-3), SCALE, SLICE)
-    assert drawn[39].all()
-    assert not drawn[:38].any()
-
-
 def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():
     found = Segmentation(np.full(140, 3.0), np.full(140, 6.0), 40, True, "", True, thickness_m=0.3e-3)
     scale = PixelScale(lateral_m=SLICE.pixel_m, depth_m=SLICE.pixel_m)
@@ -75,8 +46,25 @@ def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_b
     assert np.flatnonzero(drawn.all(axis=1)).tolist() == np.flatnonzero(drawn.any(axis=1)).tolist() == [3, 4, 5]
 
 
+def depths_by_arrays(found: Segmentation, scale: PixelScale) -> np.ndarray:
+    """Return the depth of both boundaries at the centres of the slice's columns, (2, columns), m, NaN without wall."""
+    outer_row, inner_row = found.outer_row, found.inner_row
+    middle = np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2
+    at = middle * SLICE.pixel_m / scale.lateral_m + len(outer_row) / 2 - 0.5
+    nearest, inside = np.rint(at).astype(int).clip(0, len(outer_row) - 1), (at >= -0.5) & (at <= len(outer_row) - 0.5)
+    there = np.isfinite(outer_row) & np.isfinite(inner_row)
+    known, columns = there[nearest] & inside, np.flatnonzero(there)
+    if not known.any():
+        return np.full((2, len(at)), np.nan)
+    outer_m, inner_m = (
+        (np.interp(at, columns, rows[columns]) + 0.5) * scale.depth_m for rows in (outer_row, inner_row)
+    )
+    inner_m = (inner_m - outer_m) / scale.refractive_index + outer_m
+    return np.where(known, np.stack([outer_m, inner_m]), np.nan)
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
-def test_slices_are_those_of_the_oracle(seed: int, missing: float):
+def test_slices_agree_with_depths_by_arrays(seed: int, missing: float):
     """Any boundaries, of any scanner, with holes in each of them."""
     rng = np.random.default_rng(seed)
     columns = int(rng.integers(16, 700))
@@ -88,6 +76,6 @@ def test_slices_are_those_of_the_oracle(seed: int, missing: float):
     )
     found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
     drawn = boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3))
-    depths_m = wall_arrays.boundary_depths(found, scale, SLICE)
+    depths_m = depths_by_arrays(found, scale)
     middle_m = (np.arange(40)[:, None] + 0.5 + np.array([0.0, 0.3, -0.3])[:, None, None]) * SLICE.pixel_m
     np.testing.assert_array_equal(drawn, 255 * ((middle_m >= depths_m[0]) & (middle_m < depths_m[1])))
