@@ -1,6 +1,5 @@
 """A frame's wall drawn into slices."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
