@@ -13,7 +13,7 @@ from hostile import KINDS, SPECIAL, write_whole_ones
 
 pytest.importorskip("torch")
 
-SEEDS = 300  # of each kind in `make slow`; fewer of those that take longer to read
+SEEDS = 300  # of each kind in `make slow`; fewer of slow kinds
 SLOW = {"model record": 60, "network": 60, "npz": 60, "dataset": 40, "library": 15}
 
 

@@ -19,7 +19,7 @@ nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
 
 VOLUMES = ImportOptions(axes="lateral,depth,frame")
-HEAD_BYTES = 600  # where most of what can go wrong stands
+HEAD_BYTES = 600  # most faults are there
 
 
 def write_rle(path: Path) -> None:

@@ -104,7 +104,7 @@ def test_no_text_begins_as_a_formula_does() -> None:
         assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
 
 
-def test_numbers_stay_numbers_and_other_texts_stay_as_they_are() -> None:
+def test_numbers_stay_numbers_and_other_texts_stay_unchanged() -> None:
     row = {"force_mn": -1.5, "count": -2, "flag": True, "file": "a=b -c.png", "note": "'quoted"}
     assert csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
 

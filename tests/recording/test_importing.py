@@ -27,7 +27,7 @@ def test_scanner_needle_and_sensor_of_a_recording_answer_and_its_eye_does_not(tm
     }  # fmt: skip
 
 
-def test_answers_on_how_sources_were_read_are_kept_and_those_of_one_session_are_not(tmp_path: Path) -> None:
+def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_not(tmp_path: Path) -> None:
     folder = write_small_recording(tmp_path / "r", log=False)
     answers = {"axes": "frame,depth,lateral", "columns": ["fz=F:N"], "rate_hz": 4.0, "clock_offset_s": 3.0}
     (folder / "import.json").write_text(json.dumps({"answers": answers}))

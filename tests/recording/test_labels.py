@@ -343,7 +343,7 @@ def recording(rng: np.random.Generator, later_s: float = 0.0, pushes_n: np.ndarr
 
 
 def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> list[float]:
-    """What frames show: a dent in another unit, not in proportion, some of it noise, one of them nothing."""
+    """Return dents in another unit, out of proportion and with noise; one is unknown."""
     shown = 30.0 * pushes_n**0.8 * rng.normal(1.0, 0.1, len(pushes_n))
     shown[3] = np.nan
     return shown.tolist()

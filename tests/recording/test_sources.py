@@ -1,4 +1,4 @@
-"""What a source is, and sources together."""
+"""The kinds of sources, and sources together."""
 
 import os
 import subprocess
@@ -19,7 +19,7 @@ from scleraforce.recording.tables import ForceLog
 
 
 def one_of_each(folder: Path) -> dict[str, str]:
-    """A file of each kind: its kind by its path, under a name that tells nothing where the content does."""
+    """Write a file of each kind, under a name without an ending where its content decides; return the kinds by path."""
     nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
     pictures = folder / "scan"
     cv2.imwrite(f"{pictures}.png", FRAMES[0])
@@ -66,7 +66,7 @@ def test_a_file_of_no_kind_that_is_read_is_refused(tmp_path: Path) -> None:
             source_kind(tmp_path / name)
 
 
-def test_a_file_that_is_known_and_not_read_is_named_with_what_to_do(tmp_path: Path) -> None:
+def test_a_file_that_is_known_and_not_read_is_named_with_a_remedy(tmp_path: Path) -> None:
     for name, content, what, way in [
         ("a.hdr", (348).to_bytes(4, "little") + bytes(344), "Analyze 7.5", "NIfTI"),
         ("a.hdr", (348).to_bytes(4, "big") + bytes(344), "Analyze 7.5", "NIfTI"),
@@ -139,7 +139,6 @@ def test_a_stack_and_a_log_go_together_whatever_their_order(tmp_path: Path) -> N
         found = gather([tmp_path / name for name in sources], ImportOptions(), seen.append)
         np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
         np.testing.assert_allclose(found.log.force_n("fz"), force_n, atol=1e-7)
-        assert not found.one_clock
         assert seen == [1, 1]
 
 
@@ -185,7 +184,7 @@ PACKAGES = {"pydicom", "tifffile", "nibabel", "nrrd", "metaimageio", "rosbags", 
 
 
 def loaded_by(path: Path) -> set[str]:
-    """Which of the packages an interpreter has imported when it has read a source."""
+    """Return those packages that an interpreter has imported to read a source."""
     program = (
         "import sys\nfrom pathlib import Path\n"
         "from scleraforce.recording.sources import ImportOptions, gather\n"

@@ -92,7 +92,7 @@ def test_lists_of_frames_that_cannot_be_read_are_refused_with_their_line(tmp_pat
             read_frame_list(tmp_path / "frames.csv")
 
 
-def test_latin_1_is_refused_with_what_would_do(tmp_path: Path) -> None:
+def test_latin_1_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_bytes("file,time_s\nmüde.png,1\n".encode("latin-1"))
     with pytest.raises(RecordingError, match=r"frames.csv:2: not UTF-8 text .*; save the file as UTF-8"):
         read_frame_list(tmp_path / "frames.csv")

@@ -104,7 +104,7 @@ def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
                 read(tmp_path / name, IJK)
 
 
-def test_slices_behind_those_that_dim_states_are_refused(tmp_path: Path) -> None:
+def test_more_slices_than_dim_states_are_refused(tmp_path: Path) -> None:
     data = patched(nifti(tmp_path / "whole.nii"), 46, (COUNT - 1).to_bytes(2, "little")).read_bytes()  # dim[3]
     for name in ["a.nii", "a.nii.gz"]:
         (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)

@@ -52,8 +52,6 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         _check_image(dataset, count)
         rows, columns = int(dataset.Rows), int(dataset.Columns)
         scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
-        if dataset.file_meta.TransferSyntaxUID.is_compressed:
-            _check_codec(dataset)
         dark_large, notes = _dark_is_large(dataset)
         # A scanner that writes A-scans along the rows of its images.
         maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
@@ -147,11 +145,18 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
 
 
 def _check_compressed(dataset: "FileDataset", frames: int) -> None:
-    """Check the number of compressed images, and that each is of the size and type that the header says."""
+    """Check the number of compressed images, the size and type of each, and that a package here decodes them."""
     from pydicom.encaps import generate_fragments, generate_frames
+    from pydicom.pixels.decoders.base import get_decoder
     from pydicom.uid import RLELossless
 
     syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
+    try:
+        there = get_decoder(syntax).is_available
+    except NotImplementedError as fault:
+        raise FrameError(f"compressed as {syntax.name}, which no package reads; save it uncompressed") from fault
+    if not there:
+        raise FrameError(f"compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'")
     if syntax == RLELossless:
         count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
     else:
@@ -199,19 +204,6 @@ def _check_rle(packed: bytes, largest: int) -> None:
     for begin, end in zip(places, [*places[1:], len(packed)], strict=True):
         if unpacked_bytes(packed[begin:end], largest + 1) > largest + 1:
             raise FrameError(f"damaged: more is packed in it than the {largest} pixels that its header says")
-
-
-def _check_codec(dataset: "FileDataset") -> None:
-    """Check that the compression of the pixels can be undone with the packages that are installed."""
-    from pydicom.pixels.decoders.base import get_decoder
-
-    syntax = dataset.file_meta.TransferSyntaxUID
-    try:
-        there = get_decoder(syntax).is_available
-    except NotImplementedError as fault:
-        raise FrameError(f"compressed as {syntax.name}, which no package reads; save it uncompressed") from fault
-    if not there:
-        raise FrameError(f"compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'")
 
 
 def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import check_size
@@ -38,13 +37,16 @@ def read_film(path: Path) -> Scan:
             raise FrameError("no frame in it that can be decoded")
         check_bytes(len(times_ms) * rows * columns * (2 if deep else 1))
     time_s = to_si(np.array(times_ms), "ms")
+    steps_s, pace = np.diff(time_s), f"film of {rate_hz:g} frames a second"
+    if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
+        pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
     return Scan(
         names=frame_names(path, len(times_ms)),
         rows=rows,
         columns=columns,
         pictures=lambda: _pictures(path, (rows, columns), deep),
         bits=None if deep else 8,
-        times=Times(time_s, _pace(time_s, rate_hz)) if rising(time_s) else None,
+        times=Times(time_s, pace) if rising(time_s) else None,
         notes=(
             "a film's compression changes grey levels and fine structure; times are those at which it plays, "
             "from its first frame on (--rate-hz where frames were taken at another rate)",
@@ -82,13 +84,6 @@ def _bits_of(tag: bytes) -> int | None:
     if deep := re.fullmatch(rb"[PYXv]\d(10|12|16)", tag):
         return int(deep[1])
     return 8 if tag.isalnum() or tag == b"PAL\x08" else None
-
-
-def _pace(time_s: NDArray[np.float64], rate_hz: float) -> str:
-    steps_s = np.diff(time_s)
-    if not steps_s.size or np.ptp(steps_s) <= EVEN * np.median(steps_s):
-        return f"film of {rate_hz:g} frames a second"
-    return f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
 
 
 def _missing(path: Path, stated: int, count: int) -> tuple[str, ...]:

@@ -143,11 +143,7 @@ class LogColumn:
 
 
 def parse_column(text: str) -> LogColumn:
-    """Return a column that somebody stated as COLUMN=NAME:UNIT.
-
-    >>> parse_column("fz=Force Z:mN")
-    LogColumn(ours='fz_n', name='Force Z', unit='mN')
-    """
+    """Return a column that somebody stated as COLUMN=NAME:UNIT, like fz=Force Z:mN."""
     short, equals, rest = text.partition("=")
     name, colon, unit = rest.rpartition(":")
     ours, unit = SHORT_NAMES.get(short.strip().lower()), unit.strip()
@@ -165,9 +161,6 @@ def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units:
     """Return the columns that a header names with their units, in their order.
 
     `stated_units` are by the lines above the header, for force, torque and time; `units` are a line of their own.
-
-    >>> [column.answer() for column in columns_by_header(["Time (ms)", "Fz [N]", "Temp (C)"], {})]
-    ['time=Time (ms):ms', 'fz=Fz [N]:N']
     """
     if ROS_STAMP in names:
         names = [name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)]

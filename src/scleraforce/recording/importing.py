@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from hashlib import file_digest
 from math import radians
@@ -210,9 +211,17 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
-    scan = gathered.scan
-    faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
-    doubts = (*faults, *_other_scales(_stated(gathered, greys), known), *_outside(moved, log))
+    doubts = [fault for fault in (gathered.scan.scale_fault, gathered.scan.times_fault) if fault]
+    doubts += [
+        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
+        for name, (value, source) in _stated(gathered, greys).items()
+        if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
+    ]
+    if log is not None and (count := int(((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum())):
+        doubts.append(
+            f"{count} frames were taken before or after the forces: they have no label and are not evaluated; mend the "
+            "clocks (--clock-offset-s) if they should be"
+        )
     return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
@@ -238,7 +247,7 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
         needed.add("rate_hz")
     if gathered.log is not None:
         needed |= {"axis", "contact_sign"}
-        by_bag = gathered.one_clock and answers.rate_hz is None
+        by_bag = len(gathered.files) == 1 and answers.rate_hz is None
         if not by_bag and answers.times is None:
             needed.add("clock_offset_s")
     return needed
@@ -260,24 +269,6 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
     if len(axes) == 1:
         found["axis"] = (axes[0], "the only force of the log")
     return found
-
-
-def _other_scales(stated: Known, known: Known) -> list[str]:
-    """Note each given scale that differs from the source's."""
-    return [
-        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
-        for name, (value, source) in stated.items()
-        if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
-    ]
-
-
-def _outside(times: Times, log: ForceLog | None) -> list[str]:
-    """Return a note on frames without a force beside them."""
-    if log is None:
-        return []
-    count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
-    words = f"{count} frames were taken before or after the forces: they have no label and are not evaluated;"
-    return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
 
 
 def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) -> RecordingInfo:
@@ -352,8 +343,11 @@ def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
 
 def record_text(done: Import, options: ImportOptions, version: str) -> str:
     """Return the text of import.json: sources with their SHA-256, the source of each value, and reusable options."""
-    files = [{"path": str(path), "kind": kind, "sha256": None if path.is_dir() else _sha256(path)}
-             for path, kind in done.gathered.files]  # fmt: skip
+    files: list[dict[str, str | None]] = []
+    for path, kind in done.gathered.files:
+        with path.open("rb") if path.is_file() else nullcontext() as file:
+            digest = None if file is None else file_digest(file, "sha256").hexdigest()
+        files.append({"path": str(path), "kind": kind, "sha256": digest})
     origin = provenance(done)
     answers = asdict(options) | {"columns": origin["columns"]}
     kept = {name: answers[name] for name in KEPT if answers.get(name)}
@@ -371,8 +365,3 @@ def provenance(done: Import) -> dict[str, Any]:
         "grey": {"low": greys.low, "high": greys.high, "scaled": greys.scaled, "not_finite": greys.lost},
         "notes": list(done.gathered.notes),
     }
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()

@@ -17,7 +17,7 @@ from scleraforce.units import from_si
 
 @contextmanager
 def named_faults(path: Path, kind: str) -> Iterator[None]:
-    """Name the file in every exception of a reader, and its kind in those of packages; the system's own errors pass."""
+    """Name the file in every exception of a reader, and its kind in errors of packages; errors of the system pass."""
     try:
         yield
     except InputError as fault:
@@ -119,21 +119,18 @@ class PixelSize:
         sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
         return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
 
-    def differs(self, other: "PixelSize") -> bool:
-        """Return whether the two sizes cannot both be right."""
-        pairs = ((self.depth_m, other.depth_m), (self.lateral_m, other.lateral_m))
-        return any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs)
-
 
 def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None, str | None]:
     """Return the distance of rows and of columns by the first field that states one, and the fault if fields differ."""
     stated = [size for size in sizes if size.depth_m or size.lateral_m]
-    other = next((size for size in stated[1:] if size.differs(stated[0])), None)
-    if other is not None:
-        return None, None, f"{stated[0].words}, {other.words}"
     if not stated:
         return None, None, None
-    depth, lateral = (m and Sourced(m, stated[0].source) for m in (stated[0].depth_m, stated[0].lateral_m))
+    first = stated[0]
+    for other in stated[1:]:
+        pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
+        if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
+            return None, None, f"{first.words}, {other.words}"
+    depth, lateral = (size_m and Sourced(size_m, first.source) for size_m in (first.depth_m, first.lateral_m))
     return depth or None, lateral or None, None
 
 
@@ -222,11 +219,7 @@ AXES = ("frame", "depth", "lateral")
 
 
 def parse_axes(text: str) -> tuple[str, ...]:
-    """Return the axes that a text names.
-
-    >>> parse_axes("lateral, depth,frame")
-    ('lateral', 'depth', 'frame')
-    """
+    """Return the axes that a text names, like "lateral, depth,frame"."""
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
         raise InputError(f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one")

@@ -8,17 +8,9 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording.bags import read_bag
-from scleraforce.recording.dicom import read_dicom
-from scleraforce.recording.film import read_film
-from scleraforce.recording.force_log import LogColumn, parse_column, read_force_text
-from scleraforce.recording.images import TIFF_MARKS, read_image, read_numpy
-from scleraforce.recording.log_text import read_log_text
+from scleraforce.recording import bags, dicom, film, force_log, images, log_text, tables, thorlabs, tiff, volumes
 from scleraforce.recording.scan import Scan, Times, joined, parse_axes, rising
-from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
-from scleraforce.recording.thorlabs import read_thorlabs
-from scleraforce.recording.tiff import read_tiff
-from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd
+from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
 VENDOR = "examples/vendor_frames.py writes its B-scans as .npy (docs/formats.md)"
@@ -54,10 +46,6 @@ MARKS: tuple[tuple[bytes, str, str], ...] = (
 )
 # By the name's ending, where the content has no mark.
 ENDINGS = {
-    ".e2e": ("named as a Heidelberg Eye Explorer file", VENDOR),
-    ".sdb": ("named as a Heidelberg Eye Explorer file", VENDOR),
-    ".vol": ("named as a Heidelberg raw export", EXPORT),
-    ".fda": ("named as a Topcon file", VENDOR),
     ".fds": ("a Topcon file", VENDOR),
     ".img": (
         "raw pixels without a header (Zeiss Cirrus), or a volume's without its .hdr",
@@ -66,9 +54,6 @@ ENDINGS = {
     ".hdr": ("a header that is neither NIfTI's nor Analyze's", "save the frames as NIfTI, TIFF or .npy"),
     ".oct": ("a .oct of Bioptigen, Optopol or another maker, not Thorlabs'", f"{EXPORT}; of Bioptigen {VENDOR}"),
     ".raw": ("raw pixels without a header", f"give their .mhd or .nhdr, or {NUMPY}: numpy.fromfile(...).reshape(...)"),
-    ".czi": ("named as a Zeiss ZEN image", EXPORT),
-    ".zip": ("named as a zip archive", UNPACK),
-    ".xls": ("named as a spreadsheet", TABLE),
     ".json": ("a JSON file", "give frames, or forces as text (.csv)"),
     ".xml": ("an XML file", "give frames, or forces as text (.csv)"),
     ".toml": ("a TOML file", "give frames, or forces as text (.csv)"),
@@ -88,7 +73,10 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
     for mark, what, way in MARKS:
         if head.startswith(mark):
             return f"{what}; {way}"
-    return "; ".join(ENDINGS[ending]) if ending in ENDINGS else None
+    if ending in ENDINGS:
+        return "; ".join(ENDINGS[ending])
+    named = (f"named as {what}; {way}" for _, what, way in MARKS if ending in re.findall(r"\.\w+", what))
+    return next(named, None)
 
 
 OPTION = "option"  # the source of a value given by an option or an argument
@@ -136,11 +124,7 @@ class ImportOptions:
 
 
 def option_name(field: str) -> str:
-    """Return the option that gives a field of `ImportOptions`.
-
-    >>> option_name("width_mm"), option_name("columns")
-    ('--width-mm', '--column')
-    """
+    """Return the option that gives a field of `ImportOptions`."""
     return "--column" if field == "columns" else f"--{field.replace('_', '-')}"
 
 
@@ -200,14 +184,16 @@ def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array:
     """Return the frames of a source of a kind that `source_kind` returns."""
     match kind:
         case "thorlabs":
-            return read_thorlabs(path)
+            return thorlabs.read_thorlabs(path)
         case "numpy":
-            return read_numpy(path, axes, array)
+            return images.read_numpy(path, axes, array)
         case "nifti" | "nrrd" | "metaimage":
-            return {"nifti": read_nifti, "nrrd": read_nrrd, "metaimage": read_metaimage}[kind](path, axes)
+            read = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}[kind]
+            return read(path, axes)
         case "picture":
-            return _oriented(path, read_image(path)[1], axes)
-    return _oriented(path, {"tiff": read_tiff, "dicom": read_dicom, "film": read_film}[kind](path), axes)
+            return _oriented(path, images.read_image(path)[1], axes)
+    stack = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": film.read_film}[kind](path)
+    return _oriented(path, stack, axes)
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
@@ -224,7 +210,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
     marks = (
         ("picture", head.startswith((b"\x89PNG", b"\xff\xd8\xff"))),
         ("dicom", head[128:132] == b"DICM"),  # before TIFF: its preamble may be the head of one
-        ("tiff", head.startswith(TIFF_MARKS)),
+        ("tiff", head.startswith(images.TIFF_MARKS)),
         ("numpy", head.startswith(b"\x93NUMPY")),
         ("nrrd", head.startswith(b"NRRD")),
         ("bag", head.startswith((b"#ROSBAG", SQLITE, MCAP))),
@@ -243,34 +229,33 @@ def _known_kind(name: str, head: bytes) -> str | None:
 class Gathered:
     """The files with their kinds, all frames, the force log (None: no source has forces), and its columns.
 
-    `one_clock`: one program stamped frames and forces (a bag). `notes` are sentences on the sources.
+    `notes` are sentences on the sources.
     """
 
     files: tuple[tuple[Path, str], ...]
     scan: Scan
     log: ForceLog | None
-    columns: tuple[LogColumn, ...]
-    one_clock: bool
+    columns: tuple[force_log.LogColumn, ...]
     notes: tuple[str, ...]
 
 
 def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None) -> Gathered:
     """Read all sources; `seen` is called with 1 after each. Ask for answers that `options` do not give."""
     axes = None if options.axes is None else parse_axes(options.axes)
-    given = [parse_column(text) for text in options.columns]
+    given = [force_log.parse_column(text) for text in options.columns]
     files = [(path, source_kind(path)) for path in files_of(sources)]
     scans: list[Scan] = []
     logs: list[tuple[Path, ForceLog]] = []
-    columns: tuple[LogColumn, ...] = ()
+    columns: tuple[force_log.LogColumn, ...] = ()
     for path, kind in files:
         if kind == "bag":
-            scan, log = read_bag(path, options.image_topic, options.force_topic, options.by_arrival)
+            scan, log = bags.read_bag(path, options.image_topic, options.force_topic, options.by_arrival)
             scans += [] if scan is None else [_oriented(path, scan, axes)]
             if log is not None:
-                log = replace(log, notes=(*log.notes, *gap_notes(path, log.wrench_sc)))
-                logs.append((path, checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
+                log = replace(log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc)))
+                logs.append((path, tables.checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
         elif kind == "log":
-            log, columns = read_force_text(read_log_text(path), given)
+            log, columns = force_log.read_force_text(log_text.read_log_text(path), given)
             logs.append((path, log))
         else:
             scans.append(read_scan(path, kind, axes, options.array))
@@ -280,8 +265,12 @@ def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int]
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
     scan, log = joined(scans), logs[0][1] if logs else None
-    notes = (*scan.notes, *_order_note(files, scan), *(log.notes if log else ()))
-    return Gathered(tuple(files), scan, log, columns, len(files) == 1, notes)
+    notes = [*scan.notes, *(log.notes if log else ())]
+    shown = [path for path, kind in files if kind not in ("bag", "log")]
+    if scan.times is None and shown != sorted(shown, key=_natural_order):
+        order = f"{shown[0].name} to {shown[-1].name}; their numbers have another"
+        notes.insert(len(scan.notes), f"frames are taken in the order given, {order}")
+    return Gathered(tuple(files), scan, log, columns, tuple(notes))
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
@@ -306,11 +295,3 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
             "clock"
         )
     return Times(time_s, times.source), moved, origin_s
-
-
-def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:
-    """Note files in another order than the numbers in their names, without times to order them."""
-    paths = [path for path, kind in files if kind not in ("bag", "log")]
-    if scan.times is not None or paths == sorted(paths, key=_natural_order):
-        return ()
-    return (f"frames are taken in the order given, {paths[0].name} to {paths[-1].name}; their numbers have another",)

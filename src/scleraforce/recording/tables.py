@@ -330,9 +330,7 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
-    _check_range(log, place)
-    rate_hz = _check_clock(log.time_s, path, place)
-    notes = list(log.notes)
+    rate_hz, notes = _checked_rate(log, path, place), list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         notes.append(
@@ -382,25 +380,21 @@ def _without_implausible(
     return np.where(flagged[:, None], np.nan, log.wrench_sc)
 
 
-def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
+def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> float:
+    """Return the samples a second; more than half of the steps are as short as that rate's. Check all numbers."""
     columns, values_sc = ("time_s", *log.columns), np.column_stack([log.time_s, log.wrench_sc])
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
     bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well: of a time; of a force it says that there is none
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
-    if not bad.any():
-        return
-    sample, column = np.argwhere(bad)[0]
-    value = values_sc[sample, column]
-    fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
-    raise RecordingError(f"{place(int(sample))}: {columns[column]}: {value:g} {fault}")
-
-
-def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int], str]) -> float:
-    """Return the samples a second; more than half of the steps are as short as that rate's."""
-    steps_s = np.diff(time_s)
+    if bad.any():
+        sample, column = (int(at) for at in np.argwhere(bad)[0])
+        value = values_sc[sample, column]
+        fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
+        raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")
+    steps_s = np.diff(log.time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
-        found = f"{time_s[sample]:.12g} does not come after {time_s[sample - 1]:.12g}"
+        found = f"{log.time_s[sample]:.12g} does not come after {log.time_s[sample - 1]:.12g}"
         raise RecordingError(f"{place(sample)}: time_s: {found}; the clock must run forward")
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
