@@ -10,17 +10,10 @@ import pytest
 import tifffile
 from effects import less_than
 from foreign_files import COLUMNS, COUNT, FRAMES, pictures_of, sizes_of, write_dicom
+from pydicom import uid
 from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate, generate_frames
 from pydicom.sequence import Sequence
-from pydicom.uid import (
-    DeflatedExplicitVRLittleEndian,
-    ExplicitVRBigEndian,
-    JPEG2000Lossless,
-    JPEGBaseline8Bit,
-    JPEGExtended12Bit,
-    RLELossless,
-)
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.dicom import read_dicom
@@ -78,12 +71,12 @@ def rle_bomb(path: Path) -> None:
     header = np.zeros(16, "<u4")
     header[:2] = 1, 64
     packed = header.tobytes() + bytes([129, 0]) * 400_000
-    write_dicom(path, BYTES, TransferSyntaxUID=RLELossless, PixelData=encapsulate([packed]))
+    write_dicom(path, BYTES, TransferSyntaxUID=uid.RLELossless, PixelData=encapsulate([packed]))
 
 
 def large_jpeg(path: Path) -> None:
     stream = cv2.imencode(".jpg", np.zeros((400, 600), np.uint8))[1].tobytes()
-    write_dicom(path, BYTES, TransferSyntaxUID=JPEGBaseline8Bit, PixelData=encapsulate([stream]))
+    write_dicom(path, BYTES, TransferSyntaxUID=uid.JPEGBaseline8Bit, PixelData=encapsulate([stream]))
 
 
 def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
@@ -93,7 +86,7 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
         (lambda path: write_dicom(path, RAMP, SamplesPerPixel=5000), "with 5000 samples each"),
         (rle_bomb, "more is packed in it than"),
         (large_jpeg, r"of \(400, 600\) pixels, the header says \(40, 60\)"),
-        (lambda path: write_dicom(path, RAMP, TransferSyntaxUID=DeflatedExplicitVRLittleEndian), "deflated DICOM"),
+        (lambda path: write_dicom(path, RAMP, TransferSyntaxUID=uid.DeflatedExplicitVRLittleEndian), "deflated DICOM"),
     ]:
         write(tmp_path / "a.dcm")
         content = (tmp_path / "a.dcm").read_bytes()
@@ -117,7 +110,7 @@ def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
         dataset = Dataset()
         dataset.update(written)
         dataset.file_meta = written.file_meta
-        dataset.file_meta.TransferSyntaxUID = ExplicitVRBigEndian
+        dataset.file_meta.TransferSyntaxUID = uid.ExplicitVRBigEndian
         dataset.PixelData = (pixels << 4).astype(">i2").tobytes()
         dataset.save_as(tmp_path / "a.dcm", enforce_file_format=True)
         np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
@@ -275,10 +268,10 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
     options = {"kind": "JPEG2000", "irreversible": False, "no_jp2": True}
     stream, bright, dim = (jpeg(each, **options) for each in (RAMP, RAMP + 2000, BYTES))
     for tags in ({}, TWELVE):
-        tags = {"TransferSyntaxUID": JPEG2000Lossless, "PixelData": encapsulate([stream])} | tags
+        tags = {"TransferSyntaxUID": uid.JPEG2000Lossless, "PixelData": encapsulate([stream])} | tags
         np.testing.assert_array_equal(frame_of(tmp_path, RAMP, **tags)[0], RAMP)
     small = jpeg(BYTES, quality=100)
-    extended = {"TransferSyntaxUID": JPEGExtended12Bit}
+    extended = {"TransferSyntaxUID": uid.JPEGExtended12Bit}
     pixels, _ = frame_of(tmp_path, BYTES, PixelData=encapsulate([small]), **extended)
     assert np.abs(pixels.astype(int) - BYTES).max() <= 2
     at = small.index(b"\xff\xc0")
@@ -289,21 +282,21 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
         ([dim], RAMP, {}, "BitsStored is 16, its JPEG 2000 image has 8 bits"),
         ([stream], RAMP, {"BitsStored": 12}, "HighBit is 15, BitsStored 12, .* compressed as JPEG 2000"),
         ([twelve], RAMP, TWELVE | extended, r"JPEG Extended .*1\.2\.840\.10008\.1\.2\.4\.51.* 12 bits .*uncompressed"),
-        ([small] * 3, BYTES, {"TransferSyntaxUID": JPEGBaseline8Bit}, "is 1, PixelData has 3 compressed images"),
+        ([small] * 3, BYTES, {"TransferSyntaxUID": uid.JPEGBaseline8Bit}, "is 1, PixelData has 3 compressed images"),
     ]:  # fmt: skip
-        tags = {"TransferSyntaxUID": JPEG2000Lossless, "PixelData": encapsulate(packed)} | tags
+        tags = {"TransferSyntaxUID": uid.JPEG2000Lossless, "PixelData": encapsulate(packed)} | tags
         with pytest.raises(FrameError, match=found):
             frame_of(tmp_path, pixels, **tags)
 
 
 def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Path) -> None:
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
-    dataset.compress(RLELossless)
+    dataset.compress(uid.RLELossless)
     dataset.save_as(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "a.dcm")), FRAMES)
     fitting = next(generate_frames(dataset.PixelData, number_of_frames=COUNT))
     large = write_dicom(tmp_path / "b.dcm", np.zeros((400, COLUMNS), np.uint16))
-    large.compress(RLELossless)
+    large.compress(uid.RLELossless)
     bomb = next(generate_frames(large.PixelData, number_of_frames=1))
     dataset.PixelData = encapsulate([fitting, bomb, *[fitting] * (COUNT - 2)])
     dataset.save_as(tmp_path / "a.dcm")

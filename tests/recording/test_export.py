@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from collections import Counter
 from io import StringIO
 from pathlib import Path
 
@@ -13,18 +14,8 @@ from small_recordings import COLUMNS, ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
+from scleraforce.recording import export
 from scleraforce.recording.bags import read_bag
-from scleraforce.recording.export import (
-    ANSWER_TOPIC,
-    FORCE_TOPIC,
-    IMAGE_TOPIC,
-    csv_text,
-    frame_rows,
-    read_answers,
-    with_answers,
-    write_mcap,
-    write_sequence,
-)
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.volumes import read_nrrd
@@ -38,14 +29,14 @@ CLASSES = ClassesStudy()
 def test_rows_have_the_labels_of_the_recording(tmp_path: Path) -> None:
     recording = read_recording(with_log(write_small_recording(tmp_path / "r", frames=30)))
     labels = label_frames(recording, CLASSES)
-    rows = frame_rows(recording, CLASSES)
+    rows = export.frame_rows(recording, CLASSES)
     assert [row["measured_force_mn"] for row in rows] == pytest.approx([each.measured_force_n * 1e3 for each in labels])
     assert [row["target"] for row in rows] == [each.target for each in labels]
     assert rows[3] | {"measured_force_mn": 0, "target": 0} == {
         "file": "0003.png", "time_s": 1.03, "pierced": False, "measured_force_mn": 0, "target": 0,
     }  # fmt: skip
     silent = read_recording(write_small_recording(tmp_path / "s", log=False))
-    assert frame_rows(silent, CLASSES)[0]["measured_force_mn"] is None
+    assert export.frame_rows(silent, CLASSES)[0]["measured_force_mn"] is None
 
 
 def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(tmp_path: Path) -> None:
@@ -55,15 +46,15 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(t
         {"file": "2.png", "recording": str(tmp_path / "other"), "predicted": 7},
         {"file": "0.png", "recording": "old/place/r", "predicted": 0},
     ]
-    joined = with_answers(rows, answers, tmp_path / "r")
+    joined = export.with_answers(rows, answers, tmp_path / "r")
     assert [row.get("predicted") for row in joined] == [0, 2, None]
     assert [row["target"] for row in joined] == [1, 0, 1]
     assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
     with pytest.raises(InputError, match="none of its frames is among the answers"):
-        with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
+        export.with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
     rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]  # of one name in two folders
     answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
-    assert [row.get("predicted") for row in with_answers(rows, answers, tmp_path)] == [None, 1, 2]
+    assert [row.get("predicted") for row in export.with_answers(rows, answers, tmp_path)] == [None, 1, 2]
 
 
 def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
@@ -71,7 +62,7 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
         {"file": "a, b.png", "usable": True, "interval_mn": [1.5, None], "needle": {"tip": {"x": 1}}},
         {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark"},
     ]
-    found = list(csv.DictReader(StringIO(csv_text(rows))))
+    found = list(csv.DictReader(StringIO(export.csv_text(rows))))
     assert found[0] | {"file": "a, b.png"} == {
         "file": "a, b.png", "usable": "1", "interval_low_mn": "1.5", "interval_high_mn": "", "needle_tip_x": "1",
         "reason": "",
@@ -84,9 +75,9 @@ def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
     for text in ["[]", "{}", "{", *(f'{{"frames": {each}}}' for each in frames)]:
         (tmp_path / "a.json").write_text(text)
         with pytest.raises(InputError, match=r"a\.json: "):
-            read_answers(tmp_path / "a.json")
+            export.read_answers(tmp_path / "a.json")
     (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
-    assert read_answers(tmp_path / "a.json") == [{"file": "x"}]
+    assert export.read_answers(tmp_path / "a.json") == [{"file": "x"}]
 
 
 FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']
@@ -98,21 +89,20 @@ BARE = {
 }  # fmt: skip
 
 
-def test_no_text_begins_as_a_formula_does() -> None:
+def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
     for text in FORMULAS:
-        found = list(csv.reader(StringIO(csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline="")))
+        found = list(
+            csv.reader(StringIO(export.csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline=""))
+        )
         assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
-
-
-def test_numbers_stay_numbers_and_other_texts_stay_unchanged() -> None:
     row = {"force_mn": -1.5, "count": -2, "flag": True, "file": "a=b -c.png", "note": "'quoted"}
-    assert csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
+    assert export.csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
 
 
 def test_what_is_null_in_one_row_and_an_object_in_another_has_the_columns_of_the_object() -> None:
     seen = SeenNeedle(angle_rad=0.0, tip_m=(1e-3, 2e-3), tip=(1.0, 1.0), top=(1.0, 0.0), hidden=(0, 2))
     rows = [{"needle": None, "interval_mn": None}, {"needle": needle_entry(seen), "interval_mn": [1.0, 2.0]}]
-    assert csv_text(rows).splitlines() == [
+    assert export.csv_text(rows).splitlines() == [
         "interval_low_mn,interval_high_mn,needle_angle_deg,needle_leans,needle_tip_lateral_mm,needle_tip_depth_mm",
         ",,,,,",
         "1.0,2.0,0.0,right,1.0,2.0",
@@ -163,7 +153,7 @@ def test_the_settings_of_a_recording_have_the_keys_of_its_file(tmp_path: Path) -
 def test_the_header_is_what_slicer_reads_as_a_sequence(tmp_path: Path) -> None:
     nrrd = pytest.importorskip("nrrd")
     recording = read_recording(write_small_recording(tmp_path / "r", frames=4))
-    write_sequence(recording, tmp_path / "a.seq.nrrd")
+    export.write_sequence(recording, tmp_path / "a.seq.nrrd")
     array, header = nrrd.read(str(tmp_path / "a.seq.nrrd"), index_order="F")
     assert array.shape == (COLUMNS, ROWS, 1, 4)
     assert list(header["kinds"]) == ["domain", "domain", "domain", "list"]
@@ -181,7 +171,7 @@ def test_a_sequence_can_be_imported_again_with_scale_and_times(tmp_path: Path) -
     pytest.importorskip("nrrd")
     for frames in [1, 4]:
         recording = read_recording(write_small_recording(tmp_path / str(frames), frames=frames, log=False))
-        write_sequence(recording, tmp_path / "a.nrrd")
+        export.write_sequence(recording, tmp_path / "a.nrrd")
         scan = read_nrrd(tmp_path / "a.nrrd", None)
         for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
             np.testing.assert_array_equal(picture, recording.frame(entry))
@@ -189,54 +179,32 @@ def test_a_sequence_can_be_imported_again_with_scale_and_times(tmp_path: Path) -
         np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
 
 
-ORIGIN_S = 1_700_000_000.0
-
-
-@pytest.fixture
-def written(tmp_path: Path):
-    """A recording, and the messages of its MCAP: topic and log time."""
-    pytest.importorskip("rosbags")
-    reader = pytest.importorskip("mcap.reader")
-    recording = read_recording(write_small_recording(tmp_path / "r", frames=6))
+def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(tmp_path: Path) -> None:
+    highlevel, reader = pytest.importorskip("rosbags.highlevel"), pytest.importorskip("mcap.reader")
+    recording, origin_s = read_recording(write_small_recording(tmp_path / "r", frames=6)), 1_700_000_000.0
     answer = {"predicted_force_mn": 3.0, "interval_mn": [2.0, 5.0], "predicted": 1, "usable": True}
     rows = [{"file": entry.file, "target": None, **answer} for entry in recording.frames]
-    write_mcap(recording, rows, ORIGIN_S, tmp_path / "a.mcap")
+    export.write_mcap(recording, rows, origin_s, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
         messages = reader.make_reader(file).iter_messages(log_time_order=False)
-        found = [(channel.topic, message.log_time) for _, channel, message in messages]
-    return recording, tmp_path / "a.mcap", found
-
-
-def test_messages_are_in_the_order_of_their_times(written) -> None:
-    recording, _, found = written
-    times = [time_ns for _, time_ns in found]
-    assert times == sorted(times)
-    count = {topic: sum(each == topic for each, _ in found) for topic in (IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC)}
-    assert count == {IMAGE_TOPIC: 6, FORCE_TOPIC: len(recording.forces.time_s), ANSWER_TOPIC: 6}
-
-
-def test_answers_have_a_definition_that_others_read(written) -> None:
-    from rosbags.highlevel import AnyReader
-
-    recording, path, _ = written
-    with AnyReader([path]) as bag:
-        connections = [each for each in bag.connections if each.topic == ANSWER_TOPIC]
+        found = [(message.log_time, channel.topic) for _, channel, message in messages]
+    assert [time_ns for time_ns, _ in found] == sorted(time_ns for time_ns, _ in found)
+    counts = {export.IMAGE_TOPIC: 6, export.FORCE_TOPIC: len(recording.forces.time_s), export.ANSWER_TOPIC: 6}
+    assert Counter(topic for _, topic in found) == counts
+    with highlevel.AnyReader([tmp_path / "a.mcap"]) as bag:  # the answers have a definition that others read
+        connections = [each for each in bag.connections if each.topic == export.ANSWER_TOPIC]
         answers = [bag.deserialize(data, each.msgtype) for each, _, data in bag.messages(connections)]
-    for entry, answer in zip(recording.frames, answers, strict=True):
-        assert (answer.file, answer.predicted_force_mn, answer.predicted, answer.usable) == (entry.file, 3.0, 1, True)
-        assert (answer.interval_low_mn, answer.interval_high_mn, answer.target) == (2.0, 5.0, -1)
-        assert np.isnan(answer.measured_force_mn)
-
-
-def test_it_can_be_imported_again(written) -> None:
-    recording, path, _ = written
-    scan, log = read_bag(path)
+    for entry, each in zip(recording.frames, answers, strict=True):
+        assert (each.file, each.predicted_force_mn, each.predicted, each.usable) == (entry.file, 3.0, 1, True)
+        assert (each.interval_low_mn, each.interval_high_mn, each.target) == (2.0, 5.0, -1)
+        assert np.isnan(each.measured_force_mn)
+    scan, log = read_bag(tmp_path / "a.mcap")
     assert (scan.rows, scan.columns) == (ROWS, COLUMNS)
     for entry, picture, time_s in zip(recording.frames, scan.pictures(), scan.times.time_s, strict=True):
         np.testing.assert_array_equal(picture, recording.frame(entry))
-        assert time_s - ORIGIN_S == pytest.approx(entry.time_s, abs=1e-6)
+        assert time_s - origin_s == pytest.approx(entry.time_s, abs=1e-6)
     np.testing.assert_allclose(log.wrench_sc, recording.forces.wrench_sc)
-    np.testing.assert_allclose(log.time_s - ORIGIN_S, recording.forces.time_s, atol=1e-6)
+    np.testing.assert_allclose(log.time_s - origin_s, recording.forces.time_s, atol=1e-6)
 
 
 def test_an_axis_that_was_not_logged_is_nan(tmp_path: Path) -> None:
@@ -244,8 +212,7 @@ def test_an_axis_that_was_not_logged_is_nan(tmp_path: Path) -> None:
     folder = write_small_recording(tmp_path / "r", frames=3)
     (folder / "forces.csv").write_text("time_s,fz_n\n1.0,0.5\n1.005,0.5\n1.01,0.5\n")
     recording = read_recording(folder)
-    rows = [{"file": entry.file} for entry in recording.frames]
-    write_mcap(recording, rows, 0.0, tmp_path / "a.mcap")
+    export.write_mcap(recording, [{"file": entry.file} for entry in recording.frames], 0.0, tmp_path / "a.mcap")
     log = read_bag(tmp_path / "a.mcap")[1]
     assert log.columns == ("fz_n",)
     np.testing.assert_array_equal(log.wrench_sc, np.full((3, 1), 0.5))

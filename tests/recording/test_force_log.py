@@ -129,22 +129,11 @@ def test_other_settings_above_the_header_raise_no_question(tmp_path: Path) -> No
 
 def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path: Path) -> None:
     for name, good, bad in [
-        ("status", "0", "2"),
-        ("Sensor Status", "0x0", "0x4"),
-        ("is_valid", "1", "0"),
-        ("valid", "True", "False"),
-        ("overload", "0", "1"),
-        ("Saturated", "no", "yes"),
-        ("error_code", "0", "17"),
-        ("Status", "OK", "OVERLOAD"),
-        ("ft_error_flag", "False", "True"),
-        ("isSaturated", "0", "1"),
-        ("cable ok", "1", "0"),
-        ("Status_hex", "0", "1F"),
-        ("fz_valid", "1", "nan"),
-        ("data ok", "yes", "no"),
-        ("Status (hex)", "0", "1F"),
-    ]:
+        ("status", "0", "2"), ("Sensor Status", "0x0", "0x4"), ("is_valid", "1", "0"), ("valid", "True", "False"),
+        ("overload", "0", "1"), ("Saturated", "no", "yes"), ("error_code", "0", "17"), ("Status", "OK", "OVERLOAD"),
+        ("ft_error_flag", "False", "True"), ("isSaturated", "0", "1"), ("cable ok", "1", "0"),
+        ("Status_hex", "0", "1F"), ("fz_valid", "1", "nan"), ("data ok", "yes", "no"), ("Status (hex)", "0", "1F"),
+    ]:  # fmt: skip
         rows = "".join(f"{k / 100},{bad if k in (3, 4) else good},0.{k}\n" for k in range(9))
         log, columns = log_of(tmp_path, f"time_s,{name},fz_n\n{rows}")
         assert np.flatnonzero(np.isnan(log.force_n("fz"))).tolist() == [3, 4]

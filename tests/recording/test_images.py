@@ -13,7 +13,7 @@ import numpy as np
 import pydicom
 import pytest
 import tifffile
-from foreign_files import FRAMES, STORED, pictures_of, sizes_of, write_dicom
+from foreign_files import FRAMES, STORED, pictures_of, write_dicom
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import FrameError
@@ -55,18 +55,6 @@ def test_colour_becomes_grey_alike_in_all_formats(tmp_path: Path) -> None:
     pixels, scan = read_image(tmp_path / "a.png")
     np.testing.assert_array_equal(pixels, grey)
     assert any("transparency" in note for note in scan.notes)
-
-
-def test_a_frame_of_dicom_has_its_scale_and_is_turned_as_its_scanner_needs(tmp_path: Path) -> None:
-    maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000"}
-    for tags, shown, sizes in [
-        ({"PixelSpacing": [0.004, 0.015]}, RAMP, (4e-6, 15e-6)),
-        ({"PixelSpacing": [0.02, 0.003]} | maker, RAMP.T, (3e-6, 20e-6)),
-    ]:
-        write_dicom(tmp_path / "a.dcm", RAMP, **tags)
-        pixels, scan = read_image(tmp_path / "a.dcm")
-        np.testing.assert_array_equal(pixels, shown)
-        assert sizes_of(scan) == pytest.approx(sizes)
 
 
 def test_odd_dicom_tags_are_read_without_a_warning(tmp_path: Path) -> None:
