@@ -284,7 +284,7 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
 def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:
     for name, first, second in [
         ("Time", "11/26/2026 10:15:30.250 PM", "11/26/2026 10:15:30.260 PM"),
-        ("Timestamp", "26.11.2026 22:15:30.250", "26.11.2026 22:15:30.260"),
+        ("Timestamp", "26.11.2026 22:15:30,250", "26.11.2026 22:15:30,260"),
         ("Date/Time", "Nov 26, 2026 10:15:30.250 PM", "Nov 26, 2026 10:15:30.260 PM"),
         ("Zeit", "26. Nov 2026 22:15:30.250", "26. Nov 2026 22:15:30.260"),
         ("datetime", "2026-11-26T22:15:30.250Z", "2026-11-26T23:15:30.260+01:00"),

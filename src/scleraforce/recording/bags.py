@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -71,16 +70,7 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
     return pixels[..., 0] if colour is None else np.asarray(cv2.cvtColor(pixels, colour))
 
 
-@dataclass(frozen=True, eq=False)
-class _Topic:
-    """The messages of a topic, of all its publishers, in the order of their stamps.
-
-    `order` has their places in the order of arrival, from 0, without repeated messages.
-    """
-
-    time_s: NDArray[np.float64]
-    order: NDArray[np.intp]
-    notes: tuple[str, ...]
+_Ordered = tuple[NDArray[np.float64], NDArray[np.intp], tuple[str, ...]]
 
 
 class _Heard(NamedTuple):
@@ -163,14 +153,15 @@ def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator
         yield _Heard(each.id, captured_ns, arrived_ns, message.header.frame_id), message
 
 
-def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> _Topic:
-    """Sort the messages of a topic by stamp, or by arrival; `content` of each shows which are repeated."""
+def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> "_Ordered":
+    """Sort the messages of a topic by stamp, or by arrival; `content` of each shows which are repeated.
+
+    Return their times, their places in the order of arrival, without repeated messages, and notes.
+    """
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
-            raise InputError(
-                f"{place}: header.frame_id is {heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message "
-                f"{nth}; {SPLIT}"
-            )
+            found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
+            raise InputError(f"{place}: header.frame_id is {found}; {SPLIT}")
     publisher, captured_ns, arrived_ns = np.array([each[:3] for each in heard], dtype=np.int64).T
     late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
     stamps_ns = arrived_ns if by_arrival else captured_ns
@@ -189,14 +180,12 @@ def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes
     repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
     for one, other in zip(order[repeated].tolist(), order[repeated + 1].tolist(), strict=True):
         if content(one) != content(other):
-            raise RecordingError(
-                f"{place}: its stamps do not run forward: messages {one} and {other} differ and have one stamp, "
-                f"{stamps_ns[one] / SECOND_NS:.6f} s; {SPLIT}"
-            )
+            found = f"messages {one} and {other} differ and have one stamp, {stamps_ns[one] / SECOND_NS:.6f} s"
+            raise RecordingError(f"{place}: its stamps do not run forward: {found}; {SPLIT}")
     if repeated.size:
         notes.append(f"{place}: {repeated.size} messages repeat another's stamp and content; they are left out")
     order = np.delete(order, repeated + 1)
-    return _Topic(stamps_ns[order] / float(SECOND_NS), order, tuple(notes))
+    return stamps_ns[order] / float(SECOND_NS), order, tuple(notes)
 
 
 def _check_stamped(place: str, captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
@@ -265,15 +254,15 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
                 raise FrameError(f"{topic}: {found}; {SPLIT}")
         heard.append(each)
         digests.append(blake2b(message.data).digest())
-    ordered = _ordered(topic, heard, digests.__getitem__, by_arrival)
+    time_s, order, notes = _ordered(topic, heard, digests.__getitem__, by_arrival)
     return Scan(
-        names=tuple(f"{path}: {topic}[{nth}]" for nth in ordered.order.tolist()),
+        names=tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist()),
         rows=first.shape[0],
         columns=first.shape[1],
-        pictures=lambda: _pictures(path, topic, ordered.order.tolist()),
+        pictures=lambda: _pictures(path, topic, order.tolist()),
         bits=8 if first.dtype == np.uint8 else None,
-        times=Times(ordered.time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
-        notes=ordered.notes,
+        times=Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
+        notes=notes,
     ).of_file(path)
 
 
@@ -305,8 +294,9 @@ def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_a
         values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
         heard.append(each)
     wrench_sc = np.array(values, dtype=np.float64)
-    ordered = _ordered(connections[0].topic, heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
+    content = lambda nth: wrench_sc[nth].tobytes()  # noqa: E731
+    time_s, order, notes = _ordered(connections[0].topic, heard, content, by_arrival)
     names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
     measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
-    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {note}" for note in ordered.notes)
-    return ForceLog(ordered.time_s, wrench_sc[ordered.order][:, measured], columns, notes)
+    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {note}" for note in notes)
+    return ForceLog(time_s, wrench_sc[order][:, measured], columns, notes)

@@ -95,12 +95,9 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    r"""Return rows as a table: a column for each key of any row, empty where a row has none.
+    """Return rows as a table: a column for each key of any row, empty where a row has none.
 
     Texts that a spreadsheet would take for a formula get an apostrophe in front.
-
-    >>> csv_text([{"file": "=1+1.png", "force_mn": -2.5}])
-    "file,force_mn\n'=1+1.png,-2.5\n"
     """
     flattened = [flat(row) for row in rows]
     every = dict.fromkeys(name for row in flattened for name in row)

@@ -40,18 +40,27 @@ def read_film(path: Path) -> Scan:
     steps_s, pace = np.diff(time_s), f"film of {rate_hz:g} frames a second"
     if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
+    notes = [
+        "a film's compression changes grey levels and fine structure; times are those at which it plays, from its "
+        "first frame on (--rate-hz where frames were taken at another rate)"
+    ]
+    with path.open("rb") as file:  # Matroska states no number of frames
+        known = "" if file.read(4) == MATROSKA else f"states {stated} frames, of which "
+    count = len(times_ms)
+    if _ends_early(path):
+        notes.append(f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states")
+    elif known and count < stated:
+        notes.append(
+            f"holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged"
+        )
     return Scan(
-        names=frame_names(path, len(times_ms)),
+        names=frame_names(path, count),
         rows=rows,
         columns=columns,
         pictures=lambda: _pictures(path, (rows, columns), deep),
         bits=None if deep else 8,
         times=Times(time_s, pace) if rising(time_s) else None,
-        notes=(
-            "a film's compression changes grey levels and fine structure; times are those at which it plays, "
-            "from its first frame on (--rate-hz where frames were taken at another rate)",
-            *_missing(path, stated, len(times_ms)),
-        ),
+        notes=tuple(notes),
     ).of_file(path)
 
 
@@ -84,18 +93,6 @@ def _bits_of(tag: bytes) -> int | None:
     if deep := re.fullmatch(rb"[PYXv]\d(10|12|16)", tag):
         return int(deep[1])
     return 8 if tag.isalnum() or tag == b"PAL\x08" else None
-
-
-def _missing(path: Path, stated: int, count: int) -> tuple[str, ...]:
-    """Note a file that ends early, or holds more frames than it plays. Matroska states no number of frames."""
-    with path.open("rb") as file:
-        head = file.read(4)
-    known = "" if head == MATROSKA else f"states {stated} frames, of which "
-    if _ends_early(path):
-        return (f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states",)
-    if known and count < stated:
-        return (f"holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged",)
-    return ()
 
 
 def _ends_early(path: Path) -> bool:

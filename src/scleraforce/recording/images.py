@@ -161,11 +161,7 @@ def _exif_orientation(exif: bytes) -> int:
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
-    """Return the frames of an array; a file of one array is read from the disk on demand.
-
-    `axes` are in the order of the array's indices; `array` names the frames in a .npz, by default its only array of
-    two or three axes.
-    """
+    """Return the frames of an array; `array` is its name in a .npz, by default the only one of two or three axes."""
     with named_faults(path, "NumPy file of numbers"):
         return array_scan(path, _numpy_array(path, array), axes)
 

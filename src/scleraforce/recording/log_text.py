@@ -43,13 +43,7 @@ MOMENT = re.compile(rf"\s*(({NUMBERS}|{WORDS})[,\s]*T?\s*)?{TIME_OF_DAY}\s*")
 
 
 def clock_of(text: str) -> str | None:
-    """Return the notation of a date or time, None for other texts; "" if day and month may change places.
-
-    >>> clock_of("2026-11-26 10:15"), clock_of("11/26/2026 10:15:30 PM"), clock_of("26.11.2026 10:15:30,25")
-    ('iso', 'mdy', 'dmy')
-    >>> clock_of("Nov 26, 2026, 3:04:00 PM"), clock_of("10:15:30.250"), clock_of("5/6/2026 10:15"), clock_of("1.5")
-    ('date', 'clock', '', None)
-    """
+    """Return the notation of a date or time, None for other texts; "" if day and month may change places."""
     found = MOMENT.fullmatch(text)
     if found is None:
         return None
