@@ -22,7 +22,7 @@ def with_commas(rows: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return [tuple(field if field.endswith("png") else field.replace(".", ",") for field in row) for row in rows]
 
 
-WAYS: dict[str, Callable[[list[tuple[str, ...]]], bytes]] = {
+FORMS: dict[str, Callable[[list[tuple[str, ...]]], bytes]] = {
     "quoted": lambda rows: joined(rows, ",", quote=True).encode(),
     "semicolons": lambda rows: joined(rows, ";").encode(),
     "decimal commas": lambda rows: joined(with_commas(rows), ";").encode(),
@@ -31,18 +31,19 @@ WAYS: dict[str, Callable[[list[tuple[str, ...]]], bytes]] = {
     "tabs and decimal commas": lambda rows: joined(with_commas(rows), "\t").encode(),
     "old Mac": lambda rows: joined(rows, ";", end="\r").encode(),
     "trailing separators": lambda rows: joined([*rows, ("",) * len(rows[0])], ";", end=";;\n").encode(),
+    "padded": lambda rows: joined([tuple(f"{field:>15}" for field in row) for row in rows], ";", end="  \n").encode(),
     "UTF-16": lambda rows: joined(rows, "\t").encode("utf-16"),
     "byte order mark": lambda rows: b"\xef\xbb\xbf" + joined(rows, ";").encode(),
 }
 
 
 def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
-    for way in WAYS:
-        (tmp_path / "forces.csv").write_bytes(WAYS[way](FORCES))
+    for form in FORMS:
+        (tmp_path / "forces.csv").write_bytes(FORMS[form](FORCES))
         log = read_force_log(tmp_path / "forces.csv", "fz")
         np.testing.assert_allclose(log.time_s, np.arange(60) / 100)
         np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
-        (tmp_path / "frames.csv").write_bytes(WAYS[way](FRAMES))
+        (tmp_path / "frames.csv").write_bytes(FORMS[form](FRAMES))
         frames = read_frame_list(tmp_path / "frames.csv")
         assert [(frame.file, frame.time_s, frame.pierced) for frame in frames] == [
             ("a.png", 0.2, False),

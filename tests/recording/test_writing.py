@@ -73,16 +73,6 @@ def test_the_tables_have_no_padding_for_any_csv_reader(tmp_path):
     assert [float(row["fx_n"]) for row in forces] == pytest.approx([1e-5 * number for number in range(200)])
 
 
-def test_tables_that_are_padded_are_read(tmp_path):
-    RecordingWriter(tmp_path / "rec", INFO, "A test.").add("1.png", 0.5, FRAMES[0])
-    (tmp_path / "rec" / "frames.csv").write_text("           file,         time_s\n          1.png,       0.500000\n")
-    table = "".join(f"{k / 100:>15},{k / 1e4:>15}  \n" for k in range(50))
-    (tmp_path / "rec" / "forces.csv").write_text(f"{'time_s':>15},{'fz_n':>15}  \n{table}")
-    recording = read_recording(tmp_path / "rec")
-    assert [(frame.file, frame.time_s) for frame in recording.frames] == [("1.png", 0.5)]
-    assert recording.forces.force_n("fz") == pytest.approx(np.arange(50) / 1e4)
-
-
 def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
     writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
     writer.add("0000001.png", 1.0, FRAMES[1])
