@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -44,14 +43,6 @@ PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
 PUBLIC_MODULES = sorted({getattr(scleraforce, name).__module__ for name in PUBLIC})
 
 
-@dataclass(frozen=True)
-class Example:
-    """A command and its output on the page."""
-
-    command: str
-    output: str
-
-
 def name_of(page: Path) -> str:
     return str(page.relative_to(ROOT).as_posix()).removeprefix("docs/")
 
@@ -60,43 +51,32 @@ def blocks(page: Path, language: str) -> list[str]:
     return [body for name, body in FENCE.findall(page.read_text(encoding="utf-8")) if name == language]
 
 
-def examples(page: Path) -> Iterator[Example]:
-    """The commands of a page's console blocks; a backslash at the end of a line continues it."""
+def examples(page: Path) -> Iterator[tuple[str, str]]:
+    """Yield the commands of a page's console blocks with their output; a backslash at the end continues a line."""
     for body in blocks(page, "console"):
         assert body.startswith("$ "), f"{page.name}: a console block starts with `$ command`:\n{body}"
         for part in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
             lines = part.splitlines()
             ends = next(n for n, line in enumerate(lines) if not line.endswith("\\"))
-            yield Example("\n".join(lines[: ends + 1]), "\n".join(lines[ends + 1 :]).strip())
+            yield "\n".join(lines[: ends + 1]), "\n".join(lines[ends + 1 :]).strip()
 
 
 def pages_with_commands() -> list[object]:
-    """Pages whose commands take long are marked slow."""
+    """Return the pages with commands; slow if these take long."""
     found = []
     for page in PAGES:
-        used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
-        if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
+        shown = [command for command, _ in examples(page) if not command.startswith("make ")]
+        used = {name for command in shown for name in COMMANDS if f"scleraforce {name}" in command}
+        if shown:
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
             marks = [*[pytest.mark.slow] * bool(used & SLOW_COMMANDS), *[long] * bool(used & LONG_COMMANDS)]
             found.append(pytest.param(page, id=name_of(page), marks=marks))
     return found
 
 
-WRITTEN = re.compile(r"(?:--(?:out|html|plot|black-box)[ =]|(?<![0-9&]) > )([^\s&]+)")
-
-
 def ignored(name: str) -> bool:
     """Return True if git ignores a file of this name in the project's folder."""
     return subprocess.run(["git", "check-ignore", "-q", name], cwd=ROOT, check=False).returncode == 0
-
-
-@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
-def test_files_that_the_examples_of_the_readme_write_are_ignored_by_git() -> None:
-    commands = [example.command for example in examples(ROOT / "README.md")]
-    names = {name.split("/")[0] for command in commands for name in WRITTEN.findall(command)}
-    assert {"eye-a", "modulus.json", "answers.html", "browse.html"} <= names
-    assert [name for name in sorted(names) if not ignored(name)] == []
-    assert not ignored("src/scleraforce/reader/model.py")
 
 
 @pytest.mark.parametrize("page", pages_with_commands())
@@ -107,16 +87,16 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
     environment = os.environ | {"PATH": path, "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     checker = doctest.OutputChecker()
-    for example in examples(page):
-        if example.command.startswith(("make", "cd ", "git ")):
+    for command, output in examples(page):
+        if command.startswith("make "):
             continue
         given = {"cwd": tmp_path, "env": environment, "timeout": 600.0}
-        done = subprocess.run(["bash", "-c", example.command], capture_output=True, text=True, check=False, **given)
-        assert done.returncode == 0, f"{page.name}: $ {example.command}\n{done.stdout}{done.stderr}"
-        if example.output:
+        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, **given)
+        assert done.returncode == 0, f"{page.name}: $ {command}\n{done.stdout}{done.stderr}"
+        if output:
             flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-            assert checker.check_output(example.output + "\n", done.stdout, flags), (
-                f"{page.name}: $ {example.command}\nprinted:\n{done.stdout}\nthe page shows:\n{example.output}"
+            assert checker.check_output(output + "\n", done.stdout, flags), (
+                f"{page.name}: $ {command}\nprinted:\n{done.stdout}\nthe page shows:\n{output}"
             )
     if page.name != "README.md":
         return
@@ -134,7 +114,7 @@ def test_every_make_target_link_language_and_toml_of_a_page_exists() -> None:
         missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
         assert not missing, f"{page.name} links to {missing}, which do not exist"
         if page in PAGES:
-            called = {example.command.split()[1] for example in examples(page) if example.command.startswith("make ")}
+            called = {command.split()[1] for command, _ in examples(page) if command.startswith("make ")}
             assert called <= targets, page
             unknown = {name for name, _ in FENCE.findall(text)} - LANGUAGES
             assert not unknown, f"{page}: blocks in {unknown}"
@@ -172,7 +152,7 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
 
 @pytest.fixture(scope="module")
 def notebook_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Inputs of the examples of the public functions."""
+    """Return a folder with the inputs of the public functions' examples."""
     folder = tmp_path_factory.mktemp("notebook")
     write_notebook_folder(folder)
     return folder
@@ -255,13 +235,7 @@ def test_every_module_that_a_text_names_exists() -> None:
         if found:
             missing[str(path.relative_to(ROOT))] = found
     assert not missing, f"named, but missing: {missing}"
-
-
-def test_a_name_that_does_not_exist_would_be_found() -> None:
-    assert exists("reader.model")
-    assert exists("reader.model.LiveReader")
-    assert not exists("imaging.segmentation")
-    assert not exists("reader.life")
+    assert [exists(name) for name in ("reader.model", "reader.model.LiveReader", "reader.life")] == [True, True, False]
     assert named("`reader.life` and scleraforce.gone, `recording.toml`") == ["reader.life", "gone"]
 
 
@@ -306,16 +280,14 @@ HAZARD_HEAD = [
     "", "hazard", "foreseeable sequence of events", "hazardous situation", "what the software does", "verified by",
     "what is left",
 ]  # fmt: skip
-HAZARD_ROWS = [
-    [cell.strip() for cell in line.strip("|").split("|")] for line in HAZARDS.splitlines() if line.startswith("| H")
-]
+HAZARD_ROWS = [cells(line) for line in HAZARDS.splitlines() if line.startswith("| H")]
 REQUIREMENTS = tomllib.loads(STATED.read_text(encoding="utf-8"))["requirement"]
 
 
 def test_the_tables_have_the_columns_of_a_risk_file_and_no_empty_cell() -> None:
     heads = [line for line in HAZARDS.splitlines() if line.startswith("| | hazard")]
     assert heads
-    assert all([cell.strip() for cell in line.strip("|").split("|")] == HAZARD_HEAD for line in heads)
+    assert all(cells(line) == HAZARD_HEAD for line in heads)
     assert all(len(row) == len(HAZARD_HEAD) and all(row) for row in HAZARD_ROWS)
     assert [row[0] for row in HAZARD_ROWS] == [f"H{number}" for number in range(1, len(HAZARD_ROWS) + 1)]
 
@@ -326,20 +298,18 @@ def test_each_hazard_cites_requirements_and_each_requirement_belongs_to_one() ->
     assert [one["id"] for one in REQUIREMENTS] == [f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)]
 
 
-def test_the_trace_is_of_todays_tests() -> None:
-    written = (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8")
-    assert written == trace_page(), "run `make trace`"
-
-
 def test_research_use_is_stated_first() -> None:
     for page in ("hazards.md", "requirements.md"):
         text = (ROOT / "docs" / page).read_text(encoding="utf-8").split("\n\n", 2)[1]
         assert text.startswith("**Research use only: not a medical device, not for use on patients.**")
 
 
-def test_a_requirement_without_a_test_is_found(tmp_path: Path) -> None:
-    stated = tmp_path / "requirements.toml"
-    absent = "there is no such test"
+def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(tmp_path: Path) -> None:
+    page = trace_page()
+    assert (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8") == page, "run `make trace`"
+    assert re.search(r"::test_a_bound_that_adapts\w+` \*\(slow\)\*", page)
+    assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)
+    stated, absent = tmp_path / "requirements.toml", "there is no such test"
     faults = {
         '["tests/monitor/test_decision.py::test_that_is_not_there"]': absent,
         '["tests/nowhere.py::test_the_table_is_total"]': absent,
@@ -349,9 +319,3 @@ def test_a_requirement_without_a_test_is_found(tmp_path: Path) -> None:
         stated.write_text(f'[[requirement]]\nid = "R1"\ntext = "..."\ntests = {tests}\n')
         with pytest.raises(ValueError, match=fault):
             trace_page(stated)
-
-
-def test_a_slow_test_is_marked_so() -> None:
-    page = trace_page()
-    assert re.search(r"::test_a_bound_that_adapts\w+` \*\(slow\)\*", page)
-    assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)

@@ -19,14 +19,32 @@ from typing import Any
 import cv2
 import numpy as np
 from analytic_library import analytic_library, solve_analytic
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import ExplicitVRLittleEndian, generate_uid
 from small_models import rehash_model, rehash_store, write_fixed_reader
 from small_recordings import calibration_text, write_small_recording
 
+from scleraforce.calibration.result import parse_calibration
 from scleraforce.errors import InputError
-from scleraforce.study import LibraryStudy, Study, format_study
+from scleraforce.known import Known
+from scleraforce.known.calibration_file import open_calibration, read_calibration
+from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, open_dataset, plan_dataset
+from scleraforce.library.build import build_library
+from scleraforce.library.store import open_library
+from scleraforce.reader import load_force_reader
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.images import read_frame
+from scleraforce.recording.labels import label_frames
+from scleraforce.study import DatasetGroup, DatasetStudy, LibraryStudy, SliceStudy, Study, format_study, read_study
 
 SECONDS, MEMORY = 20, 3 * 2**30
-SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
+SPECIAL: dict[str, Callable[[Path], object]] = {
+    "pipe": os.mkfifo,
+    "endless": lambda path: path.symlink_to("/dev/zero"),
+    "folder": Path.mkdir,
+    "empty": Path.touch,
+    "nothing": lambda _: None,
+}
 SMALL_LIBRARY = LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=16)
 NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
          '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",
@@ -37,11 +55,14 @@ VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"
 
 def write_whole_ones(folder: Path) -> None:
     """Write a file or folder of every kind."""
-    write_whole_files(folder)
-    from scleraforce.learning.dataset import SLICES, create_dataset, plan_dataset
-    from scleraforce.library.build import build_library
-    from scleraforce.study import DatasetGroup, DatasetStudy, SliceStudy
-
+    (folder / "study.toml").write_text(format_study(Study()))
+    write_small_recording(folder / "recording", frames=4)
+    (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
+    picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
+    (folder / "frames").mkdir()
+    for suffix in ("png", "tif", "jpg"):
+        cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
+    _write_dicom(folder / "frames" / "frame.dcm", picture)
     group = DatasetGroup(images=20)
     study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
     write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
@@ -54,22 +75,7 @@ def write_whole_ones(folder: Path) -> None:
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
 
 
-def write_whole_files(folder: Path) -> None:
-    """Write the files that are quickly made: study, recording, calibration and frames."""
-    (folder / "study.toml").write_text(format_study(Study()))
-    write_small_recording(folder / "recording", frames=4)
-    (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
-    picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
-    (folder / "frames").mkdir()
-    for suffix in ("png", "tif", "jpg"):
-        cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
-    _write_dicom(folder / "frames" / "frame.dcm", picture)
-
-
 def _write_dicom(path: Path, picture: np.ndarray) -> None:
-    from pydicom.dataset import FileDataset, FileMetaDataset
-    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
-
     meta = FileMetaDataset()
     meta.TransferSyntaxUID, meta.MediaStorageSOPClassUID = ExplicitVRLittleEndian, "1.2.840.10008.5.1.4.1.1.77.1.5.4"
     meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["hostile"])
@@ -82,60 +88,31 @@ def _write_dicom(path: Path, picture: np.ndarray) -> None:
     dataset.save_as(path, enforce_file_format=True)
 
 
-def _read_study(folder: Path) -> None:
-    from scleraforce.study import read_study
-
-    read_study(folder / "study.toml")
+def _read_recording(folder: Path) -> object:
+    return label_frames(read_recording(folder / "recording"), Study().classes)
 
 
-def _read_recording(folder: Path) -> None:
-    from scleraforce.recording.folder import read_recording
-    from scleraforce.recording.labels import label_frames
-
-    label_frames(read_recording(folder / "recording"), Study().classes)
+def _read_frames(folder: Path) -> object:
+    return [read_frame(path) for path in sorted((folder / "frames").iterdir())]
 
 
-def _read_frames(folder: Path) -> None:
-    from scleraforce.recording.images import read_frame
-
-    for path in sorted((folder / "frames").iterdir()):
-        read_frame(path)
+def _read_calibration(folder: Path) -> object:
+    path = folder / "calibration.json"
+    return read_calibration(path), parse_calibration(open_calibration(path))
 
 
-def _read_calibration(folder: Path) -> None:
-    from scleraforce.calibration.result import parse_calibration
-    from scleraforce.known.calibration_file import open_calibration, read_calibration
-
-    read_calibration(folder / "calibration.json")
-    parse_calibration(open_calibration(folder / "calibration.json"))
-
-
-def _read_model(folder: Path) -> None:
-    from scleraforce.known import Known
-    from scleraforce.reader import load_force_reader
-
+def _read_model(folder: Path) -> object:
     model = load_force_reader(folder / "model")
-    model.read_slices(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
+    return model.read_slices(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
 
 
-def _read_dataset(folder: Path) -> None:
-    from scleraforce.learning.dataset import DTYPES, open_dataset
-
-    dataset = open_dataset(folder / "dataset")
-    for name in ("slices", *DTYPES):
-        dataset.read(name)
-
-
-def _read_library(folder: Path) -> None:
-    from scleraforce.library.store import open_library
-
-    open_library(folder / "library")
+def _read_dataset(folder: Path) -> object:
+    return [open_dataset(folder / "dataset").read(name) for name in ("slices", *DTYPES)]
 
 
 # Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.
-Reader = Callable[[Path], None]
-KINDS: dict[str, tuple[str, Reader, Callable[[Path], None] | None]] = {
-    "study": ("study.toml", _read_study, None),
+KINDS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], None] | None]] = {
+    "study": ("study.toml", lambda folder: read_study(folder / "study.toml"), None),
     "recording": ("recording/recording.toml", _read_recording, None),
     "frame list": ("recording/frames.csv", _read_recording, None),
     "force log": ("recording/forces.csv", _read_recording, None),
@@ -148,7 +125,7 @@ KINDS: dict[str, tuple[str, Reader, Callable[[Path], None] | None]] = {
     "network": ("model/model.onnx", _read_model, lambda folder: rehash_model(folder / "model", "model.onnx")),
     "npz": ("model/library.npz", _read_model, lambda folder: rehash_model(folder / "model", "library.npz")),
     "dataset": ("dataset/**/*", _read_dataset, lambda folder: rehash_store(folder / "dataset")),
-    "library": ("library/**/*", _read_library, lambda folder: rehash_store(folder / "library")),
+    "library": ("library/**/*", lambda folder: open_library(folder / "library"), lambda f: rehash_store(f / "library")),
 }
 
 
@@ -158,14 +135,15 @@ def damage(folder: Path, kind: str, seed: int | str) -> Path:
     pattern, _, rehash = KINDS[kind]
     path = rng.choice(sorted(file for file in folder.glob(pattern) if file.is_file()))
     if isinstance(seed, str):
-        _replace(path, seed)
+        path.unlink()
+        SPECIAL[seed](path)
         return path
     content = path.read_bytes()
     if path.suffix == ".json" and rng.random() < 0.5:
         path.write_text(json.dumps(_changed(json.loads(content), rng)))
     else:
         for _ in range(rng.choice((1, 1, 2, 5))):
-            content = rng.choice(MUTATIONS)(content, rng)
+            content = _mutated(content, rng)
         path.write_bytes(content)
     if rehash and rng.random() < 0.7:
         try:
@@ -173,19 +151,6 @@ def damage(folder: Path, kind: str, seed: int | str) -> Path:
         except (ValueError, KeyError, TypeError, AttributeError):
             return path  # the hashes themselves are damaged
     return path
-
-
-def _replace(path: Path, special: str) -> None:
-    path.unlink()
-    match special:
-        case "pipe":
-            os.mkfifo(path)
-        case "endless":
-            path.symlink_to("/dev/zero")
-        case "folder":
-            path.mkdir()
-        case "empty":
-            path.touch()
 
 
 def _changed(value: Any, rng: random.Random) -> Any:
@@ -201,47 +166,30 @@ def _changed(value: Any, rng: random.Random) -> Any:
     return rng.choice(VALUES)
 
 
-def _flip(content: bytes, rng: random.Random) -> bytes:
-    if not content:
-        return b"\xff"
-    at = rng.randrange(len(content))
-    return content[:at] + bytes([content[at] ^ (1 << rng.randrange(8))]) + content[at + 1 :]
-
-
-def _cut(content: bytes, rng: random.Random) -> bytes:
+def _mutated(content: bytes, rng: random.Random) -> bytes:
+    """Flip a bit, cut or double a part, insert or overwrite bytes, or replace a word or number."""
     low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
-    return content[:low] + content[high:]
-
-
-def _doubled(content: bytes, rng: random.Random) -> bytes:
-    low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
-    return content[:high] + content[low:]
-
-
-def _inserted(content: bytes, rng: random.Random) -> bytes:
-    at = rng.randrange(len(content) + 1)
-    return content[:at] + rng.choice([rng.choice(NASTY).encode(), rng.randbytes(8), b"\xff" * 8]) + content[at:]
-
-
-def _token(content: bytes, rng: random.Random) -> bytes:
-    """Put something nasty for a word or a number."""
     tokens = list(re.finditer(rb"[A-Za-z0-9_.+-]+", content[:100_000]))
-    if not tokens:
-        return content
-    token = rng.choice(tokens)
-    return content[: token.start()] + rng.choice(NASTY).encode() + content[token.end() :]
-
-
-def _overwritten(content: bytes, rng: random.Random) -> bytes:
-    at = rng.randrange(len(content) + 1)
-    return content[:at] + rng.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", rng.randbytes(4)]) + content[at + 4 :]
-
-
-MUTATIONS = (_flip, _flip, _cut, _doubled, _inserted, _token, _token, _overwritten)
+    match rng.choice(("flip", "flip", "cut", "double", "insert", "overwrite", "token", "token")):
+        case "flip" if content:
+            at = rng.randrange(len(content))
+            return content[:at] + bytes([content[at] ^ (1 << rng.randrange(8))]) + content[at + 1 :]
+        case "cut":
+            return content[:low] + content[high:]
+        case "double":
+            return content[:high] + content[low:]
+        case "overwrite":
+            return content[:low] + rng.choice([b"\xff" * 4, bytes(4), rng.randbytes(4)]) + content[low + 4 :]
+        case "token" if tokens:
+            token = rng.choice(tokens)
+            return content[: token.start()] + rng.choice(NASTY).encode() + content[token.end() :]
+        case _:
+            inserted = rng.choice([rng.choice(NASTY).encode(), rng.randbytes(8), b"\xff" * 8])
+            return content[:low] + inserted + content[low:]
 
 
 def judge(folder: Path, kind: str) -> str | None:
-    """Read what was damaged; return what is wrong with how that ended, None where all is well."""
+    """Read the damaged file; return the fault of the reading, or None."""
     before = _listing(folder)
     signal.signal(signal.SIGALRM, _too_long)
     signal.alarm(SECONDS)
@@ -269,9 +217,10 @@ def main() -> None:
     copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}-{last}")
     top = KINDS[kind][0].partition("/")[0]
     copy.mkdir()
-    _copy(whole / top, copy / top)
+    (shutil.copytree if (whole / top).is_dir() else shutil.copyfile)(whole / top, copy / top)
     assert judge(copy, kind) is None, "what is whole cannot be read"
-    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY,) * 2)
+    address_space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (address_space + MEMORY,) * 2)
     for seed in (*SPECIAL, *range(first, last)):
         print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - the last printed seed is the one that crashed
         path = damage(copy, kind, seed)
@@ -288,17 +237,6 @@ def _restore(whole: Path, path: Path) -> None:
     path.unlink(missing_ok=True)
     if whole.exists():
         shutil.copyfile(whole, path)
-
-
-def _copy(whole: Path, path: Path) -> None:
-    if whole.is_dir():
-        shutil.copytree(whole, path)
-    else:
-        shutil.copyfile(whole, path)
-
-
-def _address_space() -> int:
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
 if __name__ == "__main__":
