@@ -1,7 +1,6 @@
-"""Young's modulus, frame by frame: the Kalman filter on frames of known force.
+"""Young's modulus, frame by frame.
 
-Each frame of known force narrows what is known of the eye's stiffness. The prior is wide (0.49 ± 0.34 MPa); a few
-frames suffice.
+The Kalman filter starts from a wide prior (0.49 ± 0.34 MPa); a few frames of known force suffice.
 """
 
 import sys

@@ -1,6 +1,7 @@
-"""One eye under one force, in three dimensions: the mesh cut open, and the slice that a network sees.
+"""One eye under one force, in three dimensions.
 
-The page of `scleraforce simulate --html` shows the same wall to be turned.
+Left the mesh, cut open; right the slice that the network sees. `scleraforce simulate --html` writes a page on which the
+wall can be turned.
 """
 
 import sys

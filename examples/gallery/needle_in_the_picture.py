@@ -1,7 +1,7 @@
-"""The needle in the picture: its shaft shadows the wall, and says how far the B-scan lies from its axis.
+"""A needle in the picture.
 
-A study asks for the needle with `[phantom] needle_count = [1]`. The wall below the shaft is not seen, so it is not
-guessed: the frame is judged on what is beside it.
+The shaft shadows the wall, and shows that the B-scan passes through it. The wall below the shaft cannot be seen; the
+frame is judged on both sides of it. `[phantom] needle_count = [1]` of a study draws such frames.
 """
 
 import sys

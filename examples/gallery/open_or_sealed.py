@@ -1,7 +1,7 @@
 """Open or sealed: the same dent, another force.
 
-In an open globe (infused or vented) the pressure stays. In a sealed one it rises with the dent, by the law of van der
-Werff (1981), and the same dent takes more force. Declared open, a sealed eye is read too low.
+In an open globe (infused or vented) the pressure is constant. In a sealed one it rises with the dent (van der Werff
+1981), and the same dent takes more force. A sealed eye that is declared open is read too low.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""Three raw frames and the wall found in each: harmless, class 1, withdraw.
+"""Raw frames and their walls: harmless, considerable, dangerous.
 
-A virtual laboratory pushes one eye three times and images it. `sf.segment` finds the surface and the wall's inner
-boundary in each frame.
+A virtual laboratory pushes one eye three times and images it. `sf.segment` finds the surface and the inner boundary of
+the wall in each frame.
 """
 
 import sys

@@ -1,6 +1,6 @@
-"""Forces from frames, with their 90 % intervals: the whole chain on one virtual eye.
+"""Forces from frames, with 90 % intervals.
 
-The reader is the bundled one. Three frames of known force give the eye's modulus, and the rest are read.
+Three frames of known force give the eye's modulus; the bundled reader reads the others.
 """
 
 import sys

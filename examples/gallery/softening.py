@@ -1,7 +1,7 @@
-"""A wall softens as it bends: linear mechanics against finite strain.
+"""A wall softens as it bends.
 
-The same wall, pushed by the same needle. Linear mechanics is right for dents of a small part of the wall's thickness; a
-real shell gives way further, and a model that was fitted at one force is wrong at another.
+The same wall under the same needle. Linear mechanics holds for dents of a small part of the wall's thickness. A real
+shell gives way further, so a linear model that is fitted at one force is wrong at another.
 """
 
 import sys

@@ -1,8 +1,7 @@
-"""A ramp of force: the decision at each frame, and the withdrawal.
+"""A ramp of force, and the withdrawal.
 
-The decision is a pure function of the state, the event and the limits. Here the force rises by 12 mN/s and stops at
-27 mN, below the bound of 30 mN. The upper end of the interval counts, and how fast it rises: the monitor withdraws
-before it reaches the bound, by the robot's reaction time.
+The force rises by 12 mN/s and stops at 27 mN, below the bound of 30 mN. The upper end of the interval counts, and its
+rise: the monitor withdraws before the force reaches the bound, by the robot's reaction time.
 """
 
 import sys
