@@ -18,7 +18,8 @@ ROOT = Path(__file__).parents[1]
 CLEAN = (
     *("benchmarks", "examples", "tests/benchmarks", "tests/support", "tests/conftest.py", "tests/reproduction"),
     "src/scleraforce/installation.py",
-    *("src/scleraforce/report", "src/scleraforce/reproduction"),
+    *("src/scleraforce/report", "src/scleraforce/reproduction", "src/scleraforce/calibration", "src/scleraforce/known"),
+    *("tests/calibration", "tests/known", "tests/report", "tests/test_gallery.py"),
     *("docs", "src/scleraforce/recording", "src/scleraforce/study"),
     *("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"),
     *("src/scleraforce/checked_store.py", "src/scleraforce/cluster.py", "src/scleraforce/compiled.py"),

@@ -21,7 +21,7 @@ ALIKE = 2.0  # of 255, in the mean
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Where the library of the scripts is kept."""
+    """A cache for the library of the scripts."""
     return cache_of_its_own(tmp_path_factory.mktemp("cache"))
 
 

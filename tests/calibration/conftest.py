@@ -1,12 +1,13 @@
-"""A small virtual laboratory: coarse walls, factored once for all tests of the room."""
+"""A small virtual laboratory: coarse walls, factored once for all tests of the package."""
 
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
+from analytic_frames import moving
 
-from ideal_boundaries import ideal_boundaries, virtual_sections
+from ideal_boundaries import virtual_sections
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
 from scleraforce.laboratory.light import Pose
@@ -36,27 +37,17 @@ class Laboratory:
 
     def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
         return EyeConstants(
-            iop_pa=eye.iop_pa,
-            thickness_m=eye.thickness_m,
-            gap_m=eye.gap_m,
-            polar_rad=eye.polar_rad,
-            polar_sd_rad=polar_sd_rad,
-            direction_rad=eye.direction_rad,
-            tilt_rad=eye.tilt_rad,
-        )
+            iop_pa=eye.iop_pa, thickness_m=eye.thickness_m, gap_m=eye.gap_m, polar_rad=eye.polar_rad,
+            polar_sd_rad=polar_sd_rad, direction_rad=eye.direction_rad, tilt_rad=eye.tilt_rad,
+        )  # fmt: skip
 
     def frames(
         self, eye: PhantomEye, forces_n: list[float], rng: np.random.Generator, noise_m: float = 5e-6
     ) -> list[tuple[Pose, Boundaries, float]]:
         """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between frames, and is turned a little."""
-        made = []
         sections = virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study)
-        for force_n, section in zip(forces_n, sections, strict=True):
-            lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-            pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
-            smoothing_m = self.study.calibration.surface_smoothing_m
-            made.append((pose, ideal_boundaries(section, pose, self.study.oct, noise_m, rng, smoothing_m), force_n))
-        return made
+        made = moving(sections, rng, noise_m, self.study)
+        return [(*frame, force_n) for frame, force_n in zip(made, forces_n, strict=True)]
 
 
 @pytest.fixture(scope="session")
@@ -67,11 +58,6 @@ def laboratory() -> Laboratory:
 @pytest.fixture(scope="session")
 def eye() -> PhantomEye:
     return PhantomEye(
-        id="virtual",
-        thickness_m=0.7e-3,
-        youngs_modulus_pa=0.27e6,
-        iop_pa=266.0,
-        gap_m=0.5e-3,
-        polar_rad=0.6,
+        id="virtual", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
         azimuth_rad=0.4,
-    )
+    )  # fmt: skip

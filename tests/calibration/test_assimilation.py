@@ -40,18 +40,6 @@ def calibrate(laboratory: Any, model: Any, frames: list[Any], study: Any = None,
     return sessions
 
 
-@pytest.mark.slow
-def test_modulus_is_within_2_percent_and_10_kpa_after_24_frames(laboratory: Any, eye: PhantomEye) -> None:
-    frames = laboratory.frames(eye, FORCES, np.random.default_rng(1))
-    sessions = calibrate(laboratory, laboratory.model(laboratory.stated(eye)), frames)
-    mean, sd = sessions[-1].modulus
-    assert mean == pytest.approx(eye.youngs_modulus_pa, rel=0.02)
-    assert sd < 10e3
-    assert abs(mean - eye.youngs_modulus_pa) < 2 * sd
-    assert sessions[-1].updates == 24
-    assert all(session.last.result.status == "ok" for session in sessions)
-
-
 def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
     laboratory: Any, eye: PhantomEye
 ) -> None:
@@ -144,7 +132,7 @@ def test_prior_has_the_moments_that_were_asked_for(mean: float, ratio: float, po
     assert found_sd == pytest.approx(ratio * mean)
 
 
-def test_lognormal_moments_equal_those_of_a_large_sample() -> None:
+def test_lognormal_moments_are_the_moments_of_a_large_sample() -> None:
     space = ParameterSpace((Parameter("x", mean=2.0, sd=1.0),))
     mean, covariance = space.prior()
     drawn = np.random.default_rng(0).normal(mean[0], np.sqrt(covariance[0, 0]), (200_000, 1))
@@ -174,20 +162,6 @@ def test_no_eye_has_values_that_are_not_finite_or_below_zero_without_leave() -> 
     for either_sign in (False, True):
         space = ParameterSpace((Parameter("x", mean=1.0, sd=1.0, positive=False, either_sign=either_sign),))
         assert space.exist(values).tolist() == [True, either_sign, False, False, False]
-
-
-@pytest.mark.slow
-def test_poses_are_found_to_50_um_with_the_contact_angle_unknown(laboratory: Any, eye: PhantomEye) -> None:
-    elsewhere = replace(laboratory.stated(eye, polar_sd_rad=0.1), polar_rad=eye.polar_rad + 0.1)
-    model, study = laboratory.model(elsewhere), laboratory.study.calibration
-    belief, errors_m, forces_n = first_belief(model), [], [0.02, 0.008, 0.05, 0.035, 0.006, 0.015]
-    for pose, boundaries, force_n in laboratory.frames(eye, forces_n, np.random.default_rng(0)):
-        prior = frame_prior(belief, study)
-        fit = register(model, boundaries, force_n, 0.49e6, prior)
-        belief = updated_belief(belief, prior, fit)
-        errors_m.append([fit.nuisance[BY_LATERAL] - pose.lateral_m, fit.nuisance[BY_DEPTH] - pose.depth_m])
-        assert fit.wall.youngs_modulus_pa == pytest.approx(eye.youngs_modulus_pa, rel=0.12)
-    assert np.sqrt(np.mean(np.square(errors_m), axis=0)).max() < 50e-6
 
 
 def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laboratory: Any, eye: PhantomEye) -> None:

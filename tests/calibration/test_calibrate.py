@@ -145,13 +145,6 @@ def test_the_population_is_the_mean_of_the_sound_eyes_and_can_leave_one_out(cali
     assert population(lost=9e6).population == (9e6, None)
 
 
-def test_low_and_high_forces_have_moduli_of_their_own(calibration: Calibration, eye: PhantomEye) -> None:
-    none, low, high = calibration.eyes["virtual"].by_class((5e-3, 25e-3))
-    assert none is None
-    assert low == pytest.approx(eye.youngs_modulus_pa, rel=0.06)
-    assert high == pytest.approx(eye.youngs_modulus_pa, rel=0.04)
-
-
 @pytest.mark.slow
 def test_a_recording_or_an_earlier_file_that_cannot_be_used_is_refused(
     laboratory: Any, recording: Recording, calibration: Calibration

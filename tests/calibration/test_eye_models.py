@@ -8,9 +8,9 @@ from typing import Any
 import analytic_library as analytic
 import numpy as np
 import pytest
+from analytic_frames import moving
 from analytic_library import analytic_library
 
-from ideal_boundaries import ideal_boundaries
 from reference_walls import cut_section, shift_in_plane
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
@@ -18,7 +18,6 @@ from scleraforce.calibration.eye_model import EyeConstants, lagrange, stated_wal
 from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, section_depths, without_form
 from scleraforce.calibration.registration import parameter_sections
 from scleraforce.errors import CalibrationError
-from scleraforce.laboratory.light import Pose
 from scleraforce.learning.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
 from scleraforce.learning.walls import Forms
 from scleraforce.library import Library
@@ -71,7 +70,7 @@ def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> N
 
 
 @pytest.mark.slow
-def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(laboratory: Any) -> None:
+def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(laboratory: Any) -> None:
     stated = replace(ASIDE, polar_rad=0.6)
     uncertain = laboratory.model(replace(stated, thickness_m=0.65e-3), thickness_uncertain=True)
     exact = laboratory.model(stated)
@@ -119,15 +118,9 @@ def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
     return Section(*sides)
 
 
-def frames(forces_n: Sequence[float], rng: np.random.Generator, stated: EyeConstants = STATED) -> list[Any]:
+def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundaries]:
     """Boundaries of the made-up eye, which moves."""
-    made = []
-    for force_n in forces_n:
-        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
-        smoothing_m = STUDY.calibration.surface_smoothing_m
-        made.append(ideal_boundaries(exact_section(force_n, stated), pose, STUDY.oct, 5e-6, rng, smoothing_m))
-    return made
+    return [boundaries for _, boundaries in moving([exact_section(force_n) for force_n in forces_n], rng)]
 
 
 def run(begun: assimilation.EyeSession, forces_n: Sequence[float], made: Sequence[Any]) -> assimilation.EyeSession:

@@ -111,14 +111,6 @@ def test_many_frames_show_the_errors() -> None:
             assert np.exp(slopes_of(frame) @ found) == pytest.approx(frame.force_n / frame.library_n, rel=0.01)
 
 
-def test_a_filter_that_was_led_astray_is_not_believed() -> None:
-    known = filtered()
-    off, _ = found_off(frames((15e-3, 30e-3, 50e-3), (-0.5, 0.0, 0.0, 0.0), known), known)
-    assert off[0] == pytest.approx(-0.5, abs=0.12)
-    sure, _ = found_off(frames((15e-3, 30e-3, 50e-3), (-0.02, 0.0, 0.0, 0.0), known), known)
-    assert abs(sure[2]) < 0.02
-
-
 def test_three_frames_of_tissue_that_stiffens_are_believed_and_noise_of_an_even_wall_is_not() -> None:
     known, forces_n = filtered(OPEN), (17e-3, 30e-3, 38e-3)
     read = frames(forces_n, (0.0, 0.0, 0.15, 1.2), known)
@@ -126,16 +118,6 @@ def test_three_frames_of_tissue_that_stiffens_are_believed_and_noise_of_an_even_
     assert regression(read, known, place_of(known)).scatter == 1.0
     noise, _ = found_off(frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.04), known), known)
     assert abs(noise[3]) < 0.03
-
-
-def test_the_four_together_are_surer_than_each() -> None:
-    """The force at a dent like those of the frames is known, however it is shared among the four."""
-    known = filtered()
-    read = frames((20e-3, 40e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known, relative_sd=0.01)
-    _, covariance = found_off(read, known)
-    slopes = slopes_of(read[1])
-    alone = np.sqrt(slopes**2 @ np.diag(covariance))
-    assert np.sqrt(slopes @ covariance @ slopes) < 0.011 < 0.5 * alone
 
 
 def test_the_mean_is_where_the_loss_is_least() -> None:
@@ -157,7 +139,7 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
 
 
 def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
-    """Whatever the four explain is no scatter; the rest is, over the expected one of each frame."""
+    """The scatter is the part that the four do not explain, over the expected one of each frame."""
     known = filtered(OPEN)
     agreeing = frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known)
     for read in ([], agreeing):
@@ -193,7 +175,7 @@ def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
 
 
 def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
-    """Boundaries of an eye at three dents, and their forces, which are those of the library times a factor."""
+    """Boundaries of an eye at three dents, and their forces: the library's times a factor."""
     rng, walls, found = np.random.default_rng(4), Walls(LIBRARY), []
     for tip_m in TIPS_M:
         unknown = np.zeros(len(NAMES))
@@ -232,7 +214,7 @@ def test_a_modulus_that_the_filter_missed_is_found() -> None:
 
 
 def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
-    """An eye whose forces all lie 4 % off is read right, and its intervals are those of a frame, not of E."""
+    """An eye whose forces all lie 4 % off is read right, and its intervals are a frame's, not E's."""
     seen = read_frames(1.04)
     now = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
     assert own(now)[0].relative_sd > 0.015
@@ -246,16 +228,6 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
             assert fit.force_n == pytest.approx(known_n, rel=0.03)
             widths.append(float(np.diff(np.log(fit.interval_n))[0]))
         assert widths[0] < 0.9 * widths[1]
-
-
-def test_forces_that_no_level_and_growth_explain_scatter() -> None:
-    """One force of three is 8 % off, and comes out as far off again; even walls scatter no more than expected."""
-    even, scattered = read_frames(), read_frames()
-    boundaries, known_n = scattered[1]
-    scattered[1] = boundaries, 1.08 * known_n
-    found = [settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known.scatter for seen in (even, scattered)]
-    assert found[0] == 1.0
-    assert found[1] > 1.8
 
 
 def test_level_and_growth_correct_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -397,7 +369,7 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
     assert result[1] == "poor"  # better than any that diverged
 
 
-def test_stiffenings_beyond_those_that_lose_too_much_are_not_tried() -> None:
+def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
     found, tried = sought(lambda place: 20.0 * place)
     assert (found, tried[:3], max(tried)) == (0.0, STIFFENINGS[:3].tolist(), STIFFENINGS[2])
     found, tried = sought(lambda place: 0.4 * place)  # with the prior 11.6 at most: less than enough

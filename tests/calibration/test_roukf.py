@@ -208,7 +208,7 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> N
         assert step.posterior is prior
 
 
-def test_a_precision_that_is_rounding_is_no_covariance() -> None:
+def test_a_precision_of_rounding_alone_has_no_covariance() -> None:
     """Two parameters that differ by less than rounding in an observation without noise to speak of."""
     params, prior = FilterParams(sigma_points("simplex", 2)), initial_posterior(np.zeros(2), np.eye(2))
     rng = np.random.default_rng(2)

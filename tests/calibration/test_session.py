@@ -154,7 +154,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
 ) -> None:
     """The thickness shows where the wall begins below a conjunctiva."""
     blind = fixed_finder(np.full(88, 100.0), np.full(88, 110.0), sd=0.3)
-    with pytest.raises(CalibrationError, match="not usable: two methods to find the wall differ"):
+    with pytest.raises(CalibrationError, match=r"not usable: .* to find the wall differ"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
     bundled, given = load_wall_finder(SHIPPED_WALL_FINDER), list[Any]()
     checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
@@ -171,7 +171,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
     assert given == [(EYE.thickness_m, blind)] * len(FORCES)
 
 
-def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
+def test_forces_far_above_all_calibrated_ones_are_a_doubt(
     library: Library, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Deep dents, of 30 mN or more, are taken for ones that leave the window."""

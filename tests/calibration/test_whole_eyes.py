@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from analytic_frames import moving
 
 from calibration_eyes import stated
 from ideal_boundaries import ideal_boundaries
@@ -81,16 +82,11 @@ def frames(
     library: Library, modulus_pa: float, eye: EyeConstants, forces_n: list[float], rng: np.random.Generator
 ) -> list[Boundaries]:
     """Boundaries of frames of an eye that moves, from an ideal segmentation."""
-    model, made = library_eye(SHARP, eye, library), []
-    for force_n in forces_n:
-        state = stated_wall(eye, modulus_pa, force_n, eye.polar_rad)
-        assert model.outside(state) is None
-        outer, inner = model.curves([state])[0]
-        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
-        smoothing_m = STUDY.calibration.surface_smoothing_m
-        made.append(ideal_boundaries(Section(outer, inner), pose, STUDY.oct, NOISE_M, rng, smoothing_m))
-    return made
+    model = library_eye(SHARP, eye, library)
+    states = [stated_wall(eye, modulus_pa, force_n, eye.polar_rad) for force_n in forces_n]
+    assert [model.outside(state) for state in states] == [None] * len(states)
+    sections = [Section(*model.curves([state])[0]) for state in states]
+    return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
 
 
 def calibrated(

@@ -17,14 +17,7 @@ from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import FrameAnswer, evaluate_recordings
 from scleraforce.reader.verdicts import look
 from scleraforce.report.evaluation_page import write_browser_html
-from scleraforce.report.frames import (
-    MOST_PICTURES,
-    frame_pictures,
-    look_at,
-    look_at_all,
-    shown_frames,
-    wall_picture,
-)
+from scleraforce.report.frames import MOST_PICTURES, frame_pictures, look_at, look_at_all, shown_frames, wall_picture
 from scleraforce.segmentation.wall import Segmentation
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
@@ -117,7 +110,7 @@ def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_wer
     assert (blue - green).max() < 60
 
 
-def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_stand_out(tmp_path: Path) -> None:
+def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_are_marked(tmp_path: Path) -> None:
     looks = looked_at_frames(tmp_path, 3)
     answers = (
         changed(looks[0].answer, predicted=2, force_n=0.031, interval_n=(0.029, 0.033)),

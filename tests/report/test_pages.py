@@ -239,7 +239,7 @@ def test_keys_go_through_the_frames_and_a_click_in_the_curve_to_the_nearest(open
     assert "</script><b>no wall</b>" in opened.locator("#said").inner_text()
 
 
-# Elements that reach beyond the window or that hide a part of what they hold.
+# Elements that reach beyond the window or that hide a part of their content.
 CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
   const box = element.getBoundingClientRect();
   return box.right > document.documentElement.clientWidth + 0.5 || element.scrollWidth > element.clientWidth + 1

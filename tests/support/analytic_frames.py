@@ -1,14 +1,16 @@
 """Frames of known walls: of the analytic library, and of round eyes at rest drawn with given optics."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from math import exp, log, pi
 
 import numpy as np
 from analytic_library import analytic_library
 
+from ideal_boundaries import ideal_boundaries
 from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import BscanOptics, NeedleShaft, sample_optics
+from scleraforce.laboratory.light import BscanOptics, NeedleShaft, Pose, sample_optics
 from scleraforce.laboratory.scanner_display import ImagedEye
 from scleraforce.library import unknowns as at
 from scleraforce.library.placement import Placed, Places
@@ -16,6 +18,7 @@ from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.prior import SHINE_MEAN_M
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 
@@ -195,3 +198,16 @@ def imaged(counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame")
 
 def drawn_eyes(seeds: range, scanner: OctStudy = SCANNER, **optics: object) -> list[ImagedEye]:
     return [imaged(drawn_counts(seed, scanner, **optics), scanner, f"frame {seed}") for seed in seeds]
+
+
+def moving(
+    sections: Iterable[Section], rng: np.random.Generator, noise_m: float = 5e-6, study: Study = STUDY
+) -> list[tuple[Pose, Boundaries]]:
+    """Poses of an eye that shifts by up to 0.2 mm between frames, and boundaries from an ideal segmentation."""
+    found = []
+    for section in sections:
+        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
+        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
+        smoothing_m = study.calibration.surface_smoothing_m
+        found.append((pose, ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m)))
+    return found

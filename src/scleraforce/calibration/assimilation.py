@@ -15,13 +15,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import (
-    EyeConstants,
-    Parameter,
-    ParameterSpace,
-    known_of_constants,
-    stated_wall,
-)
+from scleraforce.calibration.eye_model import EyeConstants, Parameter, ParameterSpace, known_of_constants, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye, without_form
 from scleraforce.calibration.linear_eye import linear_eye
@@ -230,7 +224,7 @@ def assimilate(
 def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Array:
     """Return the depths (point,) that a modulus predicts at a step's observed points, at the pose that was found.
 
-    The other parameters are those of the posterior after the step.
+    The other parameters have the means of the posterior after the step.
     """
     coordinates = step.state.posterior.mean.copy()
     coordinates[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, modulus_pa)

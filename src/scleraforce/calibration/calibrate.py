@@ -89,7 +89,7 @@ def _seen_once(recording: Recording, finder: WallFinder | None, used: frozenset[
 
 @dataclass(frozen=True)
 class _Settings:
-    """The arguments of `calibrate_recordings`; `parameters` are those of the filter."""
+    """The arguments of `calibrate_recordings`; `parameters` are the filter's."""
 
     study: Study
     library: Library | None
@@ -183,7 +183,7 @@ def _without_globe(recording: Recording) -> Recording:
 def _as_open(eye: EyeCalibration) -> EyeCalibration:
     """Return an eye that was declared open and found with a small rigidity, which stands for other causes in its walls.
 
-    It is no surer than the declaration: the band that holds it with 90 % reaches down to 0.
+    It is as unsure as the declaration: the band that holds it with 90 % reaches down to 0.
     """
     sd = max(eye.globe.sd, eye.globe.mean / NINETY_PERCENT)
     return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
@@ -334,7 +334,7 @@ def frame_order(
 
 
 def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
-    """Return a sentence if forces, N, were missed that lie far above those that were calibrated on.
+    """Return a sentence if forces, N, were missed far above all that were calibrated on.
 
     A wall that leaves the picture, down a dent or up under a rising pressure, cannot be calibrated on, and shallow
     dents hardly tell modulus and rigidity of a sealed eye apart.

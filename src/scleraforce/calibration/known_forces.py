@@ -46,8 +46,8 @@ Array = NDArray[np.float64]
 Scales = tuple[Array, Array]
 
 OF_MODULUS, OF_RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
-# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes hardly lie off (those of uneven ones,
-# computed in three dimensions, drift by 0.035 from none to the largest), those of tissue that stiffens do, by up to 1.
+# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly off (uneven ones,
+# computed in three dimensions, drift by 0.035 from none to the largest), forces of tissue that stiffens by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
@@ -55,8 +55,8 @@ BEGINNINGS = (0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 0.0, 0.0)  # of the search: either
 AS_READ = (False, False, True, True)  # what is sought where E and k stay
 _OPEN_SD = 1e-6  # standard deviation of the k of an open globe
 SETTLED = 1e-9
-# Of three frames each of 31 virtual eyes of even walls of the library; less than 1, for of the errors of what is read
-# the frames share some. And how many frames the prior is worth: with 3 to 8, intervals of 65 such eyes, a half of them
+# Of three frames each of 31 virtual eyes of even walls of the library; less than 1, for the frames share some of the
+# reading errors. And how many frames the prior is worth: with 3 to 8, intervals of 65 such eyes, a half of them
 # uneven, were the narrowest at equal coverage.
 EXPECTED_SQUARE, SCATTER_FRAMES = 0.17, 5.0
 
@@ -273,7 +273,7 @@ def read_again(
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
-    E and k, which the frames share, are taken for certain: they are no noise between them.
+    E and k, which the frames share, are taken for certain: they do not scatter between them.
     """
     near, (modulus, globe) = library.nearest_contact(known.polar_rad), own(known)
     modulus_step, rigidity_step = _steps(known)
@@ -393,7 +393,7 @@ def most_trials(library: Library) -> int:
 def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]) -> tuple[float, Trial] | None:
     """Return the stiffening that explains an eye's frames best, and the calibration with it; None if there is none.
 
-    It begins with those that the library holds walls of, from the lowest, until one explains the frames and the next
+    It begins with the library's, from the lowest, until one explains the frames and the next
     much worse; it continues beside the best one. A stiffening that refuses frames which others use is ruled out.
     """
     tried = dict[float, TissueTrial[Trial]]()

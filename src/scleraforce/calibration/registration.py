@@ -97,7 +97,7 @@ def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
 FIRST_SD = np.array([2e-3, 1.5e-3, 0.1, 0.0, 0.0])
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
-INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
+INNER_FRAMES = 25  # that show the offset of the inner boundary, which is common to all, as well as one would alone
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
 STOPPING = Stopping(iterations=25, converged_sd=0.1)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)

@@ -75,7 +75,7 @@ class EyeCalibration:
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
-    tissue whose walls explain its frames best. With a library, modulus and rigidity are those of the frames read again
+    tissue whose walls explain its frames best. With a library, modulus and rigidity are from the frames read again
     (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are empty if read from a file.
     """
 

@@ -12,7 +12,7 @@ One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 
 with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in the p directions. It vanishes
 for simplex points, and the correction is then literally that of the paper; for other points it makes P and the gain
-those of the full-order UKF (Woodbury's identity). The step may be iterated: the sampling is repeated about the
+the same as in the full-order UKF (Woodbury's identity). The step may be iterated: the sampling is repeated about the
 posterior and the *prior* is corrected with the linearisation found there (García-Fernández et al. 2015, iterated
 posterior linearisation). One iteration is the plain filter; more are needed where the prior is wide and the observation
 is not linear, because the plain filter then believes its first step far more than it may.
@@ -79,11 +79,11 @@ WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
 DIVERGED_SD = 3.0  # misses below are a noise that was underestimated; `inflate` sees to them
 NEAR_START = 0.1  # of the prior's standard deviations: the sampling about a state that is given
-LARGEST_GATED_SHARE = 0.3  # more outliers than this are no outliers: the model does not fit the frame
+LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 
 
 class FilterParams(NamedTuple):
-    """How the filter runs; nothing in it changes from step to step."""
+    """Settings of the filter; nothing in it changes from step to step."""
 
     sigma: SigmaPoints
     iterations: int = 1  # at most; 1 is the plain filter
@@ -93,7 +93,7 @@ class FilterParams(NamedTuple):
 
 
 class Posterior(NamedTuple):
-    """What is known: mean, and covariance in reduced form."""
+    """Mean, and covariance in reduced form."""
 
     mean: Array  # x, shape (n,)
     factor: Array  # L, shape (n, p)
@@ -111,7 +111,7 @@ class StepResult(NamedTuple):
     """One step: the posterior, and how it was found."""
 
     posterior: Posterior
-    nis: float  # normalised innovation squared of what was kept; about `observations` when the model is right
+    nis: float  # normalised innovation squared of the kept ones; about `observations` when the model is right
     observations: int  # number kept
     gated: tuple[int, ...]  # indices of the observations left out
     inflation: float  # factor on the noise covariance (1: as given)
@@ -146,7 +146,7 @@ def filter_step(
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
     Args:
-        params: how the filter runs.
+        params: settings of the filter.
         posterior: of the step before, or `initial_posterior`.
         observe: H; takes sigma points (r, n), returns predicted observations (r, m).
         observation: y.
@@ -171,7 +171,7 @@ def filter_step(
 
 
 class _Frame(NamedTuple):
-    """What one correction works on."""
+    """The input of one correction."""
 
     prior: Posterior
     observe: Operator
@@ -205,7 +205,7 @@ def _step(params: FilterParams, frame: _Frame) -> StepResult:
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
-    np.linalg.cholesky(np.linalg.inv(precision))  # it raises where that is no covariance
+    np.linalg.cholesky(np.linalg.inv(precision))  # raises unless it is a covariance
     recent = (*prior.recent, (nis, count))[-WINDOW:]
     corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, prior.updates + 1, recent)
     gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
@@ -307,7 +307,7 @@ def _whitening(linear: _Linear, kept: NDArray[np.bool_]) -> Array:
 
 
 def _status(recent: tuple[tuple[float, int], ...]) -> str:
-    """Compare the innovations of the last updates with what the filter expected of them."""
+    """Compare the innovations of the last updates with their expectation."""
     nis, count = sum(entry[0] for entry in recent), sum(entry[1] for entry in recent)
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"

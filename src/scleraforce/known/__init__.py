@@ -2,9 +2,9 @@
 
 Each may be missing. A globe is open, sealed with some rigidity, or unknown; the rigidity is an unknown of fit and
 filter: normal about a mean, within bounds. Frames of known force move and narrow it. They also show the discrepancy of
-an eye's forces from those of the library's walls: tissue stiffens, walls are uneven, corneas have a stiffness of their
-own. A calibration's E absorbs most of that; the rest grows with the force, and frames of the same eye share it. It is
-learned per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
+an eye's forces from the library's: tissue stiffens, walls are uneven, corneas have their own stiffness. A
+calibration's E absorbs most of that; the rest grows with the force, and frames of the same eye share it. It is learned
+per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
 
     ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
 """
@@ -267,7 +267,7 @@ def open_doubts(globe: str | None) -> tuple[str, ...]:
 
 
 def completed(given: Known, stated: Known) -> Known:
-    """Return the given inputs of an eye, completed by the stated ones, also those of a globe of the same kind.
+    """Return the given inputs of an eye, completed by the stated ones, also by a globe of the same kind.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
     True

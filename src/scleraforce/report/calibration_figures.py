@@ -26,18 +26,14 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
     _draw_over_frames(close, eye, truth_pa)
     close.set_title("the same, from the first frame on")
     ends = [from_si(f.mean_pa + sign * 3 * f.sd_pa, "mpa") for f in eye.used for sign in (-1, 1)]
-    close.set_xlim(1, max(len(eye.used), 2))
-    close.set_ylim(min(ends), max(ends))
+    close.set(xlim=(1, max(len(eye.used), 2)), ylim=(min(ends), max(ends)))
     close.get_legend().remove()
     return figure
 
 
 @styled
 def draw_observed_points(eye: EyeCalibration, frame: Pixels, index: int, width_m: float, depth_m: float) -> Figure:
-    """Draw the points of one of an eye's steps over its raw frame, at the prior's and at the final modulus (Fig. 4).
-
-    The eye must come from `calibrate_recordings`: the file of a calibration has no points.
-    """
+    """Draw the points of one of an eye's steps over its raw frame, at the prior's and at the final modulus (Fig. 4)."""
     figure = Figure(figsize=inches(170, 52))
     if eye.filter is None or not eye.steps:
         raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
@@ -48,9 +44,7 @@ def draw_observed_points(eye: EyeCalibration, frame: Pixels, index: int, width_m
         axes.imshow(frame, cmap=SCAN_COLOURS, aspect="auto", extent=extent)
         _draw_points(axes, eye.filter, eye.steps[index], modulus_pa)
         axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
-        axes.set_xlabel("lateral [mm]")
-        axes.set_xlim(extent[:2])
-        axes.set_ylim(extent[2:])
+        axes.set(xlabel="lateral [mm]", xlim=extent[:2], ylim=extent[2:])
     panels[0].set_ylabel("depth [mm]")
     panels[0].legend(loc="upper right", labelcolor="white")
     return figure
@@ -89,10 +83,8 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     axes.plot(count, mean, "o-", color=BLUE, markersize=2.5, label="mean")
     if truth_pa is not None:
         axes.axhline(from_si(truth_pa, "mpa"), color=RED, linestyle="--", linewidth=0.8, label="true")
-    axes.set_ylim(0.0, 1.05 * float((mean + 2 * sd).max()))
-    axes.set_xlabel("frames")
+    axes.set(xlabel="frames", ylabel="E [MPa]", ylim=(0.0, 1.05 * float((mean + 2 * sd).max())))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_ylabel("E [MPa]")
     axes.legend(loc="best")
 
 
@@ -102,8 +94,7 @@ def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
     ]
     if alone:
         axes.plot(*zip(*alone, strict=True), "o", color=BLUE, markersize=3.5)
-    axes.set_xlabel("force [mN]")
-    axes.set_ylabel("E [MPa]")
+    axes.set(xlabel="force [mN]", ylabel="E [MPa]")
     axes.set_xlim(left=0.0)
     top = max((modulus for _, modulus in alone), default=1.0)
     axes.set_ylim(0.0, max(1.15 * top, axes.get_ylim()[1]))

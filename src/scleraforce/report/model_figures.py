@@ -42,8 +42,7 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     rows, columns = eye.slice.shape
     width, depth = (from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows))
     axes.imshow(eye.slice, cmap=SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
-    axes.set_xlabel("lateral [mm]")
-    axes.set_ylabel("depth [mm]")
+    axes.set(xlabel="lateral [mm]", ylabel="depth [mm]")
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
     wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
     polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"

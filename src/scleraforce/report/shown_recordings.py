@@ -256,8 +256,7 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
         axes.axvspan(begin.at_s - start_s, end.at_s - start_s, color=SHADES[begin.state], alpha=0.12, linewidth=0)
     for state, shade in SHADES.items():
         axes.fill_between([], [], color=shade, alpha=0.12, label=state)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("force [mN]")
+    axes.set(xlabel="time [s]", ylabel="force [mN]")
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside upper left", ncols=5)
     return figure
