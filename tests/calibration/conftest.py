@@ -1,17 +1,23 @@
 """A small virtual laboratory: coarse walls, factored once for all tests of the package."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import moving
+from analytic_frames import LIBRARY, moving
 
 from ideal_boundaries import virtual_sections
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
 from scleraforce.laboratory.light import Pose
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.segmentation.observations import Boundaries
@@ -61,3 +67,32 @@ def eye() -> PhantomEye:
         id="virtual", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
         azimuth_rad=0.4,
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def library() -> Library:
+    """The library of the made-up eye."""
+    return LIBRARY
+
+
+@pytest.fixture(scope="session")
+def made_up() -> PhantomEye:
+    return PhantomEye(
+        id="made-up", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.0
+    )  # on the pole: it is one of revolution
+
+
+@pytest.fixture(scope="session")
+def made_up_folder(made_up: PhantomEye, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the made-up eye under 2, 30, 12, 45, 20 and 38 mN."""
+    path = tmp_path_factory.mktemp("made-up") / "made-up"
+
+    def sections_at(forces_n: Sequence[float]) -> list[Section]:
+        ones, modulus_pa = np.ones(len(forces_n)), made_up.youngs_modulus_pa
+        ratios = (made_up.iop_pa / modulus_pa * ones, np.array(forces_n) / modulus_pa)
+        walls = LIBRARY.curves(made_up.thickness_m * ones, *ratios).curves_sbnc
+        return [cut_surfaces(wall, made_up.gap_m) for wall in walls]
+
+    plan = plan_phantom(made_up, (0.002, 0.030, 0.012, 0.045, 0.020, 0.038), Study(), 3)
+    write_phantom(path, plan, sections_at, Study())
+    return path

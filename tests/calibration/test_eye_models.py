@@ -93,11 +93,6 @@ MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
 
-@pytest.fixture(scope="module")
-def library() -> Library:
-    return analytic.analytic_library()
-
-
 def tip_m(force_n: float, stated: EyeConstants = STATED) -> float:
     """The first tip at which the made-up eye carries a force, on a fine grid."""
     tips = np.linspace(0.0, 7.4e-3, 200_000)

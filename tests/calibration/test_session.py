@@ -2,9 +2,9 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-import analytic_library as analytic
 import numpy as np
 import pytest
 from small_models import fixed_finder
@@ -18,8 +18,6 @@ from scleraforce.calibration.result import Calibration, calibration_as_json, par
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.models import SHIPPED_WALL_FINDER
@@ -32,29 +30,12 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 STUDY = Study()
-EYE = PhantomEye(
-    id="made-up", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.0
-)  # on the pole: it is one of revolution
-FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
+FRAMES = 6
 
 
 @pytest.fixture(scope="module")
-def library() -> Library:
-    return analytic.analytic_library()
-
-
-@pytest.fixture(scope="module")
-def recording(library: Library, tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    path = tmp_path_factory.mktemp("session") / "made-up"
-
-    def sections_at(forces_n: Any) -> list[Any]:
-        count = len(forces_n)
-        thickness, pressure = np.full(count, EYE.thickness_m), np.full(count, EYE.iop_pa / EYE.youngs_modulus_pa)
-        found = library.curves(thickness, pressure, np.array(forces_n) / EYE.youngs_modulus_pa)
-        return [cut_surfaces(curves, EYE.gap_m) for curves in found.curves_sbnc]
-
-    write_phantom(path, plan_phantom(EYE, FORCES, STUDY, 3), sections_at, STUDY)
-    return read_recording(path)
+def recording(made_up_folder: Path) -> Recording:
+    return read_recording(made_up_folder)
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +149,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
     monkeypatch.setattr(calibrate, "find_wall", below)
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
-    assert given == [(EYE.thickness_m, blind)] * len(FORCES)
+    assert given == [(0.7e-3, blind)] * FRAMES
 
 
 def test_forces_far_above_all_calibrated_ones_are_a_doubt(
@@ -176,7 +157,7 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
 ) -> None:
     """Deep dents, of 30 mN or more, are taken for ones that leave the window."""
 
-    deep = [recording.frame(recording.frames[index]) for index in (1, 3, 5)]  # in the order of FORCES
+    deep = [recording.frame(recording.frames[index]) for index in (1, 3, 5)]  # of the highest forces
 
     def shallow(pixels: Any, *asked: Any) -> Any:
         is_deep = any(np.array_equal(pixels, frame) for frame in deep)
@@ -193,8 +174,8 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
 def test_one_modulus_fits_low_and_high_forces_of_raw_frames(calibration: Calibration) -> None:
     eye = calibration.eyes["made-up"]
     assert calibration.mechanics == "finite-strain"
-    assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)
-    assert abs(eye.mean_pa - EYE.youngs_modulus_pa) < 2 * eye.sd_pa
+    assert eye.mean_pa == pytest.approx(0.27e6, rel=0.03)
+    assert abs(eye.mean_pa - 0.27e6) < 2 * eye.sd_pa
     _, low, high = eye.by_class((5e-3, 25e-3))
     assert low == pytest.approx(high, rel=0.06)
     assert eye.status == "ok"
