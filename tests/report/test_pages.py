@@ -205,15 +205,19 @@ def test_of_a_long_recording_misread_frames_keep_their_pictures(
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    path = written(tmp_path_factory.mktemp("browser"))
-    with started_chromium() as browser:
-        page = browser.new_context(offline=True, viewport={"width": 900, "height": 800}).new_page()
-        faults: list[str] = []
-        page.on("pageerror", lambda fault: faults.append(str(fault)))
-        page.goto(path.as_uri())
-        yield page
-        assert faults == []
+def browser() -> Iterator[Browser]:
+    with started_chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    page = browser.new_context(offline=True, viewport={"width": 900, "height": 800}).new_page()
+    faults: list[str] = []
+    page.on("pageerror", lambda fault: faults.append(str(fault)))
+    page.goto(written(tmp_path_factory.mktemp("browser")).as_uri())
+    yield page
+    assert faults == []
 
 
 def shown(page: Page) -> tuple[str, str]:
@@ -245,12 +249,6 @@ CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
   return box.right > document.documentElement.clientWidth + 0.5 || element.scrollWidth > element.clientWidth + 1
     && getComputedStyle(element).overflowX !== "visible";
 }).map((element) => element.outerHTML.slice(0, 80))"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started_chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")
