@@ -237,6 +237,15 @@ def test_level_and_growth_correct_a_modulus_that_may_go_no_farther(monkeypatch: 
     assert corrected(after) == pytest.approx([1.0] * 3, rel=0.1)
 
 
+def test_reading_anew_never_loses_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    losses, factors = [], (0.8, 1.0, 1.25)
+    bent = [(seen, force_n * factor) for (seen, force_n), factor in zip(read_frames(), factors, strict=True)]
+    for readings in range(1, 6):
+        monkeypatch.setattr(known_forces, "READINGS", readings)
+        losses.append(settled(known_of(1.4 * MODULUS_PA), bent, (), LIBRARY, STUDY).loss)
+    assert losses == sorted(losses, reverse=True)
+
+
 def test_frames_that_were_read_before_count_like_the_others() -> None:
     seen, known = read_frames(1.1), known_of(MODULUS_PA)
     earlier = [frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None]
