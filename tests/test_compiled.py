@@ -23,7 +23,10 @@ def norm(values):
 
 @compiled
 def late(values):
-    return np.sort(values[::-1]).cumsum()[-1] + norm(values)
+    doubled = np.empty_like(values)
+    for row in range(values.shape[0]):
+        doubled[row] = 2.0 * values[row]
+    return norm(doubled) + norm(values)
 """
 CALL = """
 import json, sys
