@@ -2,6 +2,8 @@
 
 import json
 import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -29,6 +31,12 @@ def test_a_frame_has_its_time_and_the_id_that_the_monitor_reads_from_it() -> Non
             assert message.frame_id == (event.message_id or int(event.header.time_s * 1e6))
 
 
+@contextmanager
+def connected(hear, **settings) -> Iterator[tuple[FakeMonitor, ScannerClient]]:
+    with fake_monitor() as monitor, closing(ScannerClient("127.0.0.1", monitor.port, hear, **settings)) as client:
+        yield monitor, client
+
+
 def wait_until(client: ScannerClient, done) -> None:
     client.listen(time.monotonic() + FUSE_S, done)
     assert done()
@@ -37,8 +45,7 @@ def wait_until(client: ScannerClient, done) -> None:
 @pytest.mark.parametrize("observed", [False, True])
 def test_what_the_monitor_says_is_heard_with_its_time(observed: bool) -> None:
     log = AnswerLog()
-    with fake_monitor() as monitor:
-        client = ScannerClient("127.0.0.1", monitor.port, log.hear, observed=observed)
+    with connected(log.hear, observed=observed) as (_, client):
         wait_until(client, lambda: log.status is not None)
         message = frame_message(PIXELS, OCT, 7, 2)
         before_s = time.monotonic()
@@ -48,13 +55,11 @@ def test_what_the_monitor_says_is_heard_with_its_time(observed: bool) -> None:
         assert before_s <= sent_s <= time.monotonic()
         assert log.ok
         assert 0.0 <= log.answers[0].took_s <= time.monotonic() - sent_s
-        client.close()
 
 
 def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
     log = AnswerLog()
-    with fake_monitor() as monitor:
-        client = ScannerClient("127.0.0.1", monitor.port, log.hear, observed=True)
+    with connected(log.hear, observed=True) as (monitor, client):
         wait_until(client, lambda: log.status is not None)
         client.disconnect()
         wait_until(client, lambda: None in monitor.received)
@@ -62,14 +67,12 @@ def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
         wait_until(client, lambda: log.first_doubt(0.0, (3,)) is not None)
         with pytest.raises(LinkError, match="closed the connection"):
             client.send(b"x")
-        client.close()
 
 
 def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
     heard = []
-    with fake_monitor() as monitor:
+    with connected(lambda *said: heard.append(said), observed=True) as (monitor, client):
         monitor.answers = False
-        client = ScannerClient("127.0.0.1", monitor.port, lambda *said: heard.append(said), observed=True)
         while len(monitor._peers) < 2:
             time.sleep(0.001)
         for _ in range(3):
@@ -77,7 +80,6 @@ def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
             client.listen(time.monotonic() + 0.05)
         wait_until(client, lambda: sum(isinstance(message, Text) for _, _, message in heard) >= 3)
         assert sum(isinstance(message, Text) for _, _, message in heard) == 3
-        client.close()
 
 
 def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> None:
@@ -94,13 +96,11 @@ def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanw
 
 
 def test_a_connection_that_is_closed_is_an_error() -> None:
-    with fake_monitor() as monitor:
-        client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
+    with connected(lambda *_: None) as (monitor, client):
         wait_for_peer(monitor)
         monitor.drop()
         with pytest.raises(LinkError, match="the connection is lost"):
             client.listen(time.monotonic() + FUSE_S)
-        client.close()
 
 
 def wait_for_peer(monitor: FakeMonitor) -> None:
@@ -109,14 +109,12 @@ def wait_for_peer(monitor: FakeMonitor) -> None:
 
 
 def test_a_peer_that_does_not_speak_openigtlink_is_an_error() -> None:
-    with fake_monitor() as monitor:
+    with connected(lambda *_: None) as (monitor, client):
         monitor.answers = False
-        client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
         wait_for_peer(monitor)
         monitor.say_bytes(b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30)
         with pytest.raises(LinkError, match="does not send OpenIGTLink: header version"):
             client.listen(time.monotonic() + FUSE_S)
-        client.close()
 
 
 def reading(frame_id: int) -> Text:

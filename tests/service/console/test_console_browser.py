@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
-from time import monotonic, sleep
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,13 @@ def opened(browser: Browser) -> Iterator[Callable[..., Opened]]:
     yield open_page
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def shown(opened: Callable[..., Opened]) -> Iterator[tuple[ConsoleMonitor, Opened]]:
+    """A monitor and its open page."""
+    with ConsoleMonitor() as monitor:
+        yield monitor, opened(monitor.address)
 
 
 @contextmanager
@@ -184,33 +191,31 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened:
             found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.", detail="")
 
 
-def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        found.shows(sentence="The monitor has said nothing yet. Treat this as a withdrawal.")
-        for _ in range(2):
-            with going_on(watching(monitor)):
-                found.shows(word="WATCHING", force="12.3")
-            found.shows(word="NO ANSWER", sentence="The monitor does not answer. Treat this as a withdrawal.")
-            assert not found.looks_live()
-        assert found.complaints == []
-
-
-def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(opened: Any) -> None:
-    """Stopped, the server leaves its connections open: only silence tells."""
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        with going_on(watching(monitor)):
-            found.shows(word="WATCHING")
-        os.kill(monitor.child.process.pid, signal.SIGSTOP)
-        try:
-            found.shows(word="NO ANSWER", sentence="The console's server does not answer. Treat this as a withdrawal.")
-            assert not found.looks_live()
-            sleep(3.0)  # the page has tried another connection by now
-        finally:
-            os.kill(monitor.child.process.pid, signal.SIGCONT)
+def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(shown: Any) -> None:
+    monitor, found = shown
+    found.shows(sentence="The monitor has said nothing yet. Treat this as a withdrawal.")
+    for _ in range(2):
         with going_on(watching(monitor)):
             found.shows(word="WATCHING", force="12.3")
+        found.shows(word="NO ANSWER", sentence="The monitor does not answer. Treat this as a withdrawal.")
+        assert not found.looks_live()
+    assert found.complaints == []
+
+
+def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(shown: Any) -> None:
+    """Stopped, the server leaves its connections open: only silence tells."""
+    monitor, found = shown
+    with going_on(watching(monitor)):
+        found.shows(word="WATCHING")
+    os.kill(monitor.child.process.pid, signal.SIGSTOP)
+    try:
+        found.shows(word="NO ANSWER", sentence="The console's server does not answer. Treat this as a withdrawal.")
+        assert not found.looks_live()
+        sleep(3.0)  # the page has tried another connection by now
+    finally:
+        os.kill(monitor.child.process.pid, signal.SIGCONT)
+    with going_on(watching(monitor)):
+        found.shows(word="WATCHING", force="12.3")
 
 
 def test_the_page_survives_a_restart_of_the_server_without_being_loaded_again(opened: Any) -> None:
@@ -229,53 +234,51 @@ def test_the_page_survives_a_restart_of_the_server_without_being_loaded_again(op
     assert unexpected == []
 
 
-def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        page = found.page
+def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(shown: Any) -> None:
+    monitor, found = shown
+    page = found.page
 
-        def withdrawn() -> None:
-            monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+    def withdrawn() -> None:
+        monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
 
-        def answer(granted: bool, message: str) -> dict[str, Any]:
-            asked = monitor.hear(ResetAsked)
-            told = ResetAnswered(request=asked.request, granted=granted, message=message)
-            monitor.tell(told)
-            return asked
+    def answer(granted: bool, message: str) -> dict[str, Any]:
+        asked = monitor.hear(ResetAsked)
+        told = ResetAnswered(request=asked.request, granted=granted, message=message)
+        monitor.tell(told)
+        return asked
 
-        with going_on(withdrawn, 0.1):
-            found.shows(word="WITHDRAW")
-            page.keyboard.press("Tab")
-            page.keyboard.press("Enter")
-            expect(page.locator("#dialog")).to_be_visible()
-            page.keyboard.press("Escape")
-            expect(page.locator("#dialog")).to_be_hidden()
-            page.locator("#ask").click()
-            page.locator("#send").click()  # without a token
-            assert monitor.child.channel.receive() == []
-            page.keyboard.type("wrong")
-            page.keyboard.press("Enter")
-            found.shows(refusal="Refused: the token is wrong; the monitor printed the right one at its start")
-            assert monitor.hear(WrongTokens).count == 1
-            assert page.locator("#token").input_value() == ""
-            page.keyboard.type(TOKEN)
-            page.keyboard.press("Enter")
-            assert answer(True, "WATCHING").token == TOKEN
-            expect(page.locator("#dialog")).to_be_hidden()
-            expect(page.locator("#answer")).to_contain_text("Reset granted at")
+    with going_on(withdrawn, 0.1):
+        found.shows(word="WITHDRAW")
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        expect(page.locator("#dialog")).to_be_visible()
+        page.keyboard.press("Escape")
+        expect(page.locator("#dialog")).to_be_hidden()
+        page.locator("#ask").click()
+        page.locator("#send").click()  # without a token
+        assert monitor.child.channel.receive() == []
+        page.keyboard.type("wrong")
+        page.keyboard.press("Enter")
+        found.shows(refusal="Refused: the token is wrong; the monitor printed the right one at its start")
+        assert monitor.hear(WrongTokens).count == 1
         assert page.locator("#token").input_value() == ""
-        assert page.evaluate("localStorage.length + sessionStorage.length + document.cookie.length") == 0
-        assert found.complaints == []
+        page.keyboard.type(TOKEN)
+        page.keyboard.press("Enter")
+        assert answer(True, "WATCHING").token == TOKEN
+        expect(page.locator("#dialog")).to_be_hidden()
+        expect(page.locator("#answer")).to_contain_text("Reset granted at")
+    assert page.locator("#token").input_value() == ""
+    assert page.evaluate("localStorage.length + sessionStorage.length + document.cookie.length") == 0
+    assert found.complaints == []
 
 
-def test_a_reset_that_the_monitor_does_not_answer_says_so(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
-            found.page.locator("#ask").click()
-            found.page.keyboard.type(TOKEN)
-            found.page.keyboard.press("Enter")
-            found.shows(refusal="Refused: the monitor does not answer")
+def test_a_reset_that_the_monitor_does_not_answer_says_so(shown: Any) -> None:
+    monitor, found = shown
+    with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+        found.page.locator("#ask").click()
+        found.page.keyboard.type(TOKEN)
+        found.page.keyboard.press("Enter")
+        found.shows(refusal="Refused: the monitor does not answer")
 
 
 def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
@@ -295,41 +298,36 @@ def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -
         ("a promise", "void Promise.reject(new Error('x'))"),
     ],
 )
-def test_a_page_that_fails_shows_nothing_that_looks_live(opened: Any, event: str, script: str) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        with going_on(watching(monitor)):
-            found.shows(word="WATCHING")
-            found.page.evaluate(script)
-            found.shows(sentence="This page has failed: load it again. Treat this as a withdrawal.")
-            sleep(0.3)
-            assert found.view() == "LOST", event
-            assert not found.looks_live()
+def test_a_page_that_fails_shows_nothing_that_looks_live(shown: Any, event: str, script: str) -> None:
+    monitor, found = shown
+    with going_on(watching(monitor)):
+        found.shows(word="WATCHING")
+        found.page.evaluate(script)
+        found.shows(sentence="This page has failed: load it again. Treat this as a withdrawal.")
+        sleep(0.3)
+        assert found.view() == "LOST", event
+        assert not found.looks_live()
 
 
-def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
+def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -> None:
+    monitor, found = shown
 
-        def empty() -> None:
-            monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2, force_mn=9.0)
+    def empty() -> None:
+        monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2, force_mn=9.0)
 
-        with going_on(empty):
-            found.shows(
-                word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp=""
-            )
-            assert found.page.locator("#class").inner_text() == NOTHING
+    with going_on(empty):
+        found.shows(word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp="")
+        assert found.page.locator("#class").inner_text() == NOTHING
 
 
-def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        for state, word in (("NOT_READY", "NOT READY"), ("WITHDRAW", "WITHDRAW"), ("WATCHING", "WATCHING")):
-            with going_on(lambda state=state: monitor.entry(state), 0.1):
-                found.shows(word=word)
-                assert fits(found.page)
-        found.shows(word="NO ANSWER")
-        assert fits(found.page)
+def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(shown: Any) -> None:
+    monitor, found = shown
+    for state, word in (("NOT_READY", "NOT READY"), ("WITHDRAW", "WITHDRAW"), ("WATCHING", "WATCHING")):
+        with going_on(lambda state=state: monitor.entry(state), 0.1):
+            found.shows(word=word)
+            assert fits(found.page)
+    found.shows(word="NO ANSWER")
+    assert fits(found.page)
 
 
 def fits(page: Page) -> bool:
@@ -346,18 +344,3 @@ def fits(page: Page) -> bool:
         page.set_viewport_size({"width": width, "height": 720})
         found.append(page.evaluate(script))
     return all(found)
-
-
-def test_a_hundred_decisions_a_second_over_many_pages_all_reach_each_of_them(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        pages = [opened(monitor.address) for _ in range(4)]
-        end_s = monotonic() + 1.5
-        with going_on(watching(monitor), 0.01):
-            for found in pages:
-                found.shows(word="WATCHING", force="12.3")
-            while monotonic() < end_s:
-                sleep(0.05)
-        monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
-        for found in pages:
-            found.shows(word="WITHDRAW")
-            assert found.complaints == []
