@@ -7,9 +7,7 @@ with. Wherever MODEL is asked for, the name of a bundled model will do.
 
 import hashlib
 import json
-import os
 import reprlib
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +21,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import ModelError, StudyError
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Study, parse_study
-from scleraforce.whole_files import KINDS, read_bytes
+from scleraforce.whole_files import KINDS, read_bytes, write_whole_folder
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession  # type: ignore[import-untyped]  # it ships no types
@@ -142,21 +140,12 @@ def write_folder(
     record: Mapping[str, Any],
     more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
-    """Write a model folder under a temporary name beside `out`, then rename it; raises `ModelError`."""
+    """Write a model folder whole or not at all; raises `ModelError`, or `InputError` if the disk refuses it."""
     check_place(out)
     files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
     hashes = {name: sha256(content) for name, content in files.items()}
     record_json = json.dumps({"format": MODEL_FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
-    partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
-        for name, content in {**files, RECORD_FILE: (record_json + "\n").encode()}.items():
-            (partial / name).write_bytes(content)
-        partial.rename(out)
-    except OSError as fault:
-        raise ModelError(f"{out}: {fault.strerror}") from fault
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    write_whole_folder({**files, RECORD_FILE: (record_json + "\n").encode()}, out)
 
 
 def folder_study(folder: ModelFolder) -> Study:

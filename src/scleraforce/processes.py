@@ -28,6 +28,8 @@ from scleraforce.errors import InputError, SolverError
 Result = TypeVar("Result")
 Submit = Callable[[int], "Future[Any]"]
 
+# A process is started by `python -c`, which would take a `signal.py` of the current folder for the standard library's.
+OWN_MODULES = {"PYTHONSAFEPATH": "1"}
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 AHEAD = 8  # submitted units for each worker of a cluster: neither it nor the scheduler holds all of a large run
 LEAST_AHEAD = 256  # submitted units of a cluster at least: workers may join later
@@ -134,7 +136,7 @@ def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> It
 
             def start_and_submit(unit: int) -> "Future[Any]":
                 try:
-                    with one_thread(), own_modules(), no_interrupts():
+                    with one_thread(), _environment(OWN_MODULES), no_interrupts():
                         return executor.submit(_do, str(file), unit)
                 except OSError as fault:
                     raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
@@ -190,17 +192,8 @@ def one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def own_modules() -> Iterator[None]:
-    """Keep Python processes that start in the block from importing modules of the current folder.
-
-    A worker is started by `python -c`, which would take a `signal.py` there for the standard library's.
-    """
-    with _environment({"PYTHONSAFEPATH": "1"}):
-        yield
-
-
-@contextmanager
 def _environment(settings: Mapping[str, str]) -> Iterator[None]:
+    """Change the environment of processes that start in the block."""
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
     try:
@@ -222,7 +215,7 @@ def no_interrupts() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    with own_modules():
+    with _environment(OWN_MODULES):
         resource_tracker.ensure_running()  # starting it later would unblock the signal again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

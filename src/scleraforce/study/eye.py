@@ -89,14 +89,10 @@ class TissueStudy(Section):
 class SupportsStudy(Section):
     """The paper's clamped base; or an eye's supports in the head: an elastic bed, straps of rectus muscles, or both.
 
-    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs; their stiffness is a pressure for each
-    metre that the wall moves into them and (shear) along them. `straps`: beside the clamped base;
-    `strap_stiffness_n_per_m` is one muscle's. `medial_azimuth_rad`: the insertion of the medial rectus; superior,
-    lateral and inferior follow, a quarter turn each.
-
-    The bed's defaults: an eye gives way by some tenths of a millimetre under 0.1 N, as under an air-puff tonometer, and
-    turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984, 961). Straps: muscles, passive
-    or held in the primary position, of 0.03 to 1 g a degree each (20 N/m is 0.4).
+    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs; their stiffness is a pressure per metre of
+    displacement. The bed's defaults: an eye gives way by some tenths of a millimetre under 0.1 N, as under an air-puff
+    tonometer, and turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984, 961). Straps:
+    muscles, passive or held in the primary position, of 0.03 to 1 g a degree each (20 N/m is 0.4).
     """
 
     kind: str = option("clamped", "clamped", "bed", "straps", "bed-and-straps")

@@ -127,11 +127,7 @@ def _share(share: float) -> float:
 class SceneWindowStudy(Section):
     """The frame: its pixels, its size, and where the eye lies in it.
 
-    The logarithm of `depth_share`, the frame's depth over its width, is even. A frame gets fewer or more `rows` than
-    drawn where its pixel would leave `pixel_m` along the depth. `view_m` is the place on the eye that the middle of the
-    frame looks at, along the surface from the cornea's apex; `facing` says how far the scanner looks along the normal
-    there (1) or along the eye's axis (0); `tilt_rad` comes on top. `surface_share` is the depth of the highest place of
-    the surface below the top edge, over the frame's depth.
+    A frame gets fewer or more `rows` than drawn if its pixel would leave `pixel_m` along the depth.
     """
 
     rows: Sampled = quantity(Range(min=128.0, max=256.0), None, 32, 4096)
@@ -148,15 +144,9 @@ class SceneWindowStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneEyeStudy(Section):
-    """The wall: its meridian bends with one radius in the cornea and another in the sclera.
+    """The wall: its meridian has one radius in the cornea and another in the sclera; they meet at `limbus_m`.
 
-    `limbus_m` is where they meet, along the surface from the apex, `sulcus_rad` by how much the surface turns back
-    there. The shape changes over `limbus_width_m`, the light that comes back over `limbus_edge_m`; of both tissues one
-    reaches below the other: the cornea at the inner boundary `limbus_slant_m` farther out than at the surface, and in
-    the middle `limbus_wedge_m` farther than that. Both thicknesses are along the normal; `spur_m` beyond the limbus
-    the scleral spur rises into the eye by `spur_bump_m`. Waves are smooth random ups and downs of the surface, half of
-    them also of the thickness. A dent is a Gaussian (`dent_width_m` is its standard deviation), with a ring around it
-    that rises by `dent_rim` of its depth.
+    Both thicknesses are along the normal. Half of the waves change the thickness, too. A dent is a Gaussian.
     """
 
     half_sphere_share: float = _share(0.25)  # no cornea: one radius, as the wall of `phantom`
@@ -184,18 +174,9 @@ class SceneEyeStudy(Section):
 class SceneTissueStudy(Section):
     """The tissue below the surface; levels against the sclera's backscatter unless said otherwise.
 
-    `snr_db` is the sclera's backscatter at the surface over the mean noise. The cornea's falls with the angle of the
-    light to its normal, by `angle_fall_db` in the end, with `angle_width_rad` as the Gaussian's standard deviation;
-    its epithelium has a level of its own. `profile_db` is how much brighter or darker the wall may be at some depths.
-    `boundary_db` is the mirror reflection of the cornea's inner surface, over the cornea. Scars are spots in the wall,
-    dark or bright, that take some of the light.
-
-    The ciliary body begins at the scleral spur, rises within `ciliary_rise_m` and thins into the choroid over
-    `ciliary_length_m`. In a share of the scenes a thin dark gap parts both from the sclera; without one they are at
-    least 3 dB weaker than the sclera, as nobody could tell them apart. The iris begins on the ciliary body's face,
-    `iris_root` of the way from the spur to its top: what lies in front is the recess of the chamber angle. Its pupil
-    lies `iris_depth_m` deeper (or less deep) along the eye's axis than its root, and it bows by `iris_bow_m` on the
-    way; the lens' front lies `lens_depth_m` below the pupil's plane.
+    `profile_db` is how much brighter or darker the wall may be at some depths. The ciliary body begins at the scleral
+    spur and thins into the choroid. Without a gap, both are at least 3 dB weaker than the sclera: no one could tell
+    them apart otherwise. The iris begins on the ciliary body's face; before it is the recess of the chamber angle.
     """
 
     snr_db: Sampled = quantity(Range(min=8.0, max=34.0), None, 0.0, 80.0)
@@ -260,10 +241,8 @@ class SceneTissueStudy(Section):
 class SceneOverStudy(Section):
     """Objects over the wall, and their shadows; levels over the mean noise.
 
-    The lid comes in from the side, over `lid_reach` of the frame's width; lashes hang below it. A contact lens follows
-    the eye at `lens_gap_m`, less towards its edge at `lens_reach_m` from its middle; specks float below it. Vessels
-    take `vessel_loss_fraction` of the light below them, air and bubbles and a steel needle all of it. The needle's
-    angle is against the depth; a glass one passes `glass_pass_fraction`. `tip_gap_m` lies between its tip and the wall.
+    Lashes hang below the lid. Specks float below a contact lens, which is at `lens_gap_m` from the eye, less towards
+    its edge. Air, bubbles and a steel needle take all light.
     """
 
     lid_share: float = _share(0.2)
@@ -316,11 +295,7 @@ class SceneOverStudy(Section):
 class SceneScannerStudy(Section):
     """The scanner: speckle, noise, artefacts, and the scale of the counts.
 
-    `speckle_*` are full widths of the intensity's point spread function, in pixels; `looks` is how many speckle
-    patterns are averaged. Sensitivity falls by `rolloff_db` from the zero delay to the lower edge. The rest of the
-    scenes is logarithmic, from `display_floor_db` over the mean noise to the level that `saturated_fraction` of the
-    pixels exceed; `gamma` is applied on top. What lies above the zero delay is mirrored into the frame in
-    `mirrored_share` of the scenes. Bands are black columns at both sides, arcs black above and below a curved picture.
+    A logarithmic scale ends at the level that `saturated_fraction` of the pixels exceed.
     """
 
     speckle_rows: Sampled = quantity(Range(min=0.3, max=3.0), None, 0.0, 50.0)

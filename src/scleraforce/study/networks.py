@@ -11,12 +11,9 @@ from scleraforce.study.fields import Range, Sampled, Section, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkStudy(Section):
-    """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
+    """The classifier and its training (paper sec. 2.4).
 
-    `dropout_masks` are drawn for each sample of a step, and their losses averaged. `mirror` shows half of the samples
-    with left and right exchanged: the same B-scan plane, seen from behind. `warmup` is the share of all steps over
-    which the rate rises; gradients longer than `max_gradient_norm` are scaled.
-    `search_widths` and `search_depths` span the grid of `train --search`: units in a hidden layer, and hidden layers.
+    A sample of `mirror` with left and right exchanged is the same B-scan plane, seen from behind.
     """
 
     hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
@@ -42,11 +39,10 @@ class NetworkStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class WallFinderStudy(Section):
-    """Frames are reduced to `rows` x `columns`; `channels` are the levels' channels, each level of half the resolution.
+    """The network that finds the wall in reduced frames; each level of `channels` has half the resolution.
 
     The first level already has half the frame's rows and columns, so both are multiples of two to the power of the
-    number of levels. No scene is used twice. `target_rows` is the standard deviation of the truth's blur, in rows of
-    the reduced frame.
+    number of levels. No scene is used twice.
     """
 
     rows: int = quantity(128, None, 16, 1024)
@@ -76,33 +72,16 @@ class WallFinderStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ReaderStudy(Section):
-    """The reader's training: eyes, framing, known inputs, the network and its descent.
+    """The reader's training: eyes, framing, known inputs, the network and its descent; `paper.toml` explains the keys.
 
-    IOP has a uniform logarithm; all other values are uniform. Forces are uniform from 0 to `max_force_n`, or, in
-    `small_force_share` of the samples, to `small_force_n`. `size` is the eye's over the study's (radius, wall and
-    dent together). `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its lateral axis.
-    `plain_share` of the samples have the study's size, no tilt and no rotation, as most frames have: a network that
-    met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the undeformed contact
-    below the frame's top edge. `polar_angle_rad` is the contact's polar angle; the plane's direction from the
-    meridian is uniform on the whole circle.
+    Values are uniform; of the IOP and of the standard deviations of modulus and rigidity, the logarithm is, and of the
+    stiffening b the logarithm of 1 + b. The plane's direction from the meridian is uniform on the whole circle.
 
-    `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is uniform.
-    `uneven_share` of the walls are not even spheres at rest (`learning.walls`). `interval_eyes`, with as large an
-    uneven share, decide the width of intervals (`reader.intervals`); 0 keeps the network's own.
-
-    `boundary_errors` multiplies the errors of the segmentation of rendered frames in the network's samples, more than
-    it will see; `interval_boundary_errors` in the frames that intervals are measured on.
-
-    The network's modulus has a relative standard deviation (its logarithm uniform over `modulus_sd_fraction`); the
-    eye's own is drawn from that normal distribution. Other known values are off by `*_noise_fraction` (standard
-    deviation), polar angle and direction by `pole_noise_rad`; a modulus that is surer than 6 % was calibrated with
-    these. Each value is missing in `*_missing_fraction` of the samples.
-
-    `globe_open_fraction` of the globes are declared open, `globe_missing_fraction` unknown (`known`: the rigidity
-    is uniform in its range); the others are sealed. `rigidity_missing_fraction` of these have an unknown rigidity,
-    the rest a mean and a standard deviation, as a calibration finds them (the logarithm uniform over
-    `rigidity_sd_pa13_per_m3`). Most samples have most values: the answer for an eye with all of them is sharp, and
-    takes more samples to learn than the answer for an eye with few.
+    `plain_share`: most frames have no tilt; a network that met every tilt alike would be as unsure of all of them.
+    `boundary_errors`: more than the network will meet. `interval_eyes` decide the width of intervals
+    (`reader.intervals`), with as large an `uneven_share` (`learning.walls`); 0 keeps the network's own. A given modulus
+    is drawn from its own normal distribution; other given values are off by `*_noise_*`. Most samples have most values:
+    the answer for an eye with all of them is sharp, and takes more samples to learn than that for an eye with few.
     """
 
     youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
@@ -176,14 +155,8 @@ class ReaderStudy(Section):
 class RawReaderStudy(Section):
     """The raw reader's training; its eyes follow `[reader]`, light and scanner follow `[phantom]` and `[oct]`.
 
-    Frames are reduced to `rows` x `columns` pixels of `row_m` x `column_m`. `channels` to `batches` belong to the
-    part that sees the wall, with their meaning in `[wall_finder]`; `batch_size` and rates belong to the whole. The
-    layers behind it learn from slices first, for `slice_epochs` of `[reader]`; in the first `wall_share` of the
-    batches of raw frames the wall alone is learned.
-
-    `needle_share` of the frames are crossed by a needle of `needle_diameter_m`, at most `needle_gap_fraction` of that
-    from its axis; `conjunctiva_share` show one of `conjunctiva_thickness_m`. Other scanners than that of `[phantom]`
-    have `snr_loss_db` less signal and speckle `speckle_factor` times as large: 0 and 1 learn that scanner alone.
+    `channels` to `batches` belong to the part that sees the wall, with their meaning in `[wall_finder]`; `batch_size`
+    and rates belong to the whole. The layers behind it learn from slices first, for `slice_epochs` of `[reader]`.
     """
 
     rows: int = quantity(64, None, 16, 1024)

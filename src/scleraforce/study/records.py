@@ -72,12 +72,9 @@ LEAST_STIFFENINGS = 4  # that cubic splines run through
 class LibraryStudy(Section):
     """Ranges of the library and the density of its grid; `docs/library.md` states the error of the interpolation.
 
-    The logarithms of `thicknesses` values are evenly spaced between the ends of `thickness_m`, and the logarithms of
-    `tensions` values, p R/(E t), between the ends of `tension` at its low part; they are denser towards the one at
-    which the wall bursts (0.416 with a Poisson's ratio of 0.45). Sealed eyes rise far above their pressure at rest.
-    Each path has `tips` states up to `max_tip_m`, denser at small dents. `stiffenings` values of b
-    (`mechanics.material`) are evenly spaced in ln(1 + 5 b) between the ends of `stiffening`; with one, all tissue
-    has the lower end. `max_force_ratio_m2` is the largest F/E. `elements` and `layers` divide the wall's meridian.
+    Thicknesses, and tensions p R/(E t) at their low part, are evenly spaced in their logarithm; tensions are denser
+    towards the one at which the wall bursts (0.416 with a Poisson's ratio of 0.45), as sealed eyes rise far above their
+    pressure at rest. `max_force_ratio_m2` is the largest F/E. `elements` and `layers` divide the wall's meridian.
     """
 
     thickness_m: Sampled = quantity(Range(min=350.0, max=900.0), "um", 100.0, 3000.0)

@@ -21,8 +21,6 @@ Record = TypeVar("Record")
 # Of keys and tables, by their path and the number of the table of its name of a key, 0 outside of any.
 Lines = dict[tuple[tuple[str, ...], int], int]
 
-# Keys of earlier versions, and what to write instead.
-REPLACED: dict[tuple[str, ...], str] = {("mechanics", "sealed"): 'write [globe] kind = "sealed" or "open"'}
 MAX_ENTRIES = 1000  # of a list
 MAX_WHOLE = 10**15  # what a float holds exactly
 
@@ -107,8 +105,6 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
     values: dict[str, Any] = {}
     for key, value in table.items():
         place = f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, key))}"
-        if found := REPLACED.get((*path, key)):
-            raise StudyError(f"{place}: no longer a key; {found}")
         if key not in known:
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
         item = known[key]
