@@ -129,16 +129,6 @@ def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> 
     assert entry["values"]["times"] == str(folder / "frames.csv")
 
 
-def test_single_precision_of_a_scale_adds_no_digits(imported, tmp_path: Path) -> None:
-    nibabel = pytest.importorskip("nibabel")
-    image = nibabel.Nifti1Image(FRAMES.T, np.eye(4))
-    image.header.set_zooms((0.3, 0.1, 1.0))
-    image.header.set_xyzt_units("mm")
-    nibabel.save(image, tmp_path / "a.nii")
-    entry, _ = imported(tmp_path / "a.nii", *told("--bits", 16, "--rate-hz", 1, *NIFTI))
-    assert (entry["width_mm"], entry["depth_mm"]) == (12.0, 2.4)
-
-
 def test_damage_is_reported_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     stack(tmp_path / "a.tif")
     write_dicom(tmp_path / "a.dcm", FRAMES)
@@ -280,9 +270,7 @@ def test_frames_of_a_real_recording_come_back_from_every_format(imported, tmp_pa
     assert all(frame["usable"] for frame in segmented["frames"])
 
 
-def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(
-    imported, refused, tmp_path: Path
-) -> None:
+def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(imported, refused, tmp_path: Path) -> None:
     nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
     for given in ([], ["--width-mm", 6]):
@@ -292,15 +280,6 @@ def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(
     entry, _ = imported(tmp_path / "a.dcm", *told("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
     assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
-
-
-def test_times_that_contradict_each_other_need_an_option(imported, refused, tmp_path: Path) -> None:
-    write_dicom(tmp_path / "a.dcm", FRAMES, FrameTimeVector=[0.0, 1.0], PixelSpacing=[0.004, 0.015])
-    error = refused(tmp_path / "a.dcm", *told("--bits", 13))
-    assert "FrameTimeVector has 2 values, NumberOfFrames is 5" in error
-    assert "--rate-hz" in error
-    _, recording = imported(tmp_path / "a.dcm", *told("--bits", 13, "--rate-hz", 10))
-    assert [frame.time_s for frame in recording.frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
 
 
 def test_a_change_of_the_pixels_is_in_import_json_and_printed(tmp_path: Path, shell) -> None:

@@ -100,19 +100,6 @@ def test_frames_on_which_nothing_can_be_measured_are_refused(frames, tmp_path: P
         assert words in refused(*before, picture(tmp_path, counts), *SCALE)
 
 
-def test_a_linear_display_is_recognised_written_and_drawn(scanner, tmp_path: Path, shell) -> None:
-    optics = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0, "attenuation_per_m": 2000.0}
-    frame = picture(tmp_path, drawn_counts(7710, **optics))
-    assert shell.json("segment", frame, "--out", tmp_path / "mask", *SCALE[:4])["frames"][0]["usable"]
-    result, study = scanner(frame, *SCALE)
-    assert result["display"] == study.phantom.display == "linear"
-    assert result["measured"]["snr_db"]["median"] == pytest.approx(20.0, abs=1.0)
-    assert result["measured"]["display_range_db"]["median"] == pytest.approx(38.0, abs=1.0)
-    assert result["measured"]["attenuation_per_mm"]["median"] == pytest.approx(2.0, rel=0.1)
-    assert result["not_drawn"]["spread_slope"]["median"] == pytest.approx(1.58, abs=0.2)
-    assert result["histogram_overlap"] > 0.95
-
-
 def test_a_display_that_the_wall_does_not_show_is_assumed_with_a_note(tmp_path: Path, shell) -> None:
     out, frame = tmp_path / "study.toml", picture(tmp_path, drawn_counts(7110, attenuation_per_m=20.0))
     text = shell.text("scanner", frame, *SCALE, "--out", out)

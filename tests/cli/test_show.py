@@ -233,25 +233,13 @@ def test_a_table_has_a_row_for_each_frame_with_its_answer(recording: Path, shell
     assert [row["predicted_force_mn"] for row in rows[:3]] == ["", "4.5", ""]
     assert float(rows[5]["measured_force_mn"]) == pytest.approx(10.0, abs=0.3)
     assert rows[5]["target"] == "1"
+    shell.run("export", recording, "--out", recording.parent / "a.json")
+    found = json.loads((recording.parent / "a.json").read_text())
+    assert (found["oct"]["bits"], found["needle"]["gauge"], len(found["frames"])) == (12, 22, 12)
     shell.run("export", answers, "--out", recording.parent / "b.csv")
     assert (recording.parent / "b.csv").read_text() == (
         "file,recording,predicted_force_mn,interval_low_mn,interval_high_mn\n0001.png,r,4.5,3.0,6.0\n"
     )
-
-
-def test_json_has_the_settings_of_the_recording_too(recording: Path, shell) -> None:
-    out = recording.parent / "a.json"
-    shell.run("export", recording, "--out", out)
-    found = json.loads(out.read_text())
-    assert (found["oct"]["bits"], found["needle"]["gauge"], len(found["frames"])) == (12, 22, 12)
-
-
-def test_frames_become_a_file_that_import_takes(recording: Path, tmp_path: Path, shell) -> None:
-    pytest.importorskip("rosbags")
-    pytest.importorskip("nrrd")
-    for name in ("a.mcap", "a.nrrd", "a.seq.nrrd"):
-        shell.run("export", recording, "--out", tmp_path / name)
-        shell.run("import", tmp_path / name, "--like", recording, "--eye", "again", "--out", tmp_path / f"{name}-back")
 
 
 def test_a_file_that_is_there_stays_without_force(recording: Path, shell) -> None:
