@@ -1,7 +1,6 @@
 """`monitor` and `monitor-reset`: the whole service as a user starts it, and refused sessions."""
 
 import json
-import os
 import signal
 import socket
 from functools import cache
@@ -219,28 +218,15 @@ def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
     assert f"127.0.0.1:{port}" in shell.refused("monitor-reset", "--token", "x", "--port", port)
 
 
-@pytest.mark.slow
-def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
-    with started(folder, "--black-box", str(tmp_path / "box")) as monitor:
-        children = _children(monitor.process.pid)
-        assert len(children) == 3  # black box, second opinion, watchdog
-        monitor.process.send_signal(signal.SIGTERM)
-        assert monitor.process.wait(FUSE_S) == 0
-    wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in children))
-
-
-def _children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-@pytest.mark.slow
-def test_an_eye_that_is_not_in_the_calibration_is_named_at_the_start(folder: Path, tmp_path: Path) -> None:
-    given = ["--calibration", str(folder / "calibration.json"), "--black-box", str(tmp_path / "box")]
-    with started(folder, "--eye", "mein", *given, "--iop-mmhg", "2") as monitor:
+def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(
+    folder: Path, tmp_path: Path
+) -> None:
+    given = ["--calibration", str(folder / "calibration.json"), "--eye", "mein", "--iop-mmhg", "2", "--width-mm", "6"]
+    with started(folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")) as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
-    assert len(warned) == 1
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
+    assert any("of the wall are visible; at least" in line for line in warned[1:])
 
 
 def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypatch, shell) -> None:
@@ -288,14 +274,6 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
         expects_opinion=True,
     )
     assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
-
-
-def test_frames_that_are_too_narrow_are_said_at_the_start(folder: Path) -> None:
-    with started(
-        folder, "--width-mm", "6", "--no-second-opinion", "--black-box", str(folder / "narrow-box")
-    ) as monitor:
-        said = [line for line in monitor.lines if line.startswith("warning")]
-    assert any("of the wall are visible; at least" in line for line in said), monitor.lines
 
 
 CALIBRATED = KnownGlobe(

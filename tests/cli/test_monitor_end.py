@@ -45,13 +45,22 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
-def test_who_ends_it_otherwise_ends_it_in_order_as_well(folder: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_other_signals_end_it_in_order_and_leave_no_process(
+    folder: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
         robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
+        children = children_of(monitor.process.pid)
+        assert len(children) == 3  # black box, second opinion, watchdog
         os.kill(monitor.process.pid, number)
         os.kill(monitor.process.pid, number)  # a shell and the system may both say so
         assert "the monitor ends" in robot.wait_for_code(3).message
         assert monitor.process.wait(FUSE_S) == 0
+    wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))
+
+
+def children_of(pid: int) -> list[int]:
+    return list(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
 
 
 @pytest.mark.slow
@@ -94,9 +103,8 @@ def test_a_monitor_that_is_stopped_in_its_terminal_is_ended_by_its_watchdog(
     """Ctrl-Z stops all processes of a terminal's session; the watchdog and the black box have their own."""
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
         robot.hear(lambda peer: bool(peer.statuses()))  # the monitor has taken the connection
-        children = Path(f"/proc/{monitor.process.pid}/task/{monitor.process.pid}/children").read_text().split()
-        assert len(children) == 3
-        assert {os.getsid(int(child)) for child in children} == {int(child) for child in children}
+        children = children_of(monitor.process.pid)
+        assert {os.getsid(child) for child in children} == set(children)
         os.kill(monitor.process.pid, signal.SIGSTOP if sent == "Ctrl-Z" else signal.SIGKILL)
         assert robot.wait_for_code(3).name == "WATCHDOG"
         robot.link.close()
