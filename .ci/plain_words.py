@@ -30,7 +30,7 @@ CLEAN = (
     *("tests/notebook", "tests/replay", "tests/service", "tests/monitor", "tests/openigtlink"),
     *("src/scleraforce/laboratory", "src/scleraforce/learning", "src/scleraforce/library", "src/scleraforce/reader"),
     *("tests/library", "tests/reader", "tests/laboratory", "tests/learning", "tests/test_whole_files.py"),
-    *("src/scleraforce/mechanics", "src/scleraforce/segmentation"),
+    *("src/scleraforce/mechanics", "src/scleraforce/segmentation", "tests/mechanics", "tests/segmentation"),
 )
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {

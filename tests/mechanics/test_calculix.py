@@ -41,7 +41,7 @@ def gravity_cards(mesh: HexMesh) -> str:  # noqa: ARG001 - one of three makers o
     [("C3D20", {"twenty_nodes": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})],
 )
 @pytest.mark.parametrize("load", ["iop", "gravity", "needle"])
-def test_displacements_are_those_of_calculix(tmp_path: Path, element: str, kind: dict, load: str) -> None:
+def test_displacements_agree_with_calculix(tmp_path: Path, element: str, kind: dict, load: str) -> None:
     mesh = wall_mesh(R, T, level=0, layers=2, **kind)
     wall = LinearWall(mesh, NU)
     cards = {"iop": iop_cards, "gravity": gravity_cards, "needle": needle_cards}[load](mesh)

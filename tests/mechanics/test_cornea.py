@@ -125,7 +125,7 @@ def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
     np.testing.assert_allclose(np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1), between, atol=1e-12)
 
 
-def test_a_cornea_that_is_none_of_the_globe_is_refused() -> None:
+def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
     directions = meridian(np.array([0.1]))
     wide = CorneaStudy(radius_m=14e-3, limbus_radius_m=13e-3)
     with pytest.raises(InputError, match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$"):

@@ -38,7 +38,7 @@ def elements_of(mesh: HexMesh, shift: float = 0.0) -> np.ndarray:
 
 @pytest.mark.parametrize("shift", [0.0, 0.02])
 @pytest.mark.parametrize("kind", MESHES)
-def test_answers_are_those_of_the_full_matrix(kind: str, shift: float) -> None:
+def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
     mesh = MESHES[kind]
     held_nc, elements = held(mesh), elements_of(mesh, shift)
     free = np.flatnonzero(~held_nc.ravel())
@@ -88,7 +88,7 @@ def test_every_free_unknown_is_eliminated_once_and_before_what_it_is_shared_with
 
 
 def test_a_graded_wall_of_13185_unknowns_has_fronts_of_at_most_960() -> None:
-    """What a factor costs goes with the third power of the largest front."""
+    """The cost of a factor grows with the third power of the largest front."""
     mesh = graded_mesh(R, T, CONTACT)
     fronts = dissect(mesh, clamped_base(mesh)).fronts
     assert fronts[-1].own.stop == 13_185

@@ -59,7 +59,7 @@ def test_a_dent_outwards_takes_the_pressure_to_nothing_and_not_below() -> None:
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_below_no_rigidity_the_law_goes_on_smoothly_for_a_search_that_needs_both_sides(law: str) -> None:
+def test_below_no_rigidity_the_law_continues_smoothly_for_a_search_that_needs_both_sides(law: str) -> None:
     rigidities = PER_UL * np.array([-2e-4, -1e-4, 0.0, 1e-4, 2e-4])
     pressures = sealed_globe(rigidities, law).pressure(np.full(5, 300.0), 20.0 * UL)
     assert pressures[2] == pytest.approx(300.0)

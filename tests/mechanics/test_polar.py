@@ -1,4 +1,4 @@
-"""What the base does to a needle beside the pole, against geometry and against three dimensions."""
+"""The effect of the base on a needle beside the pole, against geometry and against three dimensions."""
 
 import numpy as np
 import pytest

@@ -154,7 +154,7 @@ def test_the_pressure_of_a_sealed_globe_on_a_bed_follows_the_law() -> None:
     assert path.pressures_pa[-1] == pytest.approx(law.pressure(266.0, displaced_m3), rel=1e-6)
 
 
-def test_a_studys_springs_are_those_of_its_kind() -> None:
+def test_a_studys_springs_follow_its_kind() -> None:
     mesh, u = globe(), np.random.default_rng(1).normal(size=globe().points_nc.shape)
     bed, straps = elastic_bed(mesh, 2e6, 0.1e6).forces(u), rectus_straps(mesh, 30.0, 0.5).forces(u)
     expected = {"bed": bed, "straps": straps, "bed-and-straps": bed + straps}

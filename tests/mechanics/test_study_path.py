@@ -1,4 +1,4 @@
-"""A study's eye at finite strain: form, material, needle and pressure are those that it asks for."""
+"""A study's eye at finite strain: form, material, needle and pressure follow the study."""
 
 from dataclasses import replace
 from math import pi, radians

@@ -1,4 +1,4 @@
-"""The sclera's surface under a conjunctiva: found where it shows and where the told thickness asks for it."""
+"""The sclera's surface under a conjunctiva: found where it shows and where the given thickness asks for it."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_a_conjunctiva_that_waves_is_followed() -> None:
 
 @pytest.mark.parametrize("told", [0.8, 0.9])
 @pytest.mark.parametrize("wave", [0.0, 0.12])
-def test_a_wall_that_is_thicker_than_told_has_no_conjunctiva(told: float, wave: float) -> None:
+def test_a_wall_that_is_thicker_than_given_has_no_conjunctiva(told: float, wave: float) -> None:
     for seed in range(4):
         made = bscan(None, seed, wave)
         first = find_wall(made.frame, SCALE)
@@ -75,7 +75,7 @@ def test_two_surfaces_that_look_alike_to_the_light_are_one() -> None:
 
 
 def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
-    """A flat wall without noise, 0.8 mm thick with what is over it: light from so deep on, and how it is segmented."""
+    """A flat wall without noise, 0.8 mm thick with what is over it: the light from each depth on, and its segmentation."""
     tissue_m = SCALE.depth_m / SCALE.refractive_index
     below_m = (np.arange(512)[:, None] - 100.0) * tissue_m
     light = np.full((512, 512), 200.0)
@@ -87,12 +87,12 @@ def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
 
 
 def surface_m(frame: np.ndarray, found: Segmentation, told_m: float) -> float:
-    """How deep below the first surface the wall's is taken to lie, m."""
+    """Return the depth of the wall's surface below the first one, m."""
     below = below_conjunctiva(frame, SCALE, found, told_m)
     return float(np.median(below.outer_row - found.outer_row)) * SCALE.depth_m / SCALE.refractive_index
 
 
-def test_a_step_is_taken_for_the_wall_where_the_told_thickness_asks_for_it_and_nowhere_else() -> None:
+def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_nowhere_else() -> None:
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0))
     assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
     assert below_conjunctiva(frame, SCALE, found, 0.48e-3) is found  # it would leave 0.18 mm of 0.32 unexplained
@@ -100,7 +100,7 @@ def test_a_step_is_taken_for_the_wall_where_the_told_thickness_asks_for_it_and_n
     assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)  # a brighter band lies deeper
 
 
-def test_a_step_of_a_hundredth_is_none_however_little_noise_there_is() -> None:
+def test_a_step_of_a_hundredth_is_not_taken_however_little_noise_there_is() -> None:
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2020.0))
     assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
 
@@ -124,7 +124,7 @@ def test_readers_look_below_it() -> None:
 
 
 @pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6])
-def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_told_thickness(
+def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness(
     thickness_m: float,
 ) -> None:
     """From 140 um on the shipped one does so; read and segmented is the sclera all the same."""

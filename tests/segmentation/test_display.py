@@ -1,4 +1,4 @@
-"""Linear displays are told from pairs of counts, and only their walls are looked for in logarithms."""
+"""Linear displays are recognised from pairs of counts, and only their walls are looked for in logarithms."""
 
 from functools import partial
 
@@ -70,13 +70,13 @@ def test_the_contrast_agrees_with_arrays(seed: int, largest: int, black: float) 
 
 
 @pytest.mark.parametrize("display", ["logarithmic", "root"])
-def test_other_displays_stay_as_they_are(display: str) -> None:
+def test_other_displays_stay_unchanged(display: str) -> None:
     for seed in range(7201, 7205):
         frame = drawn_counts(seed, display=display)
         assert as_logarithmic(frame) is frame
 
 
-def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
+def test_a_frame_with_hardly_any_light_stays_unchanged() -> None:
     frame = np.zeros((64, 64), dtype=np.uint16)
     assert as_logarithmic(frame) is frame
     frame[10, ::8] = [100, 4000] * 4
@@ -108,8 +108,8 @@ def test_logarithms_keep_order_and_black(dtype: type) -> None:
     np.testing.assert_allclose(levels[1:] / step, 65535.0 / np.log1p(np.iinfo(dtype).max), rtol=1e-3)
 
 
-def test_walls_of_linear_frames_are_found_as_those_of_logarithmic_ones(shipped: WallFinder) -> None:
-    """In the counts themselves both ways to find one differ in most of these frames, which are then not usable."""
+def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(shipped: WallFinder) -> None:
+    """In the counts themselves both methods differ in most of these frames, which are then not usable."""
     for seed in range(7210, 7216):
         frame, logarithmic = drawn_counts(seed, **LINEAR), drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
         expected = find_wall(logarithmic, SCALE, finder=shipped)

@@ -63,12 +63,12 @@ def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> 
 def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other() -> None:
     beyond = moved(150.0)
     dark, lit = bright_to(moved(0.0)), bright_to(beyond, noise=0.0)
-    lit[100:] += np.arange(100, dtype=np.uint16)[:, None]  # it gets brighter: the boundary at row 110 is none
+    lit[100:] += np.arange(100, dtype=np.uint16)[:, None]  # it gets brighter: row 110 is not a boundary
     np.testing.assert_array_equal(joined_walls(dark, wall(moved(0.0)), wall(beyond), STEP).inner_row, moved(0.0))
     np.testing.assert_array_equal(joined_walls(lit, wall(moved(0.0)), wall(beyond), STEP).inner_row, beyond)
 
 
-def test_what_the_frame_cuts_off_is_no_fall() -> None:
+def test_light_that_the_frame_cuts_off_does_not_fall() -> None:
     """The last two rows are black, as a program may leave them: more light is lost there than at the wall's end."""
     cut_off, frame = moved(88.0), bright_to(moved(0.0), noise=0.0)
     frame[198:] = 0

@@ -48,7 +48,7 @@ def frame_of(shaft: NeedleShaft | None, dent_m: float = 1.0e-3, seed: int = 0, l
 
 
 def surface_error_m(outer_row: np.ndarray, dent_m: float) -> np.ndarray:
-    """How far a surface lies below that of `frame_of`, where it was found, (column,)."""
+    """Return the depth of a found surface below the one of `frame_of`, (column,), m."""
     placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(wall(dent_m)).outer
     lateral_m = (np.arange(OCT.columns) + 0.5) * SCALE.lateral_m - OCT.width_m / 2
     return (outer_row + 0.5) * SCALE.depth_m - np.interp(lateral_m, *placed.T)
@@ -66,7 +66,7 @@ def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: flo
 
 
 @pytest.mark.parametrize("dent_m", [3.2e-3, 4.2e-3])
-def test_a_tip_below_the_frame_is_told_as_none(dent_m: float) -> None:
+def test_a_tip_below_the_frame_has_no_place(dent_m: float) -> None:
     frame, tip_m = frame_of(replace(STEEL, angle_rad=radians(10.0)), dent_m)
     needle = find_wall(frame, SCALE).needle
     entry = needle_entry(needle)
@@ -122,7 +122,7 @@ def test_a_steep_dent_is_not_smoothed_across_a_needle() -> None:
     assert np.mean(worst) < 18e-6  # 24 um where both flanks are smoothed into each other
 
 
-def test_a_hidden_middle_is_no_observation() -> None:
+def test_a_hidden_middle_is_not_observed() -> None:
     frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
     found = find_wall(frame, SCALE)
     assert found.needle is not None
@@ -144,13 +144,13 @@ def not_needles() -> Iterator[tuple[str, dict[str, object]]]:
 
 @pytest.mark.parametrize(("name", "own"), list(not_needles()))
 @pytest.mark.parametrize("dent_m", [0.0, 1.0e-3])
-def test_what_is_no_needle_is_not_taken_for_one(name: str, own: dict[str, object], dent_m: float) -> None:
+def test_nothing_else_is_taken_for_a_needle(name: str, own: dict[str, object], dent_m: float) -> None:
     for seed in range(4):
         frame, _ = frame_of(None, dent_m, seed, **own)
         assert find_wall(frame, SCALE).needle is None, name
 
 
-def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_no_needles() -> None:
+def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_needles() -> None:
     frame, _ = frame_of(None, 0.0)
     flare = frame.copy()
     flare[:, 255:264] = np.maximum(flare[:, 255:264], 3000)
@@ -160,13 +160,13 @@ def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_no_needl
         assert find_wall(picture, SCALE).needle is None
 
 
-def test_a_line_whose_light_goes_on_below_the_tissue_is_a_flare() -> None:
+def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
     frame, tip_m = frame_of(STEEL, 0.05e-3, seed=5)
     column = round((tip_m[0] + OCT.width_m / 2) / SCALE.lateral_m)
     under = round(tip_m[1] / SCALE.depth_m)
     assert find_wall(frame, SCALE).needle is not None
     begin = under + round(1.0e-3 / SCALE.depth_m)
-    for end, seen in ((len(frame), False), (len(frame) * 3 // 4, True)):  # what fades on its way down is no flare
+    for end, seen in ((len(frame), False), (len(frame) * 3 // 4, True)):  # a flare does not fade on its way down
         streak = frame.astype(np.int64)
         streak[begin:end, column - 8 : column + 9] += 200
         needle = find_wall(np.clip(streak, 0, 4095).astype(np.uint16), SCALE).needle
@@ -176,18 +176,18 @@ def test_a_line_whose_light_goes_on_below_the_tissue_is_a_flare() -> None:
 @needs_shared
 @pytest.mark.real
 @pytest.mark.parametrize("lateral_um", [8, 12, 16, 20, 31])
-def test_the_flare_of_a_real_eye_at_rest_is_no_needle(lateral_um: int) -> None:
+def test_the_flare_of_a_real_eye_at_rest_is_not_a_needle(lateral_um: int) -> None:
     path = SHARED / "real-oct" / "dicom" / "anterior-segment.dcm"
     pixels = read_scaled_frame(path, Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0), (Scanner(), "")).pixels
     for depth_um in (4, 6, 8, lateral_um):
         assert find_wall(pixels, PixelScale(lateral_m=1e-6 * lateral_um, depth_m=1e-6 * depth_um)).needle is None
 
 
-def test_what_a_needle_hides_is_no_wall_that_is_seen() -> None:
+def test_the_hidden_wall_does_not_count_as_seen() -> None:
     frame, _ = frame_of(replace(STEEL, diameter_m=1.0e-3), 0.05e-3, seed=3)
     first, after = find_wall(frame, SCALE).needle.hidden
     least = round(0.4 * OCT.columns)  # must show the wall
-    beside = (least - (after - first) // 2) // 2  # with the half of what is hidden it would be enough
+    beside = (least - (after - first) // 2) // 2  # with half of the hidden columns it would be enough
     noise = np.random.default_rng(0).permuted(frame[:40, 60:100].ravel())
     for column in (*range(first - beside), *range(after + beside, OCT.columns)):
         if frame[:, column].any():

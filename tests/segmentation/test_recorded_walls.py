@@ -1,4 +1,4 @@
-"""Walls in every kind of frame are those of `walls.json`, recorded from an implementation by NumPy and OpenCV.
+"""Walls in every kind of frame against `walls.json`, recorded from an implementation by NumPy and OpenCV.
 
 That one is `tests/oracles/wall_arrays.py` of e25d375a. After a change that is meant to move walls, run this file.
 """
@@ -103,7 +103,7 @@ KINDS = ("phantoms", "bytes", "needles", "scanners", "hostile", "layers")
 
 
 def shown(found: Segmentation) -> dict[str, Any]:
-    """What is recorded of a wall: of one in noise only that, as two paths through noise may be equally good."""
+    """Return the record of a wall; in noise two paths may be equally good, and only the verdict is recorded."""
     verdict = {"usable": found.usable, "reason": found.reason.split(":")[0]}
     if found.reason.startswith(NOISE):
         return verdict

@@ -224,7 +224,7 @@ def test_too_little_of_the_window_is_not_usable(bscan: Bscan):
 
 
 @pytest.mark.parametrize("frame", [np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20)), np.zeros((8, 200), np.uint8)])
-def test_what_is_no_frame_is_refused(frame: np.ndarray):
+def test_other_arrays_are_refused(frame: np.ndarray):
     with pytest.raises(ValueError, match="frame of"):
         find_wall(frame, SCALE)
 

@@ -65,7 +65,7 @@ def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_on
     share[40:45] = 0.45
     rows = share * distributions(outer) + (1 - share) * distributions(outer + 40)
     session = FixedSession(np.stack([rows, distributions(outer + 60)]), np.ones(HALF))
-    seen = WallFinder(session, STUDY, "told").find(FRAME)
+    seen = WallFinder(session, STUDY, "drawn").find(FRAME)
     assert seen.outer_row == pytest.approx(4 * 30.5 - 0.5, abs=0.5)
     assert (seen.outer_sd[40:45] > 4 * 18).all()
     assert seen.outer_sd[50] < seen.outer_sd[42]
@@ -77,7 +77,7 @@ def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() 
     share = np.full(HALF, 0.9)
     share[30:50] = 0.45
     inner = share * distributions(outer + 15) + (1 - share) * distributions(outer + 55)
-    seen = WallFinder(FixedSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "told").find(FRAME)
+    seen = WallFinder(FixedSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "drawn").find(FRAME)
     assert seen.inner_row - seen.outer_row == pytest.approx(60.0, abs=4.0)
     assert (seen.inner_sd[30:50] > 4 * 15).all()
 
@@ -89,7 +89,7 @@ def test_a_column_without_wall_says_so() -> None:
     assert seen.outer_row[30:] == pytest.approx(4 * 30.5 - 0.5, abs=0.2)
 
 
-def test_an_inner_boundary_above_the_outer_one_is_no_wall() -> None:
+def test_an_inner_boundary_above_the_outer_one_is_not_a_wall() -> None:
     seen = fixed_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME)
     assert not seen.there.any()
 
@@ -102,8 +102,8 @@ def test_boundaries_in_the_first_and_last_row_lie_beyond_the_frame() -> None:
 
 def test_a_network_with_other_outputs_is_refused() -> None:
     session = FixedSession(np.zeros((2, STUDY.rows, HALF)), np.zeros(HALF))
-    with pytest.raises(ModelError, match="told: inputs: found"):
-        WallFinder(session, replace(STUDY, rows=64), "told")
+    with pytest.raises(ModelError, match="drawn: inputs: found"):
+        WallFinder(session, replace(STUDY, rows=64), "drawn")
 
 
 def test_answers_that_are_not_finite_are_an_error() -> None:
@@ -132,7 +132,7 @@ def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m
     assert checked.thickness_m == pytest.approx(other.thickness_m, rel=0.06)
 
 
-def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_shown() -> None:
+def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -> None:
     needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=(250, 300))
     bscan = phantom(seed=3)
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
@@ -143,7 +143,7 @@ def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_shown() -> N
 
 
 def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most() -> None:
-    """Its lower boundary is told 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far."""
+    """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far."""
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
     left = np.arange(HALF) < HALF // 2
@@ -155,7 +155,7 @@ def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_m
 
 
 def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
-    """Its surface is told 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
+    """Its surface is given 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
     bscan = phantom(0.6e-3, 0.0, seed=3)
     outer, inner = true_rows(bscan)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer - 3.0, inner, sd=0.5))
@@ -164,7 +164,7 @@ def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
     assert not checked.usable
 
 
-def test_a_wall_that_goes_on_beyond_the_frame_ends_a_millimetre_below_its_surface() -> None:
+def test_a_wall_that_continues_beyond_the_frame_ends_a_millimetre_below_its_surface() -> None:
     bscan = phantom(0.6e-3, 0.0)
     outer, _ = true_rows(bscan)
     below = np.full(HALF, STUDY.rows - 1.0)
@@ -177,7 +177,7 @@ def test_a_wall_that_goes_on_beyond_the_frame_ends_a_millimetre_below_its_surfac
     assert deep[inside] == pytest.approx(1e-3 * SCALE.refractive_index / SCALE.depth_m, rel=1e-3)
 
 
-def test_a_wall_that_leaves_the_frame_goes_on_as_thick_as_it_is() -> None:
+def test_a_wall_that_leaves_the_frame_keeps_its_thickness() -> None:
     bscan = phantom(0.6e-3, 0.0)
     outer, inner = true_rows(bscan)
     middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
@@ -193,7 +193,7 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
 
     def told(end: np.ndarray) -> Segmentation:
         rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
-        finder = WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "told")
+        finder = WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "drawn")
         return find_wall(bscan.frame, SCALE, finder=finder)
 
     assert told(inner + 5.0).reason.startswith("the network does not know where the wall ends, in ")
