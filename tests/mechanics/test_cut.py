@@ -41,7 +41,7 @@ def planes(count, seed=0):
 
 
 def distance_to_circle(curve, plane, radius):
-    """Return the distance of points of the plane from the circle that it cuts out of the sphere about the eye's centre."""
+    """Return the distance of points of the plane from the circle that it cuts out of a sphere about the centre."""
     centre = -plane.origin(RADIUS)
     from_centre = curve - (centre @ plane.lateral, centre @ plane.depth)
     return np.abs(np.hypot(*from_centre.T) - np.sqrt(radius**2 - (centre @ plane.normal) ** 2))

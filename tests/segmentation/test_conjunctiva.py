@@ -75,7 +75,7 @@ def test_two_surfaces_that_look_alike_to_the_light_are_one() -> None:
 
 
 def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
-    """A flat wall without noise, 0.8 mm thick with what is over it: the light from each depth on, and its segmentation."""
+    """A flat wall without noise, 0.8 mm thick including the layers: the light below each depth, its segmentation."""
     tissue_m = SCALE.depth_m / SCALE.refractive_index
     below_m = (np.arange(512)[:, None] - 100.0) * tissue_m
     light = np.full((512, 512), 200.0)
