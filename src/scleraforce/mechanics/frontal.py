@@ -59,12 +59,6 @@ class Dissection:
     number_u: Integers
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    elements: Integers
-    halves: tuple[int, ...]
-
-
 def dissect(mesh: HexMesh, held_nc: NDArray[np.bool_]) -> Dissection:
     """Return the fronts of a mesh whose components `held_nc` (node, 3) are held."""
     cells_en, nodes = mesh.cells_en, len(mesh.points_nc)
@@ -74,10 +68,10 @@ def dissect(mesh: HexMesh, held_nc: NDArray[np.bool_]) -> Dissection:
     owns: list[slice] = []
     shares: list[Integers] = []
     here: list[Integers] = []
-    for part in parts:
-        own_elements = part.elements if not part.halves else part.elements[:0]
+    for elements, halves in parts:
+        own_elements = elements if not halves else elements[:0]
         here_n = np.bincount(cells_en[own_elements].ravel(), minlength=nodes)
-        for half in part.halves:
+        for half in halves:
             here_n[shares[half]] += here[half]
         met = np.flatnonzero(here_n)
         done = here_n[met] == elements_of_n[met]
@@ -89,24 +83,24 @@ def dissect(mesh: HexMesh, held_nc: NDArray[np.bool_]) -> Dissection:
         shares.append(met[~done])
         here.append(here_n[met[~done]])
     fronts: list[Front] = []
-    for part, own, shared_nodes in zip(parts, owns, shares, strict=True):
+    for (elements, halves), own, shared_nodes in zip(parts, owns, shares, strict=True):
         shared = np.sort(number_nc[shared_nodes][~held_nc[shared_nodes]])
         everything = np.concatenate([np.arange(own.start, own.stop), shared])
-        places = tuple(np.searchsorted(everything, fronts[half].shared) for half in part.halves)
-        elements = part.elements if not part.halves else part.elements[:0]
-        numbers = number_nc[cells_en[elements]].transpose(0, 2, 1).reshape(len(elements), 3 * cells_en.shape[1])
+        places = tuple(np.searchsorted(everything, fronts[half].shared) for half in halves)
+        own_elements = elements if not halves else elements[:0]
+        numbers = number_nc[cells_en[own_elements]].transpose(0, 2, 1).reshape(len(own_elements), 3 * cells_en.shape[1])
         element_places = np.where(numbers < 0, len(everything), np.searchsorted(everything, numbers))
-        fronts.append(Front(own, shared, part.halves, places, elements, element_places))
+        fronts.append(Front(own, shared, halves, places, own_elements, element_places))
     return Dissection(tuple(fronts), number_nc[~held_nc])
 
 
-def _parts(mesh: HexMesh) -> Iterator[_Part]:
-    """Yield the parts of a mesh, halves before their whole; halves are named by their numbers in this order."""
+def _parts(mesh: HexMesh) -> Iterator[tuple[Integers, tuple[int, ...]]]:
+    """Yield the elements of each part and its halves' numbers in this order; halves come first."""
     corners, corners_en = np.unique(mesh.cells_en[:, :CORNERS], return_inverse=True)
     centres_ec = mesh.sphere_nc[corners][corners_en].mean(axis=1)
     given = 0
 
-    def halved(elements: Integers) -> Iterator[_Part]:
+    def halved(elements: Integers) -> Iterator[tuple[Integers, tuple[int, ...]]]:
         nonlocal given
         halves: list[int] = []
         if len(elements) > LEAF:
@@ -114,7 +108,7 @@ def _parts(mesh: HexMesh) -> Iterator[_Part]:
                 yield from halved(half)
                 halves.append(given - 1)
         given += 1
-        yield _Part(elements, tuple(halves))
+        yield elements, tuple(halves)
 
     yield from halved(np.arange(len(corners_en)))
 

@@ -88,8 +88,8 @@ def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
         return False
     both, either = _columns(other, seen)
     at = seen.frame_column
-    outer = _within(seen.outer_row - other.outer_row[at], seen.outer_sd, seen.step_rows)
-    inner = _within(seen.inner_row - other.inner_row[at], seen.inner_sd, seen.step_rows)
+    outer = np.abs(seen.outer_row - other.outer_row[at]) <= SAME_SDS * np.maximum(seen.outer_sd, seen.step_rows)
+    inner = np.abs(seen.inner_row - other.inner_row[at]) <= SAME_SDS * np.maximum(seen.inner_sd, seen.step_rows)
     last = other.rows - 1.0 - seen.step_rows  # of two boundaries below the frame nobody sees which is lower
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
     seen_by_both, same = int(np.count_nonzero(both)), int(np.count_nonzero(both & outer & inner))
@@ -154,11 +154,6 @@ def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
     return seen.there & there, either
 
 
-def _within(off: NDArray[np.float64], sd: NDArray[np.float64], step_rows: float) -> Mask:
-    within: Mask = np.abs(off) <= SAME_SDS * np.maximum(sd, step_rows)
-    return within
-
-
 def _sentence(what: str, where: Mask, among: Mask) -> str:
     share = np.count_nonzero(where) / np.count_nonzero(among)
     return f"two methods to find the wall differ: {what}, in {share:.0%} of its columns"
@@ -173,7 +168,6 @@ class _Start:
 
     outer: Float
     inner: Float
-    outer_sd: Float
     inner_sd: Float
     there: NDArray[np.bool_]
     ended: NDArray[np.bool_]
@@ -197,13 +191,11 @@ def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
     """Return the network's wall at `fine_columns` of the imaged part, which starts at a column and is so wide."""
     at = fine_columns(width) + left
     known = seen.there
-    curves = (seen.outer_row, seen.inner_row, seen.outer_sd, seen.inner_sd)
-    outer, inner, outer_sd, inner_sd = (
-        np.interp(at, seen.column[known], curve[known]).astype(np.float32) for curve in curves
-    )
+    curves = (seen.outer_row, seen.inner_row, seen.inner_sd)
+    outer, inner, inner_sd = (np.interp(at, seen.column[known], curve[known]).astype(np.float32) for curve in curves)
     there, inside = seen.there_at(at), (seen.inner_row[known] < rows - 1).astype(np.float64)
     ended = there & (np.interp(at, seen.column[known], inside) == 1.0)
-    return _Start(outer, inner, outer_sd, inner_sd, there, ended, seen.step_rows)
+    return _Start(outer, inner, inner_sd, there, ended, seen.step_rows)
 
 
 def _surface(part: Part, start: _Start) -> Float:
@@ -240,8 +232,11 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     expected_m = bridge(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
     step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
     sd_m = np.maximum(np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M))
-    zoom = np.float32(_zoom(float(np.median(expected_m[start.there]))))
-    prior = _prior(grouped(expected_m) / zoom, grouped(sd_m) / zoom)
+    typical_m, (thinnest_m, thickest_m) = float(np.median(expected_m[start.there])), UNROLLED_M
+    zoom = np.float32(max(1.0, typical_m / thickest_m) * min(1.0, typical_m / thinnest_m))
+    edge_m = np.arange(CELLS + 1, dtype=np.float32) * np.float32(CELL_M)
+    off = (edge_m - (grouped(expected_m) / zoom)[:, None]) / (grouped(sd_m) / zoom)[:, None]
+    prior = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
     found_m, jumps = thickness_below(
         part.frame, part.first, part.is_bytes, row, start.there, along_rows * zoom, prior, part.workplace
     )
@@ -252,20 +247,6 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     shown = jumps & (off_m <= SHOWN_SDS * grouped(unsure_m))
     thickness_m: Float = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
-
-
-def _zoom(thickness_m: float) -> float:
-    """Return by how much a wall is thicker (above 1) or thinner than what the unrolled wall is made for."""
-    thinnest, thickest = UNROLLED_M
-    return max(1.0, thickness_m / thickest) * min(1.0, thickness_m / thinnest)
-
-
-def _prior(thickness_m: Float, sd_m: Float) -> Float:
-    """Return each edge's gain by the network's thickness (group,) and its standard deviation, (group, CELLS + 1)."""
-    edge_m = np.arange(CELLS + 1, dtype=np.float32) * np.float32(CELL_M)
-    off = (edge_m - thickness_m[:, None]) / sd_m[:, None]
-    gain: Float = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
-    return gain
 
 
 def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: float) -> Segmentation:

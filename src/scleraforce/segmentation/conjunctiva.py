@@ -7,7 +7,6 @@ if the wall below it would fit the known thickness no better, the segmentation s
 """
 
 from dataclasses import replace
-from functools import lru_cache
 from math import sqrt
 from typing import cast
 
@@ -117,14 +116,8 @@ def _steps(light: Float) -> Float:
     """Return the rise of light at each edge between cells, (group, cell); neighbours are pooled."""
     pooled = cast(Float, cv2.blur(light, (1, POOLED)))
     total = np.concatenate([np.zeros((len(light), 1), np.float32), pooled.cumsum(axis=1, dtype=np.float32)], axis=1)
-    edge, top, bottom = _windows()
+    edge = np.arange(CELLS)  # between cells
+    top, bottom = np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, CELLS)
     above = (total[:, edge] - total[:, top]) / np.maximum(edge - top, 1)
     below = (total[:, bottom] - total[:, edge]) / np.maximum(bottom - edge, 1)
     return np.where(edge > SURFACE_CELLS, below - above, 0.0).astype(np.float32)
-
-
-@lru_cache(maxsize=1)
-def _windows() -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Return the edges between cells, and the ends of the windows above and below them."""
-    edge = np.arange(CELLS)
-    return edge, np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, CELLS)

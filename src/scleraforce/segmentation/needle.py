@@ -249,7 +249,11 @@ def _find_edges(frame: Pixels, grid: Grid, begin: NDArray[np.intp]) -> list[Shaf
     coarse = _longest(thin, begin, grid)
     if coarse is None:
         return []
-    fine = _thin(_all_columns(frame, grid), grid.size.scale.lateral_m / grid.size.step_columns)
+    if grid.size.step_rows > 1:  # in the grid's rows, with the frame's own columns
+        rows, columns = len(grid.cells), frame.shape[1]
+        averaged = cv2.resize(frame[: rows * grid.size.step_rows], (columns, rows), interpolation=cv2.INTER_AREA)
+        frame = cast(Pixels, averaged)
+    fine = _thin(frame, grid.size.scale.lateral_m / grid.size.step_columns)
     return _edges(thin, fine, coarse, grid)
 
 
@@ -302,14 +306,6 @@ def _lengths(thin: Float, start: NDArray[np.floating], slopes: NDArray[np.float6
     shine = np.where(inside, thin[rows, place.clip(0, thin.shape[1] - 1)], np.float32(-0.5))
     sums = np.cumsum(shine - np.float32(LEAST_BRIGHT), axis=1)
     return sums.max(axis=1), sums.argmax(axis=1)
-
-
-def _all_columns(frame: Pixels, grid: Grid) -> Pixels:
-    """Return a frame in the grid's rows, with its own columns."""
-    rows, columns = len(grid.cells), frame.shape[1]
-    if grid.size.step_rows == 1:
-        return frame
-    return cast(Pixels, cv2.resize(frame[: rows * grid.size.step_rows], (columns, rows), interpolation=cv2.INTER_AREA))
 
 
 def _edges(thin: Float, fine: Float, coarse: ShaftEdge, grid: Grid) -> list[ShaftEdge]:

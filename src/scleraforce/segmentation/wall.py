@@ -68,7 +68,7 @@ def find_first_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     grid = Grid(cells, float(floor), grid_size(len(frame), len(part.missing), scale))
     if not len(begin):
         return found
-    needle = find_needle(part.imaged, grid, begin, left, columns)
+    needle = find_needle(part.frame[:, part.first : part.first + len(part.missing)], grid, begin, left, columns)
     if needle is None:
         return part.look(0)[1]
     beside = _beside(counts, part, (needle.hidden[0] - left, needle.hidden[1] - left))
@@ -97,11 +97,6 @@ class Part:
     workplace: Workplace
     is_bytes: bool
     hidden: tuple[int, int] | None
-
-    @property
-    def imaged(self) -> Pixels:
-        """The columns of the part."""
-        return self.frame[:, self.first : self.first + len(self.missing)]
 
     def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, NDArray[np.int64]], Segmentation]:
         """Return the cells, their noise floor, whether they are saturated and where a needle may begin, and the wall.
