@@ -110,14 +110,6 @@ def naive_catmull_clark_vertex(surface: QuadSurface, vertex: int) -> np.ndarray:
     return (faces + 2 * middles + (n - 3) * points[vertex]) / n
 
 
-@pytest.mark.parametrize("divisions", [2, 6])
-def test_half_cube_is_a_disc_of_the_expected_quads(divisions: int) -> None:
-    surface = half_cube(divisions)
-    assert len(surface.quads_qv) == 3 * divisions**2
-    assert len(surface.points_vc) - len(surface.edges[0]) + len(surface.quads_qv) == 1  # Euler characteristic of a disc
-    assert np.abs(surface.points_vc).max() == pytest.approx(1.0, abs=1e-15)
-
-
 def test_subdivision_follows_the_rules_of_catmull_and_clark_at_every_vertex() -> None:
     coarse = half_cube(4)
     fine = catmull_clark(coarse)

@@ -17,7 +17,6 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.needle import needle_entry
-from scleraforce.segmentation.observations import segmented_boundaries
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study
@@ -120,14 +119,6 @@ def test_a_steep_dent_is_not_smoothed_across_a_needle() -> None:
         off_m = np.abs(surface_error_m(found.outer_row, 1.0e-3))
         worst += [np.nanmax(off_m[first - BESIDE : first]), np.nanmax(off_m[after : after + BESIDE])]
     assert np.mean(worst) < 18e-6  # 24 um where both flanks are smoothed into each other
-
-
-def test_a_hidden_middle_is_not_observed() -> None:
-    frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
-    found = find_wall(frame, SCALE)
-    assert found.needle is not None
-    boundaries = segmented_boundaries(found, SCALE)
-    assert np.isnan(boundaries.depth_m[:, slice(*found.needle.hidden)]).all()
 
 
 def not_needles() -> Iterator[tuple[str, dict[str, object]]]:

@@ -54,13 +54,6 @@ def test_a_dent_that_leaves_the_window_still_gives_all_its_points() -> None:
     assert np.abs(points.lateral_m).min() >= 1e-3
 
 
-def test_a_boundary_that_is_not_seen_gives_no_points() -> None:
-    boundaries = bowl(1e-6, np.random.default_rng(4))
-    depth = boundaries.depth_m.copy()
-    depth[1] = np.nan
-    assert observe_points(Boundaries(LATERAL, depth, 1e-9), 10, 0.0, 4e-3).boundary.tolist() == [0] * 5
-
-
 def segmentation(outer: np.ndarray, inner: np.ndarray, thickness_m: float, found: bool = True) -> Segmentation:
     return Segmentation(outer, inner, 400, True, "", found, thickness_m=thickness_m)
 
