@@ -153,7 +153,7 @@ def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator
         yield _Heard(each.id, captured_ns, arrived_ns, message.header.frame_id), message
 
 
-def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> "_Ordered":
+def _ordered(heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> "_Ordered":
     """Sort the messages of a topic by stamp, or by arrival; `content` of each shows which are repeated.
 
     Return their times, their places in the order of arrival, without repeated messages, and notes.
@@ -161,46 +161,46 @@ def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
             found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
-            raise InputError(f"{place}: header.frame_id is {found}; {SPLIT}")
+            raise InputError(f"header.frame_id is {found}; {SPLIT}")
     publisher, captured_ns, arrived_ns = np.array([each[:3] for each in heard], dtype=np.int64).T
     late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
     stamps_ns = arrived_ns if by_arrival else captured_ns
     if not by_arrival:
-        _check_stamped(place, captured_ns, late_ms)
-        _check_publishers(place, publisher, late_ms)
-    notes = [_late_note(place, late_ms)]
+        _check_stamped(captured_ns, late_ms)
+        _check_publishers(publisher, late_ms)
+    notes = [_late_note(late_ms)]
     counts = np.unique(publisher, return_counts=True)[1]
     if len(counts) > 1:
         listed = " and ".join(map(str, counts))
-        notes.append(f"{place}: {len(counts)} publishers, with {listed} messages; merged by their time")
+        notes.append(f"{len(counts)} publishers, with {listed} messages; merged by their time")
     order = np.argsort(stamps_ns, kind="stable")
     if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
-        _check_one_clock(place, stamps_ns, late_ms)
-        notes.append(f"{place}: {moved.size} messages arrived later than others with later stamps; sorted by stamp")
+        _check_one_clock(stamps_ns, late_ms)
+        notes.append(f"{moved.size} messages arrived later than others with later stamps; sorted by stamp")
     repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
     for one, other in zip(order[repeated].tolist(), order[repeated + 1].tolist(), strict=True):
         if content(one) != content(other):
             found = f"messages {one} and {other} differ and have one stamp, {stamps_ns[one] / SECOND_NS:.6f} s"
-            raise RecordingError(f"{place}: its stamps do not run forward: {found}; {SPLIT}")
+            raise RecordingError(f"its stamps do not run forward: {found}; {SPLIT}")
     if repeated.size:
-        notes.append(f"{place}: {repeated.size} messages repeat another's stamp and content; they are left out")
+        notes.append(f"{repeated.size} messages repeat another's stamp and content; they are left out")
     order = np.delete(order, repeated + 1)
     return stamps_ns[order] / float(SECOND_NS), order, tuple(notes)
 
 
-def _check_stamped(place: str, captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_stamped(captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
     empty = captured_ns == 0
     # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
     others = late_ms[~empty]
     begins = empty.sum() == 1 and others.size and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
     if empty.any() and not begins:
         raise UnansweredError(
-            "--by-arrival", f"{place}: {empty.sum()} of {empty.size} messages are without a capture stamp "
+            "--by-arrival", f"{empty.sum()} of {empty.size} messages are without a capture stamp "
             "(header.stamp is 0): take the times at which all arrived, which lag behind by an unknown time?"
         )  # fmt: skip
 
 
-def _check_one_clock(place: str, stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_one_clock(stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
     """Check that delivery alone can have put stamps out of order.
 
     A late message leaves the shortest delay of its neighbours unchanged; a clock that is set back makes all later
@@ -213,25 +213,25 @@ def _check_one_clock(place: str, stamps_ns: NDArray[np.int64], late_ms: NDArray[
     if set_back or np.ptp(late_ms) > LATEST_MS:
         before, after = (stamps_ns[nth] / SECOND_NS for nth in (at - 1, at))
         raise RecordingError(
-            f"{place}: its stamps do not run forward: message {at - 1} is of {before:.6f} s, message {at} of "
+            f"its stamps do not run forward: message {at - 1} is of {before:.6f} s, message {at} of "
             f"{after:.6f} s, and late delivery does not explain it (the time from stamp to arrival is "
             f"{late_ms.min():.1f} to {late_ms.max():.1f} ms); {SPLIT}"
         )
 
 
-def _check_publishers(place: str, publisher: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_publishers(publisher: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
     typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
         listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
         raise RecordingError(
-            f"{place}: its publishers are not on one clock: messages arrive {listed} after their stamps; {SPLIT}"
+            f"its publishers are not on one clock: messages arrive {listed} after their stamps; {SPLIT}"
         )
 
 
-def _late_note(place: str, late_ms: NDArray[np.float64]) -> str:
+def _late_note(late_ms: NDArray[np.float64]) -> str:
     """Return a sentence on the time from the stamps to the arrival in the bag, which shows another clock."""
     low, middle, high = np.percentile(late_ms, [5, 50, 95])
-    text = f"{place}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
+    text = f"messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
     if low > -EARLIEST_MS and high < LATEST_MS:
         return text
     return f"{text}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
@@ -254,7 +254,8 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
                 raise FrameError(f"{topic}: {found}; {SPLIT}")
         heard.append(each)
         digests.append(blake2b(message.data).digest())
-    time_s, order, notes = _ordered(topic, heard, digests.__getitem__, by_arrival)
+    with scans.named_faults(topic, "topic"):
+        time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
     return Scan(
         names=tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist()),
         rows=first.shape[0],
@@ -262,7 +263,7 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
         pictures=lambda: _pictures(path, topic, order.tolist()),
         bits=8 if first.dtype == np.uint8 else None,
         times=Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
-        notes=notes,
+        notes=tuple(f"{topic}: {note}" for note in notes),
     ).of_file(path)
 
 
@@ -294,9 +295,10 @@ def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_a
         values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
         heard.append(each)
     wrench_sc = np.array(values, dtype=np.float64)
-    content = lambda nth: wrench_sc[nth].tobytes()  # noqa: E731
-    time_s, order, notes = _ordered(connections[0].topic, heard, content, by_arrival)
+    topic = connections[0].topic
+    with scans.named_faults(topic, "topic"):
+        time_s, order, notes = _ordered(heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
     names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
     measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
-    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {note}" for note in notes)
+    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {topic}: {note}" for note in notes)
     return ForceLog(time_s, wrench_sc[order][:, measured], columns, notes)

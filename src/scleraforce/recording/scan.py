@@ -16,7 +16,7 @@ from scleraforce.units import from_si
 
 
 @contextmanager
-def named_faults(path: Path, kind: str) -> Iterator[None]:
+def named_faults(path: Path | str, kind: str) -> Iterator[None]:
     """Name the file in every exception of a reader, and its kind in errors of packages; errors of the system pass."""
     try:
         yield
