@@ -259,18 +259,11 @@ def test_pose_moves_and_turns_the_section():
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_any_optics_of_the_study_are_within_its_ranges_and_give_a_repeatable_frame(seed):
+def test_any_optics_of_the_study_give_a_repeatable_frame(seed):
     study, rng = Study(), np.random.default_rng(seed)
     optics, pose = sample_optics(study.phantom, study.oct, rng), sample_pose(study.phantom, rng)
-    assert 15.0 <= optics.snr_db <= 35.0
-    assert 500.0 <= optics.attenuation_per_m <= 1500.0
-    assert len(optics.shadows) <= 3
-    assert all(0.2 <= shadow.loss_fraction <= 0.6 for shadow in optics.shadows)
-    assert len(optics.lines) == 1
-    assert abs(pose.lateral_m) <= 0.2e-3
     wall = pose.place(folded_wall())
     first, again, other = (render(wall, optics, OctStudy(columns=64, rows=64), number).frame for number in (1, 1, 2))
-    assert first.shape == (64, 64)
     assert first.max() < 2**12
     assert (first == again).all()
     assert (first != other).any()

@@ -25,12 +25,12 @@ from scleraforce.study.fields import Choice, field_unit, fixed
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
 
 
-def only(record: Any, **values: Any) -> Any:
-    """A record whose shares and counts are 0, but for the values given."""
+def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
+    """A record with the same share of everything, and the same count, but for the values given."""
     given = {item.name: getattr(record, item.name) for item in fields(record)}
-    none = {name: 0.0 for name, value in given.items() if name.endswith("_share") and isinstance(value, float)}
-    none |= {name: fixed(0) for name in given if name.endswith("_count")}
-    return replace(record, **(none | values))
+    same = {name: share for name, value in given.items() if name.endswith("_share") and isinstance(value, float)}
+    same |= {name: fixed(count) for name in given if name.endswith("_count")}
+    return replace(record, **(same | values))
 
 
 PLAIN = ScenesStudy(
@@ -318,45 +318,10 @@ FULL = ScenesStudy(
         depth_share=fixed(0.45),
         centred_share=1.0,
     ),
-    eye=replace(SceneEyeStudy(), half_sphere_share=0.0, dent_share=1.0),
-    tissue=replace(
-        SceneTissueStudy(),
-        corrected_share=0.0,
-        conjunctiva_share=1.0,
-        uvea_share=1.0,
-        iris_share=1.0,
-        lens_share=1.0,
-        haze_share=1.0,
-        gap_share=1.0,
-        scar_count=fixed(2),
-    ),
-    over=replace(
-        SceneOverStudy(),
-        lid_share=1.0,
-        lash_count=fixed(2),
-        contact_lens_share=1.0,
-        speck_count=fixed(100),
-        coverslip_share=1.0,
-        drape_share=1.0,
-        bubble_count=fixed(2),
-        vessel_count=fixed(3),
-        air_share=1.0,
-        needle_share=1.0,
-        glass_share=0.0,
-    ),
-    scanner=replace(
-        SceneScannerStudy(),
-        flare_share=1.0,
-        line_count=fixed(2),
-        streak_count=fixed(2),
-        mirrored_share=1.0,
-        linear_share=0.0,
-        root_share=0.0,
-        lost_share=1.0,
-        band_share=1.0,
-        arc_share=1.0,
-        mark_count=fixed(2),
-    ),
+    eye=only(SceneEyeStudy(), 1.0, half_sphere_share=0.0),
+    tissue=only(SceneTissueStudy(), 1.0, 2, corrected_share=0.0),
+    over=only(SceneOverStudy(), 1.0, 2, speck_count=fixed(100), vessel_count=fixed(3), glass_share=0.0),
+    scanner=only(SceneScannerStudy(), 1.0, 2, linear_share=0.0, root_share=0.0),
 )
 
 

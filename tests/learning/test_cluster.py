@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
 from effects import contents
 from small_models import SMALL_STUDY
 from workers import NEEDS_DASK, Cluster
@@ -59,15 +58,6 @@ def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(
     assert victim.wait() == -signal.SIGKILL
     assert generate_dataset(STUDY, there, workers=cluster_workers(cluster.address)).simulated == 600
     generate_dataset(STUDY, here, workers=2)
-    assert contents(there) == contents(here)
-
-
-def test_slices_that_are_drawn_from_a_library_are_the_same_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
-    cluster.worker()
-    library, there, here = analytic_library(), tmp_path / "there", tmp_path / "here"
-    workers = cluster_workers(cluster.address)
-    generate_dataset(STUDY, there, youngs_modulus_pa=0.3e6, library=library, workers=workers)
-    generate_dataset(STUDY, here, youngs_modulus_pa=0.3e6, library=library)
     assert contents(there) == contents(here)
 
 

@@ -59,13 +59,6 @@ def paper():
     return plan_dataset(Study())
 
 
-def test_the_papers_study_gives_its_19200_images(paper):
-    thickness, counts = np.unique(paper.thickness_m, return_counts=True)
-    np.testing.assert_allclose(thickness, [4e-4, 5e-4, 6e-4, 7e-4, 8e-4])
-    assert counts.tolist() == [3200, 4000, 4000, 4000, 4000]
-    assert paper.images == 19200
-
-
 def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_validation(paper):
     assert not set(paper.contact[paper.validation]) & set(paper.contact[~paper.validation])
     for thickness in np.unique(paper.thickness_m):

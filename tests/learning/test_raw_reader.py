@@ -9,7 +9,6 @@ import pytest
 import torch
 from analytic_library import analytic_library
 
-from scleraforce.cli.main import run
 from scleraforce.known import Known, Modulus
 from scleraforce.learning.raw_reader import (
     RawReaderNetwork,
@@ -28,7 +27,7 @@ from scleraforce.models import network_session
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.reduced import FrameWindow
-from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_study, read_study, study_hash
+from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_study, study_hash
 
 TINY = Study(
     reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=16, samples_per_epoch=2000, validation_samples=100),
@@ -232,31 +231,6 @@ def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     assert low <= min(thick) < max(thick) <= high
     everywhere = replace(study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4)))
     assert draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
-
-
-@pytest.mark.slow
-def test_frames_of_a_measured_scanner_are_drawn_by_its_ranges(tmp_path: Path) -> None:
-    rest, measured = tmp_path / "rest", tmp_path / "measured.toml"
-    assert run(["phantom", "--out", str(rest), "--forces-mn", "0,0,0"]) == 0
-    frames = sorted(str(path) for path in (rest / "frames").glob("*.png"))
-    assert run(["scanner", *frames, "--out", str(measured)]) == 0
-    study = read_study(measured)
-    assert study.phantom != Study().phantom
-    alone = replace(study.raw_reader, snr_loss_db=fixed(0.0), speckle_factor=fixed(1.0))
-    study = replace(study, raw_reader=alone)
-    drawn = [draw_optics(study, None, np.random.default_rng(seed)) for seed in range(50)]
-    for name in (
-        "snr_db",
-        "axial_resolution_m",
-        "lateral_resolution_m",
-        "display_floor_db",
-        "display_range_db",
-        "band_m",
-    ):
-        low, high = getattr(study.phantom, name).bounds
-        assert all(low <= getattr(each, name) <= high for each in drawn), name
-    library = analytic_library(thicknesses=5, ratios=5, tips=24)
-    assert np.isfinite(RawSource.of(library, study).chunk(1, 8).frames).all()
 
 
 def test_a_linear_display_is_drawn_where_the_phantom_has_one() -> None:

@@ -10,8 +10,6 @@ import pytest
 from analytic_library import analytic_library, made_up_library, without_rests
 from small_recordings import LOGGED_INFO
 
-from boundary_errors.segmented import random_eyes, segmented_boundaries
-from boundary_errors.statistics import boundary_statistics
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
@@ -33,17 +31,15 @@ from scleraforce.learning.virtual_eyes import (
 )
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
 from scleraforce.library import INNER, OUTER, Library
-from scleraforce.library.build import cached_library
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
-from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import Score, conformal_quantile
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
-from scleraforce.study import LibraryStudy, Range, ReaderStudy, SliceStudy, Study
+from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 
 RADIUS_M = np.array([12e-3])
 EXACT = Study(
@@ -332,23 +328,6 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye
 BY_FRAMES, OTHERS, OTHERWISE = Known(gap_m=0.3e-3), Known(gap_m=0.4e-3), Known(gap_m=0.5e-3)
 
 
-def test_every_second_eye_of_a_kind_is_calibrated_otherwise_as_well(
-    eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    traits = {BY_FRAMES: ("own E", "taut"), OTHERS: ("other E", "taut"), OTHERWISE: ("own E", "taut", "sparse")}
-    monkeypatch.setattr(virtual_eyes, "draw_eye", lambda *_: eye)
-    monkeypatch.setattr(virtual_eyes, "draw_frames", lambda *_: ())
-    monkeypatch.setattr(virtual_eyes, "calibrated", lambda *_: (BY_FRAMES, ()))
-    monkeypatch.setattr(virtual_eyes, "of_population", lambda *_: OTHERS)
-    monkeypatch.setattr(virtual_eyes, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
-    monkeypatch.setattr(virtual_eyes, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
-    scores_of = virtual_eyes.measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
-    found = {number: [(score.traits, score.eye) for score in scores_of(number)] for number in range(12)}
-    for number, of_eye in found.items():
-        of_all = [(found_in, str(number)) for found_in in traits.values()]
-        assert of_eye == (of_all if number in (0, 1, 2, 6, 7, 8) else of_all[:2])
-
-
 def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -398,26 +377,6 @@ def test_traits_that_multiply_are_found() -> None:
     for trait, size in TRAITS.items():
         wanted = size * (held if trait in ("sealed", "taut") else 1.0)
         assert factors[trait] == pytest.approx(wanted, rel=0.08), trait
-
-
-@pytest.mark.slow
-def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
-    rng = np.random.default_rng(2)
-    of_new = []
-    for _ in range(12):
-        scores, others = drawn(rng, 200, 6), drawn(rng, 200, 6)
-        factors = trait_factors(scores)["fit"]["own E"]
-
-        def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
-            having = [entry for entry in entries if trait in entry.traits]
-            return float(
-                np.mean([entry.score <= np.prod([given[name] for name in entry.traits[1:]]) for entry in having])
-            )
-
-        for trait in ("sealed", "uneven", "light"):
-            assert held(scores, trait, factors) == pytest.approx(0.905, abs=0.02), trait
-        of_new.append([held(others, trait, factors) for trait in TRAITS])
-    np.testing.assert_allclose(np.mean(of_new, axis=0), 0.90, atol=0.02)
 
 
 def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
@@ -525,39 +484,6 @@ def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
     lost = np.isnan(seen[:, OUTER])
     assert abs(lost[:, 0].mean() - 0.4) < 0.03
     assert abs(lost[:, :70].sum(axis=1)[lost[:, 0]].mean() - 5.5) < 0.4  # the mean of an exponential, rounded up
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_made_errors_are_like_freshly_segmented_frames(tmp_path) -> None:
-    study = Study(
-        library=LibraryStudy(
-            thicknesses=5, tension=Range(min=1e-3, max=0.21), tensions=6, tips=30, max_tip_m=6e-3, stiffenings=1
-        )
-    )
-    library = cached_library(study, folder=tmp_path)
-    forces_n = np.linspace(0.0, 55e-3, 12).tolist()
-    eyes = random_eyes(study, 14, 271)
-    pairs = [segmented_boundaries(library, study, eye, forces_n, 314) for eye in eyes]
-    true, seen = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    real = boundary_statistics(true, seen, SLICE)
-    without_layers = BoundaryErrors(layer_share=0.0)  # this segmentation takes none for wall: they are made on purpose
-    made = boundary_statistics(true, disturb(true, SLICE, np.random.default_rng(1), without_layers), SLICE)
-    for name in (
-        "outer_sd_m",
-        "outer_per_curvature_m2",
-        "shine_m",
-        "shine_sd_m",
-        "thickness_sd_m",
-        "thickness_steep_sd_m",
-        "thickness_scale_sd",
-    ):
-        assert 0.6 < getattr(made, name) / getattr(real, name) < 1.7, name
-    np.testing.assert_allclose(made.outer_correlation, real.outer_correlation, atol=0.25)
-    np.testing.assert_allclose(made.thickness_correlation, real.thickness_correlation, atol=0.3)
-    assert abs(made.outer_bias_m - real.outer_bias_m) < 2e-6
-    assert abs(made.large_share - real.large_share) < 0.02
-    assert max(made.lost_share, real.lost_share) < 0.01
 
 
 def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did() -> None:
