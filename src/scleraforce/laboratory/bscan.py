@@ -9,7 +9,8 @@ sensitivity does not fall off with depth, and everything below the first surface
 `refractive_index`, also an air pocket under a fold.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import ceil, cos, pi, sin, sqrt, tan
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.light import (
     BscanOptics,
-    Complex,
     Conjunctiva,
     NeedleShaft,
     add_ridge,
@@ -138,12 +138,8 @@ def render_bscan(
     sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
     sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
     field = seen_through(field, sigma_rows, sigma_columns)
-    _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng, shaft)
-    if tissue.over is not None:
-        layer, _, wall_row = tissue.over
-        below = replace(optics, reflection_db=layer.interface_db)
-        _add_reflection(field, wall_row, oct_study, below, sigma_rows, rng, shaft)
-    _add_lines(field, tissue.surface_row, oct_study, optics, rng)
+    for rows, amplitude, sigma in _bright_curves(tissue, oct_study, optics, shaft):
+        add_ridge(field, rows, amplitude, sigma, rng)
     field += circular_gaussian(field.shape, rng)
     counts = optics.counts(np.square(field.real) + np.square(field.imag), 2**oct_study.bits - 1)
     frame = np.rint(counts).astype(np.uint16)
@@ -272,39 +268,32 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
     return intensity
 
 
-def _add_reflection(
-    field: Complex,
-    surface_row: Float,
-    oct_study: OctStudy,
-    optics: BscanOptics,
-    sigma_rows: float,
-    rng: np.random.Generator,
-    shaft: DrawnShaft | None,
-) -> None:
-    """Add the mirror (Fresnel) reflection of the first surface of each column to the field."""
-    pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
-    slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
-    share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
-    light = transmission(optics.shadows, _columns_m(oct_study))
-    intensity = decibel(optics.snr_db + optics.reflection_db) * share * light
-    if shaft is not None:
-        row = np.clip(np.nan_to_num(surface_row), 0, oct_study.rows - 1).astype(np.intp)
-        intensity = intensity * shaft.light[row, np.arange(len(row))]
-    add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
+def _bright_curves(
+    tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics, shaft: DrawnShaft | None
+) -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating], float]]:
+    """Yield rows, amplitudes and half widths, in rows, of reflections, horizontal lines and covers above the tissue.
 
-
-def _add_lines(
-    field: Complex, surface_row: Float, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator
-) -> None:
-    """Add the horizontal reflection lines, and the covers above the tissue, to the field."""
-    pixel_m = oct_study.depth_m / oct_study.rows
-    lateral_m = _columns_m(oct_study)
-    ones = np.ones(oct_study.columns)
-    for line in optics.lines:
-        sigma_rows = amplitude_sigma(line.thickness_m) / pixel_m
-        add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(decibel(line.level_db)), sigma_rows, rng)
+    The first surface of each column reflects like a mirror (Fresnel), and so does a wall below a conjunctiva.
+    """
+    pixel_m, columns_m = oct_study.depth_m / oct_study.rows, _columns_m(oct_study)
+    pixel_ratio = pixel_m / (oct_study.width_m / oct_study.columns)
+    light = transmission(optics.shadows, columns_m)
+    surfaces = [(tissue.surface_row, optics.reflection_db)]
+    if tissue.over is not None:
+        surfaces.append((tissue.over[2], tissue.over[0].interface_db))
+    for surface_row, reflection_db in surfaces:
+        slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
+        share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
+        intensity = decibel(optics.snr_db + reflection_db) * share * light
+        if shaft is not None:
+            row = np.clip(np.nan_to_num(surface_row), 0, oct_study.rows - 1).astype(np.intp)
+            intensity = intensity * shaft.light[row, np.arange(len(row))]
+        yield surface_row, np.sqrt(intensity), amplitude_sigma(optics.axial_resolution_m) / pixel_m
+    ones, surface_row = np.ones(oct_study.columns), tissue.surface_row
+    curves = [(ones * line.depth_m / pixel_m, line.level_db, line.thickness_m) for line in optics.lines]
     top_m = float(np.nanmin(surface_row)) * pixel_m if np.isfinite(surface_row).any() else oct_study.depth_m
     for cover in optics.covers:
-        rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * lateral_m) / pixel_m
-        sigma_rows = amplitude_sigma(cover.thickness_m) / pixel_m
-        add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
+        rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * columns_m) / pixel_m
+        curves.append((rows, cover.level_db, cover.thickness_m))
+    for rows, level_db, thickness_m in curves:
+        yield rows, ones * sqrt(decibel(level_db)), amplitude_sigma(thickness_m) / pixel_m

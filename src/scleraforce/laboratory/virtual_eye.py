@@ -188,17 +188,15 @@ def _report(progress: Callable[[float], object], number: int, count: int, share:
 
 def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
     """Return an eye as the needle and the scanner meet it at each of `knot_turns`; unchanged if it keeps still."""
-    reach_rad = farthest_turn_rad(study.phantom)
-    return [(eye, study), *(_turned(eye, study, turn) for turn in knot_turns(reach_rad)[1:] if reach_rad)]
-
-
-def _turned(eye: PhantomEye, study: Study, turn: EyeTurn) -> tuple[PhantomEye, Study]:
-    plane, needle = turned_plane(eye.plane, turn), study.needle
-    turned = replace(eye, **asdict(plane.contact), direction_rad=plane.direction_rad)
-    if needle.tilt_rad:  # its direction counts from the meridian, as that of the plane does
-        direction_rad = needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
-        needle = replace(needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi))
-    return turned, replace(study, needle=needle)
+    found, reach_rad = [(eye, study)], farthest_turn_rad(study.phantom)
+    for turn in knot_turns(reach_rad)[1:] if reach_rad else ():
+        plane, needle = turned_plane(eye.plane, turn), study.needle
+        if needle.tilt_rad:  # its direction counts from the meridian, as that of the plane does
+            direction_rad = needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
+            needle = replace(needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi))
+        turned = replace(eye, **asdict(plane.contact), direction_rad=plane.direction_rad)
+        found.append((turned, replace(study, needle=needle)))
+    return found
 
 
 class BentSections:

@@ -116,10 +116,22 @@ class PlanDraft:
 
 def draft_plan(study: Study) -> PlanDraft:
     """Draw the contacts of a plan and the seeds of its samples."""
-    rng = np.random.default_rng(study.dataset.seed)
-    groups = study.dataset.group
-    first_contact = np.cumsum([0, *(min(study.dataset.contacts, group.images) for group in groups)])
-    drafts = (_draft_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False))
+    rng, first, drafts = np.random.default_rng(study.dataset.seed), 0, []
+    for group in study.dataset.group:
+        contacts = min(study.dataset.contacts, group.images)
+        unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
+        drafts.append(
+            _GroupDraft(
+                group,
+                first,
+                polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
+                azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
+                validation=rng.permutation(np.arange(contacts) < unseen),
+                spread=group.images // contacts + (np.arange(contacts) < group.images % contacts),
+                seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
+            )
+        )
+        first += contacts
     return PlanDraft(study, tuple(drafts))
 
 
@@ -159,20 +171,6 @@ class _GroupDraft:
             "validation": self.validation[contact],
             "seed": seed,
         }
-
-
-def _draft_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> _GroupDraft:
-    contacts = min(study.dataset.contacts, group.images)
-    unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
-    return _GroupDraft(
-        group,
-        first,
-        polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
-        azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
-        validation=rng.permutation(np.arange(contacts) < unseen),
-        spread=group.images // contacts + (np.arange(contacts) < group.images % contacts),
-        seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
-    )
 
 
 def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:
