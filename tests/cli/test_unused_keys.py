@@ -8,8 +8,7 @@ from analytic_library import analytic_library
 
 from scleraforce.calibration.assimilation import eye_model
 from scleraforce.calibration.eye_model import EyeConstants, WallState
-from scleraforce.laboratory.simulation import simulate_eye
-from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
 from scleraforce.learning.dataset import draft_plan, plan_dataset
 from scleraforce.learning.generate import SampleSimulator, library_slices, near_library
 from scleraforce.library.build import solve_path

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye, write_vtu, write_xdmf
+from scleraforce.laboratory.virtual_eye import SimulatedEye, simulate_eye, write_vtu, write_xdmf
 from scleraforce.mechanics.contact import Contact
 from scleraforce.report.files import write_figure
 from scleraforce.report.model_figures import draw_simulation

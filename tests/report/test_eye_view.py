@@ -15,7 +15,7 @@ import pytest
 from chromium import CHROMIUM, in_chromium
 from playwright.sync_api import Page, sync_playwright
 
-from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
+from scleraforce.laboratory.virtual_eye import SimulatedEye, simulate_eye
 from scleraforce.mechanics.contact import Contact
 from scleraforce.report.eye_view import eye_scene, skin_of, write_simulation_html
 from scleraforce.study import Study

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from scleraforce.laboratory.simulation import SimulatedEye
+from scleraforce.laboratory.virtual_eye import SimulatedEye
 from scleraforce.notebook.virtual import simulate
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns

@@ -16,7 +16,7 @@ from scleraforce.study.fields import check_quantity
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
-    from scleraforce.laboratory.simulation import SimulatedEye
+    from scleraforce.laboratory.virtual_eye import SimulatedEye
 
 STUDYS = "the study's"
 GLOBE, RIGIDITY = f"{STUDYS} (open, if it sets none); sealed needs finite strain", f"{STUDYS} (0.03, if it sets none)"
@@ -43,7 +43,7 @@ def simulate(
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     import scleraforce as sf
-    from scleraforce.laboratory.simulation import write_vtu, write_xdmf
+    from scleraforce.laboratory.virtual_eye import write_vtu, write_xdmf
     from scleraforce.notebook.virtual import declared
 
     study = declared(study, *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")))

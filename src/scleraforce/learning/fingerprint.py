@@ -64,17 +64,16 @@ def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
 
 def moved(before: Fingerprint, now: Fingerprint) -> list[str]:
     """Return the names of the entries that differ by more than their tolerance, or that only one of both has."""
-    return sorted(name for name in {*before, *now} if not _agree(before.get(name), now.get(name)))
+    both = before.keys() & now.keys()
+    return sorted({*before, *now} - {name for name in both if _agree(before[name], now[name])})
 
 
-def _agree(before: dict[str, Any] | None, now: dict[str, Any] | None) -> bool:
-    if before is None or now is None:
-        return False
+def _agree(before: dict[str, Any], now: dict[str, Any]) -> bool:
     old, new = (np.array(entry["values"].split(), dtype=np.float64) for entry in (before, now))
-    if old.shape != new.shape:
+    if old.shape != new.shape or old[0] != new[0]:  # the first value is a share
         return False
-    scale = np.abs(old[1:]).max(initial=0.0)  # of the values; the first is a share
-    return bool(old[0] == new[0]) and bool(np.abs(new[1:] - old[1:]).max(initial=0.0) <= now["tolerance"] * scale)
+    scale = np.abs(old[1:]).max(initial=0.0)
+    return bool(np.abs(new[1:] - old[1:]).max(initial=0.0) <= now["tolerance"] * scale)
 
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:

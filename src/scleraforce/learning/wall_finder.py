@@ -187,7 +187,8 @@ def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: in
         scene = draw_scene(scenes, VALIDATION_SCENES + number)
         seen = finder.find(scene.frame)
         errors.append(_errors(scene, seen, rows))
-        right.append((_wall_there(scene, seen) == seen.there)[scene.judged[seen.frame_column]])
+        at = seen.frame_column
+        right.append((np.isfinite(scene.outer_row[at]) == seen.there)[scene.judged[at]])
         if scene.mask.any():
             shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
     error = np.concatenate(errors, axis=1)
@@ -225,14 +226,10 @@ def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
     return float(2.0 * np.count_nonzero(found & wall) / total) if total else 1.0
 
 
-def _wall_there(scene: Scene, seen: SeenWall) -> NDArray[np.bool_]:
-    return np.isfinite(scene.outer_row[seen.frame_column])
-
-
 def _errors(scene: Scene, seen: SeenWall, rows: int) -> NDArray[np.float64]:
     """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
     at, last = seen.frame_column, len(scene.frame) - 1.0
-    both = _wall_there(scene, seen) & seen.there
+    both = np.isfinite(scene.outer_row[at]) & seen.there
     off = [
         (np.clip(curve, 0.0, last) - np.clip(true[at], 0.0, last))[both]
         for curve, true in ((seen.outer_row, scene.outer_row), (seen.inner_row, scene.inner_row))

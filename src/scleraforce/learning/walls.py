@@ -79,50 +79,31 @@ def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floa
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryErrors:
-    """Sizes of the errors; lengths along the columns are standard deviations of the Gaussians that smooth noise.
-
-    Attributes:
-        surface_smoothing_m: over which the surface is smoothed.
-        shine_m: by how much it is seen too high where it faces the light, in the mean, and `shine_sd_m`: from frame to
-            frame.
-        outer_sd_m: of the surface, and `outer_lengths_m`: of its two parts, short and long, of equal size.
-        thickness_scale_sd: of a frame's thickness, relative.
-        thickness_sd_m: of the thickness on a flat surface, and `thickness_lengths_m`, as above.
-        steep: slope at which the thickness's error is twice that on a flat surface.
-        spread: of the errors' sizes from frame to frame (standard deviation of the logarithm).
-        bumps: mean number of bumps in a frame; `bump_m`: mean size; `bump_length_m`.
-        bump_slope: bumps lie where the surface is at least so steep.
-        layer_share: of the frames take the layer below for wall; `layer_m`: least and largest thickness of that, and
-            `layer_stretch`: least and largest length of the stretch over the slice's width.
-        side_loss_share: of the sides loses columns; `side_loss_m`: mean width that is lost there.
-        bottom_m: a surface less than this above the frame's lower edge is seen at this depth, with a soft knee of
-            `bottom_knee_m`; `bottom_reach_m`: mean depth below it from where on a surface is not found at all.
-        top_m: a surface less than this below the upper edge is not found.
-    """
+    """Sizes of the errors; lengths along the columns are standard deviations of the Gaussians that smooth noise."""
 
     surface_smoothing_m: float = 0.18e-3
-    shine_m: float = SHINE_MEAN_M
-    shine_sd_m: float = SHINE_SD_M
+    shine_m: float = SHINE_MEAN_M  # a surface that faces the light is seen too high, in the mean
+    shine_sd_m: float = SHINE_SD_M  # ... from frame to frame
     outer_sd_m: float = 1.7e-6
-    outer_lengths_m: tuple[float, float] = (0.16e-3, 0.2e-3)
-    thickness_scale_sd: float = 6e-3
-    thickness_sd_m: float = 2.1e-6
+    outer_lengths_m: tuple[float, float] = (0.16e-3, 0.2e-3)  # of two parts of equal size
+    thickness_scale_sd: float = 6e-3  # of a frame's thickness, relative
+    thickness_sd_m: float = 2.1e-6  # on a flat surface
     thickness_lengths_m: tuple[float, float] = (0.3e-3, 1.2e-3)
-    steep: float = 0.27
-    spread: float = 0.35
-    bumps: float = 0.4
-    bump_m: float = 0.1e-3
+    steep: float = 0.27  # slope at which the thickness's error is twice that on a flat surface
+    spread: float = 0.35  # of the errors' sizes from frame to frame: standard deviation of the logarithm
+    bumps: float = 0.4  # mean number in a frame
+    bump_m: float = 0.1e-3  # mean size
     bump_length_m: float = 0.25e-3
-    bump_slope: float = 0.4
-    layer_share: float = 0.015
-    layer_m: tuple[float, float] = (0.1e-3, 0.25e-3)
-    layer_stretch: tuple[float, float] = (0.3, 1.5)
-    side_loss_share: float = 0.3
-    side_loss_m: float = 0.3e-3
-    bottom_m: float = 0.055e-3
-    bottom_knee_m: float = 0.02e-3
-    bottom_reach_m: float = 0.08e-3
-    top_m: float = 0.03e-3
+    bump_slope: float = 0.4  # of the surface there, at least
+    layer_share: float = 0.015  # of the frames take the layer below for wall
+    layer_m: tuple[float, float] = (0.1e-3, 0.25e-3)  # least and largest thickness of that
+    layer_stretch: tuple[float, float] = (0.3, 1.5)  # least and largest length over the slice's width
+    side_loss_share: float = 0.3  # of the sides loses columns
+    side_loss_m: float = 0.3e-3  # mean width
+    bottom_m: float = 0.055e-3  # a surface less than this above the lower edge is seen at this depth
+    bottom_knee_m: float = 0.02e-3  # ... softly
+    bottom_reach_m: float = 0.08e-3  # mean depth below it from where on a surface is not found at all
+    top_m: float = 0.03e-3  # a surface less than this below the upper edge is not found
 
 
 def disturb(

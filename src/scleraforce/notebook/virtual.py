@@ -9,8 +9,7 @@ from typing import Any
 
 from scleraforce.errors import InputError
 from scleraforce.laboratory.phantom import Acquisition, write_phantom
-from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
-from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulate_eye, study_sections
 from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.recording.folder import Recording, read_recording

@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matpl
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.simulation import SimulatedEye
+from scleraforce.laboratory.virtual_eye import SimulatedEye
 from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, log_scale, styled
 from scleraforce.study import Study
 from scleraforce.units import from_si

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, EyeCalibration, parse_calibration
 from scleraforce.known.calibration_file import open_calibration
-from scleraforce.laboratory.simulation import simulate_eye
-from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
+from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes, simulate_eye
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.slices import fill_section, slice_window

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.simulation import SimulatedEye
+from scleraforce.laboratory.virtual_eye import SimulatedEye
 from scleraforce.report.html import Html, cards, embedded, figure, made_line, page, paragraph, section, write_page
 from scleraforce.report.model_figures import DISPLACEMENT_COLOURS, behind_needle, draw_simulation, skin_outlines
 from scleraforce.units import from_si
