@@ -379,6 +379,26 @@ def test_traits_that_multiply_are_found() -> None:
         assert factors[trait] == pytest.approx(wanted, rel=0.08), trait
 
 
+@pytest.mark.slow
+def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
+    rng = np.random.default_rng(2)
+    of_new = []
+    for _ in range(12):
+        scores, others = drawn(rng, 200, 6), drawn(rng, 200, 6)
+        factors = trait_factors(scores)["fit"]["own E"]
+
+        def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
+            having = [entry for entry in entries if trait in entry.traits]
+            return float(
+                np.mean([entry.score <= np.prod([given[name] for name in entry.traits[1:]]) for entry in having])
+            )
+
+        for trait in ("sealed", "uneven", "light"):
+            assert held(scores, trait, factors) == pytest.approx(0.905, abs=0.02), trait
+        of_new.append([held(others, trait, factors) for trait in TRAITS])
+    np.testing.assert_allclose(np.mean(of_new, axis=0), 0.90, atol=0.02)
+
+
 def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
     scores = [Score("network", ("other E", "open"), str(eye), 1.0) for eye in range(50)]
     scores += [Score("network", ("other E", "open", "sparse"), str(eye), 0.1) for eye in range(50)]
