@@ -63,12 +63,6 @@ def test_poses_of_raw_frames_are_within_50_um(calibration: Calibration, recordin
         assert step.registered.nuisance[:2] == pytest.approx(poses[record.file], abs=50e-6)
 
 
-def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Calibration) -> None:
-    first, *others = calibration.eyes["virtual"].frames
-    assert "reference" in str(first.skipped)
-    assert all(frame.skipped is None for frame in others)
-
-
 @pytest.mark.slow
 def test_a_chosen_frame_that_cannot_be_used_is_replaced(laboratory: Any, recording: Recording, tmp_path: Path) -> None:
     path = shutil.copytree(recording.path, tmp_path / "virtual")

@@ -18,7 +18,7 @@ from scleraforce.calibration.eye_model import EyeConstants, lagrange, stated_wal
 from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, section_depths, without_form
 from scleraforce.calibration.registration import parameter_sections
 from scleraforce.errors import CalibrationError
-from scleraforce.learning.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
+from scleraforce.learning.virtual_eyes import VirtualEye, draw_eye, draw_frames
 from scleraforce.learning.walls import Forms
 from scleraforce.library import Library
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
@@ -295,14 +295,3 @@ def test_a_form_is_removed_where_the_eye_has_it(eye: VirtualEye) -> None:
     known = np.isfinite(off).all(axis=0)  # the scan does not reach every side
     assert known.mean() > 0.8
     assert np.polyfit(seen.lateral_m[known], (off[1] - off[0])[known], 1)[0] == pytest.approx(wedge, rel=0.1)
-
-
-@pytest.mark.slow
-def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
-    moduli_pa = []
-    for one in (eye, with_cornea(eye)):
-        frames = draw_frames(one, EVEN_STUDY, FRAMES, np.random.default_rng(6))
-        known, _ = calibrated(one, frames, EVEN_STUDY, eye.model.library, np.random.default_rng(7))
-        assert known.modulus is not None
-        moduli_pa.append(known.modulus.mean_pa)
-    assert moduli_pa == pytest.approx([eye.wall.youngs_modulus_pa] * 2, rel=0.05)

@@ -300,10 +300,7 @@ class EyeSession:
 def eye_model(
     study: Study, constants: EyeConstants, library: Library | None, thickness_uncertain: bool = False
 ) -> EyeModel:
-    """Return the model of an eye: of finite strain with a library, of the paper's linear mechanics without.
-
-    It raises `CalibrationError` if the eye cannot be meshed, or the library does not have it.
-    """
+    """Return the model of an eye, with a library of finite strain, otherwise linear; raises `CalibrationError`."""
     if library is None:
         return linear_eye(study, constants, thickness_uncertain)
     return library_eye(study, constants, library)

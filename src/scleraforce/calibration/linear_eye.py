@@ -79,10 +79,7 @@ def _lateral_samples(
 
 
 def _plane_axes(contact: Contact, constants: EyeConstants) -> Array:
-    """Return lateral axis, axis across the untilted plane and depth axis, shape (3, 3), one a row.
-
-    The plane is by default the meridian's.
-    """
+    """Return lateral, across and depth axis of the untilted plane (by default the meridian's), (3, 3), one a row."""
     direction_rad = constants.direction_rad or 0.0
     lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
     return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])
@@ -168,10 +165,7 @@ class LinearEye:
 
 
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
-    """Solve the walls that a calibration of one eye needs: one, or three if the thickness is uncertain.
-
-    It raises `CalibrationError` if the thickness or the contact cannot be meshed.
-    """
+    """Solve the walls for an eye, three if the thickness is uncertain; raises `CalibrationError`."""
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
         raise CalibrationError(
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be meshed; state the wall's"

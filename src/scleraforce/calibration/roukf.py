@@ -145,14 +145,9 @@ def filter_step(
 ) -> StepResult:
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
-    Args:
-        params: settings of the filter.
-        posterior: of the step before, or `initial_posterior`.
-        observe: H; takes sigma points (r, n), returns predicted observations (r, m).
-        observation: y.
-        noise_covariance: W, positive definite.
-        start: a state (n,) from where the iteration may begin. Where that explains prior and observation better than
-            the prior's mean does, it begins there: from a wide prior about a bent valley it may not find the way.
+    `observe` is H: it takes sigma points (r, n) and returns predicted observations (r, m). `start` is a state (n,) from
+    where the iteration may begin. If that explains prior and observation better than the prior's mean does, it begins
+    there: from a wide prior about a bent valley it may not find the way.
     """
     observed = np.asarray(observation, dtype=np.float64)
     factor = posterior.factor @ np.linalg.cholesky(np.linalg.inv(posterior.precision))
