@@ -58,33 +58,6 @@ def sealed_states(
     return pressures_pa, forces * modulus_pa
 
 
-# From shared/NUMBERS.md, "The living eye": found with another program on this library, 35 degrees from the pole, with
-# the volumes of a contact on the pole. Ours are smaller (`contact_rise`): at the deepest dent of the stiffest globe it
-# is 58.0 mN and 1415 Pa, and so it is in three dimensions on a fine mesh.
-# Thickness, E: k in mmHg^(1/3) per ul: forces in mN at the dents.
-FORCES_MN = {
-    (0.6e-3, 0.45e6): {
-        0.0: (9.0, 18.1, 24.7, 30.5),
-        0.008: (9.0, 18.5, 26.7, 36.4),
-        0.02: (9.1, 19.2, 30.4, 47.5),
-        0.03: (9.1, 19.9, 34.3, 59.0),
-    },
-    (0.8e-3, 0.40e6): {
-        0.0: (13.5, 28.8, 39.8, 47.4),
-        0.008: (13.6, 29.2, 41.5, 52.1),
-        0.02: (13.6, 29.9, 44.7, 61.1),
-        0.03: (13.7, 30.6, 48.1, 70.0),
-    },
-}
-
-
-@pytest.mark.parametrize("wall", FORCES_MN)
-def test_open_and_sealed_forces_agree_with_numbers_md(library: Library, wall: tuple[float, float]) -> None:
-    for rigidity, forces_mn in FORCES_MN[wall].items():
-        _, forces_n = sealed_states(library, *wall, 266.0, sealed_globe(rigidity * PER_UL))
-        np.testing.assert_allclose(1e3 * forces_n, forces_mn, rtol=0.02)
-
-
 @pytest.mark.parametrize("law", ["cube-root", "logarithmic"])
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "iop_pa", "rigidity"),

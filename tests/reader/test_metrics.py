@@ -7,18 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from scleraforce.reader.metrics import (
-    ForceTrial,
-    Proportion,
-    accuracy,
-    confusion_matrix,
-    coverage,
-    coverage_band,
-    coverage_by_eye,
-    precision,
-    recall,
-    wilson_interval,
-)
+from scleraforce.reader import metrics
 
 PAPER = np.array([[5, 2, 0], [0, 14, 1], [0, 0, 23]])
 PAIRS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), max_size=40)
@@ -28,56 +17,53 @@ def share(hits: int, total: int) -> float:
     return hits / total if total else nan
 
 
-def values(proportions: tuple[Proportion, ...]) -> list[float]:
+def values(proportions: tuple[metrics.Proportion, ...]) -> list[float]:
     return [proportion.value for proportion in proportions]
 
 
 @given(PAIRS)
 def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
     target, predicted = [t for t, _ in pairs], [p for _, p in pairs]
-    confusion = confusion_matrix(target, predicted)
+    confusion = metrics.confusion_matrix(target, predicted)
     for row in range(3):
         for column in range(3):
             assert confusion[row, column] == sum(pair == (row, column) for pair in pairs)
-    np.testing.assert_equal(accuracy(confusion).value, share(sum(t == p for t, p in pairs), len(pairs)))
-    np.testing.assert_equal(
-        values(recall(confusion)), [share(sum(t == p == k for t, p in pairs), target.count(k)) for k in range(3)]
-    )
-    np.testing.assert_equal(
-        values(precision(confusion)), [share(sum(t == p == k for t, p in pairs), predicted.count(k)) for k in range(3)]
-    )
+    np.testing.assert_equal(metrics.accuracy(confusion).value, share(sum(t == p for t, p in pairs), len(pairs)))
+    for found, counted in ((metrics.recall, target), (metrics.precision, predicted)):
+        expected = [share(sum(t == p == k for t, p in pairs), counted.count(k)) for k in range(3)]
+        np.testing.assert_equal(values(found(confusion)), expected)
 
 
 def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
     printed_as_precision, printed_as_recall = [0.71, 0.93, 1.00], [1.00, 0.88, 0.96]
-    np.testing.assert_allclose(values(recall(PAPER)), printed_as_precision, atol=0.005)
-    np.testing.assert_allclose(values(precision(PAPER)), printed_as_recall, atol=0.005)
-    assert round(accuracy(PAPER).value, 2) == 0.93
+    np.testing.assert_allclose(values(metrics.recall(PAPER)), printed_as_precision, atol=0.005)
+    np.testing.assert_allclose(values(metrics.precision(PAPER)), printed_as_recall, atol=0.005)
+    assert round(metrics.accuracy(PAPER).value, 2) == 0.93
 
 
 def test_wilson_intervals_equal_the_published_ones() -> None:
     """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)."""
     published = ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718))
     for hits, total, *ends in published:
-        np.testing.assert_allclose(wilson_interval(hits, total), ends, atol=5e-5)
+        np.testing.assert_allclose(metrics.wilson_interval(hits, total), ends, atol=5e-5)
 
 
 @given(st.integers(1, 500), st.data())
 def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: int, data: st.DataObject) -> None:
     hits = data.draw(st.integers(0, total))
-    for end in wilson_interval(hits, total):
+    for end in metrics.wilson_interval(hits, total):
         if 1e-9 < end < 1.0 - 1e-9:
             score = abs(hits / total - end) / sqrt(end * (1 - end) / total)
             assert score == pytest.approx(1.959963985, rel=1e-6)
 
 
 def test_undefined_metrics_are_not_a_number_and_impossible_labels_are_refused() -> None:
-    nothing = confusion_matrix([], [])
-    assert all(isnan(value) for value in (accuracy(nothing).value, *values(recall(nothing))))
-    assert all(isnan(end) for end in accuracy(nothing).interval)
+    nothing = metrics.confusion_matrix([], [])
+    assert all(isnan(value) for value in (metrics.accuracy(nothing).value, *values(metrics.recall(nothing))))
+    assert all(isnan(end) for end in metrics.accuracy(nothing).interval)
     for target, predicted in (([0], []), ([3], [0]), ([0], [-1])):
         with pytest.raises(ValueError):
-            confusion_matrix(target, predicted)
+            metrics.confusion_matrix(target, predicted)
 
 
 def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
@@ -85,28 +71,28 @@ def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
     rng = np.random.default_rng(0)
     right = rng.uniform(size=30) < 0.9
     eyes = np.repeat([f"eye-{number}" for number in range(30)], 17).tolist()
-    low, high = coverage_band(eyes, np.repeat(right, 17).tolist())
+    low, high = metrics.coverage_band(eyes, np.repeat(right, 17).tolist())
     share = right.mean()
     half = 1.96 * sqrt(share * (1.0 - share) / 30)
     assert low == pytest.approx(share - half, abs=0.04)
     assert high == pytest.approx(min(share + half, 1.0), abs=0.04)
-    assert coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
-    assert coverage_band(eyes, np.repeat(right, 17).tolist()) == (low, high)  # drawn from one seed
+    assert metrics.coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
+    assert metrics.coverage_band(eyes, np.repeat(right, 17).tolist()) == (low, high)  # drawn from one seed
 
 
 def test_the_coverage_is_counted_eye_by_eye() -> None:
-    held = ForceTrial(eye="one", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
+    held = metrics.ForceTrial(eye="one", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
     trials = [held, replace(held, measured_n=3.0), replace(held, eye="other")]
-    assert coverage_by_eye(trials) == {"one": Proportion(1, 2), "other": Proportion(1, 1)}
-    assert coverage_band([], []) is None
+    assert metrics.coverage_by_eye(trials) == {"one": metrics.Proportion(1, 2), "other": metrics.Proportion(1, 1)}
+    assert metrics.coverage_band([], []) is None
 
 
 def agreeing(read: np.ndarray, measured: np.ndarray, label_sd: float, below: float, above: float) -> float:
     """The coverage of readings whose intervals reach from `below` under the force to `above` over it."""
     pairs = zip(read.tolist(), measured.tolist(), strict=True)
-    trials = [ForceTrial(eye="a", measured_n=label, read_n=force, interval_n=(force - below, force + above),
+    trials = [metrics.ForceTrial(eye="a", measured_n=label, read_n=force, interval_n=(force - below, force + above),
                          measured_sd_n=label_sd) for force, label in pairs]  # fmt: skip
-    return coverage(trials).value
+    return metrics.coverage(trials).value
 
 
 def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are() -> None:
@@ -122,7 +108,7 @@ def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are()
 
 
 def test_a_true_force_has_to_lie_in_the_interval() -> None:
-    trial = ForceTrial(eye="a", measured_n=1.2, read_n=0.9, interval_n=(0.8, 1.2))
+    trial = metrics.ForceTrial(eye="a", measured_n=1.2, read_n=0.9, interval_n=(0.8, 1.2))
     assert trial.covered
     assert not replace(trial, measured_n=1.2 + 1e-9).covered
     assert replace(trial, measured_n=1.24, measured_sd_n=0.1).covered

@@ -14,23 +14,11 @@ from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, Modulus, known_globe
 from scleraforce.library.base import pole_direction
 from scleraforce.models import sha256
-from scleraforce.reader import load_classifier, load_model
-from scleraforce.reader.networks import (
-    GIVEN,
-    ForceDistribution,
-    GivenEyes,
-    force_distribution,
-    given_eye,
-    given_inputs,
-    histogram_reading,
-    quantile,
-    ratio_edges,
-    unknown_modulus,
-)
+from scleraforce.reader import load_classifier, load_model, networks
 from scleraforce.study import ReaderStudy
 from scleraforce.units import to_si
 
-EDGES_M2 = ratio_edges(20, 0.4e-6)
+EDGES_M2 = networks.ratio_edges(20, 0.4e-6)
 MODULUS_PA = np.array([0.2e6, 0.31e6, 0.5e6])
 BOUNDS_N = (5e-3, 30e-3)
 
@@ -46,7 +34,7 @@ def drawn_forces(histogram: np.ndarray, modulus_pa: float, count: int) -> np.nda
     return modulus_pa * rng.uniform(EDGES_M2[bins], EDGES_M2[bins + 1])
 
 
-def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, ...]) -> np.ndarray:
+def class_probabilities(distribution: networks.ForceDistribution, bounds_n: tuple[float, ...]) -> np.ndarray:
     """The probability of each class (sample, class), with arrays: the oracle of `histogram_reading`."""
     below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
     below[:, 0], below[:, -1] = 0.0, 1.0
@@ -57,12 +45,12 @@ def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, 
 
 
 def test_quantiles_and_classes_agree_with_forces_drawn_from_the_histogram(histograms) -> None:
-    found = force_distribution(histograms, EDGES_M2, MODULUS_PA)
+    found = networks.force_distribution(histograms, EDGES_M2, MODULUS_PA)
     classes = class_probabilities(found, BOUNDS_N)
     for sample, modulus_pa in enumerate(MODULUS_PA):
         forces_n = drawn_forces(histograms[sample], modulus_pa, 200_000)
         for share in (0.05, 0.3, 0.5, 0.95):
-            assert abs((forces_n < quantile(found, share)[sample]).mean() - share) < 0.005
+            assert abs((forces_n < networks.quantile(found, share)[sample]).mean() - share) < 0.005
         counted = np.histogram(forces_n, [0.0, *BOUNDS_N, np.inf])[0] / len(forces_n)
         np.testing.assert_allclose(classes[sample], counted, atol=0.005)
 
@@ -72,14 +60,14 @@ def test_a_single_frame_is_judged_like_many() -> None:
     for concentration in (0.02, 0.3, 5.0):
         histograms = rng.dirichlet(np.full(20, concentration), size=200) * rng.uniform(0.1, 3.0, (200, 1))
         moduli_pa = rng.uniform(0.2e6, 0.5e6, 200)
-        many = force_distribution(histograms, EDGES_M2, moduli_pa)
+        many = networks.force_distribution(histograms, EDGES_M2, moduli_pa)
         classes = class_probabilities(many, BOUNDS_N)
         for number, (histogram, modulus_pa) in enumerate(zip(histograms, moduli_pa, strict=True)):
-            single = histogram_reading(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
+            single = networks.histogram_reading(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
             np.testing.assert_allclose(single.force_n, many.median_n[number], rtol=1e-9)
             np.testing.assert_allclose(single.interval_n, many.interval_n[number], rtol=1e-9)
             np.testing.assert_allclose(single.probabilities, classes[number], atol=1e-12)
-    single = histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
+    single = networks.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
     np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)  # no force above the last bound
 
 
@@ -88,10 +76,10 @@ def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_n
         for wrong in (nan, inf):
             histogram = [0.05] * 20
             histogram[place] = wrong
-            single = histogram_reading(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+            single = networks.histogram_reading(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
             assert not isfinite(single.force_n)
             assert not all(map(isfinite, single.probabilities))
-    single = histogram_reading([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+    single = networks.histogram_reading([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
     assert not any(map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1])))
 
 
@@ -101,12 +89,14 @@ KNOWN = ("modulus", "iop", "thickness", "gap", "polar angle", "direction")
 
 def given(**values: float) -> dict[str, float]:
     """The network's input for an eye of some known values, in an open globe by default, by name."""
-    eye = {field.name: np.array([nan]) for field in fields(GivenEyes)} | {
+    eye = {field.name: np.array([nan]) for field in fields(networks.GivenEyes)} | {
         name: np.array([0.0]) for name in ("rigidity_low", "rigidity_high", "stiffening")
     }
-    inputs = given_inputs(GivenEyes(**eye | {name: np.array([value]) for name, value in values.items()}), RANGES)
+    inputs = networks.given_inputs(
+        networks.GivenEyes(**eye | {name: np.array([value]) for name, value in values.items()}), RANGES
+    )
     assert inputs.dtype == np.float32
-    return dict(zip(GIVEN, inputs[0].tolist(), strict=True))
+    return dict(zip(networks.GIVEN, inputs[0].tolist(), strict=True))
 
 
 def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
@@ -131,7 +121,7 @@ def test_flag_and_value_of_an_unknown_are_zero() -> None:
 
 
 def test_an_unknown_modulus_is_as_uncertain_as_the_range_is_wide() -> None:
-    mean, sd = unknown_modulus(RANGES)
+    mean, sd = networks.unknown_modulus(RANGES)
     drawn = RANGES.youngs_modulus_pa.sample(np.random.default_rng(0), 200_000)
     assert abs(drawn.mean() / mean - 1.0) < 0.005
     assert abs(drawn.std() / drawn.mean() / sd - 1.0) < 0.01
@@ -195,7 +185,7 @@ def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Known:
 
 def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
     reader = load_model(folder)
-    edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+    edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     for modulus_pa in (0.2e6, 0.5e6):
         read = reader.read_slices(CUTS, own(modulus_pa))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
@@ -204,7 +194,7 @@ def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
         np.testing.assert_allclose(read.interval_n, modulus_pa * np.array(ends), rtol=1e-5)
         assert read.contact_m == pytest.approx(0.4e-3)
         assert sum(read.probabilities) == pytest.approx(1.0)
-    middle = own(unknown_modulus(reader.study.reader)[0], 1e3)
+    middle = own(networks.unknown_modulus(reader.study.reader)[0], 1e3)
     assert reader.read_slices(CUTS, Known()).force_n == reader.read_slices(CUTS, middle).force_n
 
 
@@ -228,7 +218,7 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, m
             return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
 
     reader = load_model(folder)
-    edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+    edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader._network, "_session", Session())
     read = reader.read_slices(CUTS[:2], replace(own(), iop_pa=250.0))
     assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
@@ -249,12 +239,12 @@ def test_the_factor_of_its_group_stretches_the_network_s_interval(folder: Path) 
 
 
 def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:
-    eye = given_eye(Known(iop_pa=250.0, gap_m=0.5e-3))
+    eye = networks.given_eye(Known(iop_pa=250.0, gap_m=0.5e-3))
     assert (eye.iop_pa[0], eye.gap_m[0]) == (250.0, 0.5e-3)
     unknown = eye.modulus_pa, eye.modulus_sd_fraction, eye.thickness_m, eye.polar_rad, eye.direction_rad
     assert np.isnan(unknown).all()
-    assert given_eye(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
-    placed = given_eye(Known(polar_rad=0.6, direction_rad=-1.2))
+    assert networks.given_eye(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
+    placed = networks.given_eye(Known(polar_rad=0.6, direction_rad=-1.2))
     assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
 
 
