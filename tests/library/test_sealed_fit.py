@@ -253,3 +253,7 @@ def test_the_pressures_of_a_wall_that_no_library_holds_are_the_nearest_wall_s() 
         kept = [problem.inside(wall)[at.PRESSURE] for wall in walls]
         assert kept[0] == pytest.approx(kept[1])
         assert kept[1] < 30.0
+    large = eye(1e-3, 0.5)
+    large[[at.SIZE, at.PRESSURE]] = 0.2, 30.0
+    highest = LIBRARY.iop_ratio_ends(large[at.THICKNESS] / np.exp(0.2))[1]  # in the library's size
+    assert problem.inside(large)[at.PRESSURE] == pytest.approx(np.log(highest) + large[at.MODULUS])
