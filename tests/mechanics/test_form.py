@@ -124,6 +124,9 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
     assert per_point.shape == (len(eye.cells_en), 27)
     assert per_point.min() == pytest.approx(0.6)
     assert per_point.max() == 1.0
+    stretched, mesh = FormStudy(AXES, region=(cornea,)), graded_mesh(R, T, CONTACT)  # regions are of the sphere
+    modulus_ep = element_modulus(form_mesh(mesh, stretched, CONTACT), stretched)
+    np.testing.assert_array_equal(modulus_ep, element_modulus(mesh, stretched))
     volumes = volume_points(eye).volumes_ep
     soft = np.sum(volumes * (1 - per_point)) / 0.4 / volumes.sum()
     assert soft == pytest.approx(1 - np.cos(asin(5.75 / 12)), rel=2e-2)  # share of a cap of the half-sphere's area
