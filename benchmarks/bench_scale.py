@@ -87,7 +87,7 @@ def print_rows(sizes: Sequence[int], processes: Sequence[int], limit_s: float, s
     for count in processes:
         done: list[Run] = []
         for images in sizes:
-            expected_s = _gone_on(done, images)
+            expected_s = _extrapolated(done, images)
             if expected_s > limit_s:
                 print(f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}  extrapolated, not run")
                 continue
@@ -110,7 +110,7 @@ def _slope_s(done: Sequence[Run]) -> float:
     return slope_s if slope_s > 0.0 else larger.seconds / larger.images
 
 
-def _gone_on(done: Sequence[Run], images: int) -> float:
+def _extrapolated(done: Sequence[Run], images: int) -> float:
     """Return the seconds that a size would take, on the line through the two largest runs; 0 before there are two."""
     if len(done) < 2:
         return 0.0

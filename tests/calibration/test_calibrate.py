@@ -1,4 +1,4 @@
-"""Recordings in, posterior out: whole virtual recordings, the file, going on from it, and what cannot be used."""
+"""Recordings in, posterior out: whole virtual recordings, the file, resuming from it, and unusable input."""
 
 import json
 import shutil

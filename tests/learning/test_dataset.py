@@ -332,7 +332,7 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
             partial_store(tmp_path / "d", **{"calibration": calibration, name: other})
 
 
-def test_what_a_kill_leaves_is_taken_up(tmp_path):
+def test_the_units_before_a_kill_are_reused(tmp_path):
     path = tmp_path / "d"
     plan, store = plan_dataset(small_study()), partial_store(path)
     for unit in range(plan.units):

@@ -615,7 +615,7 @@ DIRTY = [event for event, _ in (*ALARMS, *AFTER_A_FRAME, *OPINIONS, *OVERTAKEN)]
 
 @st.composite
 def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
-    """Frames, ticks, resets and faults in any order, the times going on."""
+    """Frames, ticks, resets and faults in any order, at increasing times."""
     events: list[MonitorEvent] = []
     now_s = 0.0
     for number in range(1, draw(st.integers(5, 60))):

@@ -1,4 +1,4 @@
-"""What a frame shows of a library's wall, and the law of its globe, by arrays: places and differences one by one."""
+"""A library's wall in a frame, and the law of its globe, by arrays: places and differences one by one."""
 
 import numpy as np
 from library_arrays import values_at
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
-    """What a frame shows at places, and its derivatives by differences; pose and form have formulas of their own."""
+    """Return the boundaries at places, and derivatives by differences; pose and form have formulas of their own."""
     depth, slope, seen = _shown(walls, unknown, unknown, places)
     jacobian = np.zeros((len(depth), len(at.NAMES)))
     for place, step in _inward(walls, unknown).items():
@@ -79,7 +79,7 @@ def _form_slopes(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[A
 
 
 def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
-    """Steps of the unknowns that move a wall; those that would leave the library go the other way."""
+    """Steps of the unknowns that move a wall; steps that would leave the library go the other way."""
     library, size = walls.library, np.exp(unknown[at.SIZE])
     thickness = unknown[at.THICKNESS] / size
     beyond = np.exp(unknown[walls.pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
@@ -96,7 +96,7 @@ def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
 
 
 def off_the_law(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
-    """How far pressures are off their globe's law, and the standard deviation of that, (sample,) each."""
+    """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
     known, library = walls.globe, walls.library
     volume = np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
         library, library.tables.volumes, *prediction._library_place(walls, unknown_su)

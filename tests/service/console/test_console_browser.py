@@ -96,7 +96,7 @@ def shown(opened: Callable[..., Opened]) -> Iterator[tuple[ConsoleMonitor, Opene
 
 
 @contextmanager
-def going_on(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[None]:
+def repeating(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[None]:
     """Let a monitor tell something again and again meanwhile."""
     done = Event()
 
@@ -141,7 +141,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
     monitor = ConsoleMonitor()
     with monitor:
         found = opened(monitor.address, viewport={"width": 1280, "height": 720})
-        with going_on(watching(monitor)):
+        with repeating(watching(monitor)):
             found.shows(word="WATCHING", force="12.3", interval="90 % interval 10.3 to 14.3 mN", rate="100", lost="0")
             found.shows(
                 class_bounds="5 to 30 mN", latency="1.1", worst="1.1", clients="2", scan_stamp="", graph_stamp=""
@@ -179,14 +179,14 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened:
         held = {"cause": "SILENCE", "withdrawn_s": 1.8e9}
         present = {"present_cause": "BOUND", "present": "up to 40.5 mN, the bound is 30.0 mN"}
         pixels = np.zeros((64, 96), np.uint16)
-        with going_on(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0))):
+        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0))):
             found.shows(sentence="Now: The force may have reached the bound.", force="39.0", detail=present["present"])
             found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.")
             sizes = "id => parseFloat(getComputedStyle(document.getElementById(id)).fontSize)"
             now, first = (found.page.evaluate(sizes, name) for name in ("sentence", "held"))
             assert now > first
         harmless = {"present_cause": None, "present": ""}
-        with going_on(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0))):
+        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0))):
             found.shows(sentence="Now: the frames are harmless. The withdrawal is held until a reset.", force="4.0")
             found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.", detail="")
 
@@ -195,7 +195,7 @@ def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(show
     monitor, found = shown
     found.shows(sentence="The monitor has said nothing yet. Treat this as a withdrawal.")
     for _ in range(2):
-        with going_on(watching(monitor)):
+        with repeating(watching(monitor)):
             found.shows(word="WATCHING", force="12.3")
         found.shows(word="NO ANSWER", sentence="The monitor does not answer. Treat this as a withdrawal.")
         assert not found.looks_live()
@@ -205,7 +205,7 @@ def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(show
 def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(shown: Any) -> None:
     """Stopped, the server leaves its connections open: only silence tells."""
     monitor, found = shown
-    with going_on(watching(monitor)):
+    with repeating(watching(monitor)):
         found.shows(word="WATCHING")
     os.kill(monitor.child.process.pid, signal.SIGSTOP)
     try:
@@ -214,7 +214,7 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
         sleep(3.0)  # the page has tried another connection by now
     finally:
         os.kill(monitor.child.process.pid, signal.SIGCONT)
-    with going_on(watching(monitor)):
+    with repeating(watching(monitor)):
         found.shows(word="WATCHING", force="12.3")
 
 
@@ -223,11 +223,11 @@ def test_the_page_survives_a_restart_of_the_server_without_being_loaded_again(op
     with ConsoleMonitor(port) as first:
         found = opened(first.address)
         found.page.evaluate("window.loaded = 'once'")
-        with going_on(watching(first, 12.3)):
+        with repeating(watching(first, 12.3)):
             found.shows(word="WATCHING", force="12.3")
     found.shows(word="NO ANSWER")
     with ConsoleMonitor(port, bound_n=0.02) as second:
-        with going_on(watching(second, 7.5)):
+        with repeating(watching(second, 7.5)):
             found.shows(word="WATCHING", force="7.5")
         assert found.page.evaluate("window.loaded") == "once"
     unexpected = [text for text in found.complaints if "/live' failed" not in text]
@@ -247,7 +247,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
         monitor.tell(told)
         return asked
 
-    with going_on(withdrawn, 0.1):
+    with repeating(withdrawn, 0.1):
         found.shows(word="WITHDRAW")
         page.keyboard.press("Tab")
         page.keyboard.press("Enter")
@@ -274,7 +274,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
 
 def test_a_reset_that_the_monitor_does_not_answer_says_so(shown: Any) -> None:
     monitor, found = shown
-    with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+    with repeating(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
         found.page.locator("#ask").click()
         found.page.keyboard.type(TOKEN)
         found.page.keyboard.press("Enter")
@@ -284,7 +284,7 @@ def test_a_reset_that_the_monitor_does_not_answer_says_so(shown: Any) -> None:
 def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
     with ConsoleMonitor() as monitor:
         found = opened(monitor.address)
-        with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+        with repeating(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
             found.page.locator("#ask").click()
             expect(found.page.locator("#dialog")).to_be_visible()
     found.shows(word="NO ANSWER")
@@ -300,7 +300,7 @@ def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -
 )
 def test_a_page_that_fails_shows_nothing_that_looks_live(shown: Any, event: str, script: str) -> None:
     monitor, found = shown
-    with going_on(watching(monitor)):
+    with repeating(watching(monitor)):
         found.shows(word="WATCHING")
         found.page.evaluate(script)
         found.shows(sentence="This page has failed: load it again. Treat this as a withdrawal.")
@@ -315,7 +315,7 @@ def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -
     def empty() -> None:
         monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2, force_mn=9.0)
 
-    with going_on(empty):
+    with repeating(empty):
         found.shows(word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp="")
         assert found.page.locator("#class").inner_text() == NOTHING
 
@@ -323,7 +323,7 @@ def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -
 def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(shown: Any) -> None:
     monitor, found = shown
     for state, word in (("NOT_READY", "NOT READY"), ("WITHDRAW", "WITHDRAW"), ("WATCHING", "WATCHING")):
-        with going_on(lambda state=state: monitor.entry(state), 0.1):
+        with repeating(lambda state=state: monitor.entry(state), 0.1):
             found.shows(word=word)
             assert fits(found.page)
     found.shows(word="NO ANSWER")
