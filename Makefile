@@ -29,7 +29,7 @@ test: .venv/installed  ## the default tests
 slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
 	$(FOR_TESTS) .venv/bin/pytest $(PYTEST_ARGS) -m '$(SLOW)'
 
-lint: .venv/installed  ## ruff (rules and format), mypy, and plain English in the folders that have it
+lint: .venv/installed  ## ruff (rules and format), mypy, plain English
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
