@@ -54,7 +54,7 @@ def test_a_benchmark_prints_a_table_of_finite_numbers(
     rows = [line for line in done.stdout.splitlines() if len(NUMBER.findall(line)) >= 2]
     assert rows, f"no table in:\n{done.stdout}"
     assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
-    assert not done.stderr, done.stderr
+    assert done.stderr in ("", "compiling, once: half a minute\n")  # in an empty cache
     if name.startswith("figure_"):
         assert (tmp_path / "picture.png").stat().st_size > 10_000
 
