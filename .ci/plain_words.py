@@ -53,7 +53,7 @@ def texts(path: Path) -> Iterator[tuple[int, str, bool]]:
         if token.type == tokenize.COMMENT:
             yield token.start[0], token.string, False
     tree = ast.parse(content)
-    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     docstrings = {
         id(node.body[0].value)
         for node in ast.walk(tree)
@@ -62,7 +62,7 @@ def texts(path: Path) -> Iterator[tuple[int, str, bool]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
             yield node.lineno, node.value, id(node) in docstrings
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef) and "_" in node.name.strip("_"):
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and "_" in node.name.strip("_"):
             yield node.lineno, node.name.replace("_", " "), False
 
 
