@@ -22,7 +22,8 @@ nitpicky = True  # an unresolved reference is an error
 nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
-    ("py:class", r"scleraforce\.(monitor\.events\.Verdict|reader\.kinds\.TrainedModel|segmentation\.wall_finder\.WallFinder)"),
+    ("py:class", r"scleraforce\.(monitor\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
+    ("py:class", r"scleraforce\.reader\.kinds\.TrainedModel"),
     ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]
 
