@@ -167,8 +167,7 @@ def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     """Return the filter's covariance plus that of the shared values, in the filter's coordinates (p, p)."""
     shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
     shared[:2, :2] = state.zero_covariance
-    total: Array = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
-    return total
+    return state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
 
 
 def assimilate(

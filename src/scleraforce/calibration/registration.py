@@ -64,8 +64,7 @@ def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
         return np.zeros(len(places.lateral_m))
     ends = model.curves([replace(state, polar_rad=polar) for polar in (low, high)])
     below, above = (curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
-    slope: Array = (above - below) / (high - low)
-    return slope
+    return (above - below) / (high - low)
 
 
 def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Placed:
@@ -88,8 +87,7 @@ def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
     less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
-    slope: Array = (more - less) / (2 * FORCE_STEP_N)
-    return slope
+    return (more - less) / (2 * FORCE_STEP_N)
 
 
 # Of a recording's nuisances before its first frame. The polar angle stays as stated, or in the middle of its range: it

@@ -84,8 +84,7 @@ class ForceDiscrepancy:
         level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
         across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
         growth = self.growth + self.growth_sd * across + np.asarray(eye_z) @ self.growth_by
-        forces: Floats = library_n * np.exp(level + growth * beside_middle(library_n))
-        return forces
+        return library_n * np.exp(level + growth * beside_middle(library_n))
 
     def at_reference(self) -> tuple[float, float]:
         """Return mean and standard deviation of ln(F / F_library) at 60 mN."""

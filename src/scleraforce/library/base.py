@@ -60,8 +60,7 @@ def pole_directions(polar_s: Floats, direction_s: Floats) -> Floats:
 
 def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) -> Floats:
     """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per part of `pole_direction`."""
-    pushed: Floats = SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
-    return pushed
+    return SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
 
 
 def section_places(along: Floats, across: Floats) -> Floats:

@@ -72,8 +72,7 @@ class LibraryPlan:
     @property
     def tip_m(self) -> Floats:
         """Tips at which every path is stored (d,), m; the first is 0."""
-        tips: Floats = self.grid.max_tip_m * np.linspace(0.0, 1.0, self.grid.tips) ** TIP_GRADING
-        return tips
+        return self.grid.max_tip_m * np.linspace(0.0, 1.0, self.grid.tips) ** TIP_GRADING
 
     @property
     def nodes(self) -> int:
@@ -195,8 +194,7 @@ def _sampled(value: dict[str, Any]) -> Sampled:
 
 def stiffening_place(stiffening: Floats) -> Floats:
     """Return the place of tissue on the axis of b, on which states change smoothly."""
-    place: Floats = np.log1p(stiffening / LITTLE_STIFFENING)
-    return place
+    return np.log1p(stiffening / LITTLE_STIFFENING)
 
 
 def evenly_picked(count: int, most: int) -> NDArray[np.intp]:

@@ -103,10 +103,7 @@ def force_n(walls: Walls, unknown_su: Array) -> Array:
 
 def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
     """Return the volume that the dent displaces for each set of unknowns, (sample,)."""
-    volumes: Array = np.exp(3.0 * unknown_su[:, at.SIZE]) * walls.library.displaced_m3(
-        *_library_place(walls, unknown_su)
-    )
-    return volumes
+    return np.exp(3.0 * unknown_su[:, at.SIZE]) * walls.library.displaced_m3(*_library_place(walls, unknown_su))
 
 
 def place_walls(walls: Walls, unknown_su: Array) -> Array:
@@ -144,8 +141,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 
 def shining(slope: Array) -> Array:
     """Return the shift of the edge by the mirror reflection, over that of a surface that faces the light."""
-    share: Array = np.exp(-((slope / at.SHINING_SLOPE) ** 2))
-    return share
+    return np.exp(-((slope / at.SHINING_SLOPE) ** 2))
 
 
 def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:

@@ -323,8 +323,7 @@ class Library:
         """F/E at the contact's polar angle (t, p, d)."""
         spline = CubicSpline(self.polar_rad)
         (shares,) = spline.shares(inside_ends(np.array([self.contact_polar_rad]), self.polar_rad))
-        forces: Floats = self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
-        return forces
+        return self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
 
     @cached_property
     def _contact_volumes(self) -> Floats:

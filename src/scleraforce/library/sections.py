@@ -123,8 +123,7 @@ class SectionMotion:
     @property
     def across_contact(self) -> Floats:
         """Motion of the contact across the section (sample,), m."""
-        middle: Floats = self.moved_sbpc[:, 0, len(self.lateral_p) // 2, ACROSS]
-        return middle
+        return self.moved_sbpc[:, 0, len(self.lateral_p) // 2, ACROSS]
 
 
 def section_motion(

@@ -217,8 +217,7 @@ def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: 
     place = _rising_root(coefficients, wanted_s, peak_place[sample, interval])
     tip = tip_m[interval] + place * np.diff(tip_m)[interval]
     tip = np.where(force_sd[:, 0] >= wanted_s, tip_m[0], tip)
-    found: Floats = np.where(reached.any(axis=1), tip, np.nan)
-    return found
+    return np.where(reached.any(axis=1), tip, np.nan)
 
 
 def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -246,8 +245,7 @@ def _rising_root(cubic: tuple[Floats, ...], wanted: Floats, high: Floats) -> Flo
 
 
 def _value(cubic: tuple[Floats, ...], x: Floats) -> Floats:
-    value: Floats = ((cubic[3] * x + cubic[2]) * x + cubic[1]) * x + cubic[0]
-    return value
+    return ((cubic[3] * x + cubic[2]) * x + cubic[1]) * x + cubic[0]
 
 
 def _peaks(cubic: tuple[Floats, Floats, Floats, Floats]) -> tuple[Floats, Floats]:

@@ -42,8 +42,7 @@ class ReducedRows:
     def rows(self) -> Floats:
         """Return the rows (row, value)."""
         steps_rk = np.concatenate([part.astype(np.float64) for part in self.steps], axis=1)
-        rows: Floats = steps_rk @ self.basis_kv.astype(np.float64)
-        return rows
+        return steps_rk @ self.basis_kv.astype(np.float64)
 
     def mixed_rows(self, weights: Floats) -> Floats:
         """Return the sum of equal parts of the rows (row / part, value), each of a weight (part,)."""
@@ -52,8 +51,7 @@ class ReducedRows:
         for part in np.flatnonzero(weights):
             steps = [steps[part * size : (part + 1) * size].astype(np.float64) for steps in self.steps]
             steps_rk += weights[part] * np.concatenate(steps, axis=1)
-        rows: Floats = steps_rk @ self.basis_kv.astype(np.float64)
-        return rows
+        return steps_rk @ self.basis_kv.astype(np.float64)
 
 
 def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:

@@ -195,8 +195,7 @@ def eye_count(scores: Iterable[Score]) -> int:
 def weights_of_eyes(scores: Sequence[Score]) -> Floats:
     """Return the weight of each score, of sum 1: every eye weighs the same."""
     names, eye, count = np.unique([entry.eye for entry in scores], return_inverse=True, return_counts=True)
-    weights: Floats = (1.0 / (count * len(names)))[eye]
-    return weights
+    return (1.0 / (count * len(names)))[eye]
 
 
 def share_of_new_eye(eyes: int) -> float:

@@ -59,8 +59,7 @@ class ForceDistribution:
 
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
     """Return the edges of the bins of F/E (bins + 1,), m^2; they are narrow for small forces and stiff eyes."""
-    edges: Floats = max_force_ratio * (np.arange(bins + 1) / bins) ** 2
-    return edges
+    return max_force_ratio * (np.arange(bins + 1) / bins) ** 2
 
 
 def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:

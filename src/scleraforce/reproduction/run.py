@@ -147,8 +147,7 @@ def _forget(run: Run, stages: Iterable[Stage], seconds: Mapping[str, float]) -> 
 
 def seconds_so_far(run: Run) -> dict[str, float]:
     """Return the seconds that each finished stage took."""
-    seconds: dict[str, float] = _read_state(run.folder)["seconds"]
-    return seconds
+    return _read_state(run.folder)["seconds"]
 
 
 def _remove(path: Path) -> None:
