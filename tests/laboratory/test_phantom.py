@@ -16,7 +16,6 @@ from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import (
     Acquisition,
     acquire_all,
-    is_recorded,
     phantom_truth,
     plan_moving_phantom,
     plan_phantom,
@@ -26,7 +25,6 @@ from scleraforce.laboratory.phantom import (
 )
 from scleraforce.laboratory.pushes import (
     ForcePath,
-    format_log,
     motion_end_s,
     plan_pushes,
     sample_sensor,
@@ -114,40 +112,11 @@ def test_truth_has_every_parameter(written):
         assert said["seed"] == list(frame.seed)
 
 
-def test_a_recording_may_omit_the_globe_that_the_truth_has(written, tmp_path):
-    plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
-    write_phantom(tmp_path / "untold", plan, dented_sections, STUDY, tell_globe=False)
-    given, omitted = contents(written), contents(tmp_path / "untold")
-    assert {name for name in given if given[name] != omitted[name]} == {"recording.toml"}
-    assert read_recording(tmp_path / "untold").info.eye.globe is None
-    assert json.loads((tmp_path / "untold" / "truth.json").read_text())["globe"]["kind"] == "open"
-
-
 def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, tmp_path):
     for name, eye, seed, same in (("a", EYE, 3, True), ("b", EYE, 4, False), ("c", replace(EYE, id="y"), 3, False)):
         write_phantom(tmp_path / name, plan_phantom(eye, FORCES_N, STUDY, seed), dented_sections, STUDY)
         assert (contents(tmp_path / name) == contents(written)) is same
         assert ((tmp_path / name / "forces.csv").read_bytes() == (written / "forces.csv").read_bytes()) is same
-
-
-def test_scanner_stays_the_same_within_a_recording_and_the_eye_moves():
-    frames = plan_phantom(EYE, [0.01] * 30, STUDY, 0).frames
-    for name in ("attenuation_per_m", "lines", "band_m", "axial_resolution_m", "choroid_level_db", "display_range_db"):
-        assert len({getattr(frame.optics, name) for frame in frames}) == 1
-    assert len({frame.optics.snr_db for frame in frames}) == 30
-    for shifts in ([frame.pose.lateral_m for frame in frames], [frame.pose.depth_m for frame in frames]):
-        assert 0.25e-3 < np.ptp(shifts) <= 0.4e-3
-
-
-def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
-    study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=fixed(140e-6)))
-    with_layer, bare = (
-        [frame.optics for frame in plan_phantom(EYE, FORCES_N, each, 3).frames] for each in (study, STUDY)
-    )
-    layers = [optics.conjunctiva for optics in with_layer]
-    assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
-    assert len({replace(layer, phase_rad=0.0) for layer in layers}) == 1
-    assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
 
 
 def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_path):
@@ -321,16 +290,6 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
     assert (recording.frame(recording.frames[200]) == render_frame(frame, section, MOVING_STUDY).frame).all()
 
 
-def test_sections_of_many_forces_equal_each_alone() -> None:
-    sections_at = linear_sections(EYE, MOVING_STUDY)
-    forces_n = np.linspace(0.0, 0.03, 300)
-    many = sections_at(forces_n)
-    assert len(many) == 300
-    for index in (0, 255, 256, 299):
-        (alone,) = sections_at([forces_n[index]])
-        assert np.abs(many[index].outer - alone.outer).max() < 1e-12
-
-
 PUSHES_FORCES_N = (0.002, 0.02, 0.0, 0.055)
 
 
@@ -375,14 +334,6 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
         assert offset == pytest.approx(sensor.offset_n[column - 1], abs=3e-4)
 
 
-def test_csv_has_the_columns_and_digits_of_a_recording():
-    lines = format_log(np.array([[0.005, -0.0, 0.015, -0.01, 1.23456e-4, -0.0, 0.0]])).splitlines()
-    assert lines == [
-        "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm",
-        "0.0050,0.0000,0.0150,-0.0100,0.00012,0.00000,0.00000",
-    ]
-
-
 MANY_STUDY = Study(
     oct=OctStudy(columns=128, rows=96),
     mesh=MeshStudy(divisions=4, level=0),
@@ -410,26 +361,6 @@ def test_eyes_are_drawn_from_the_studys_ranges() -> None:
         shares = (np.array([getattr(eye, name) for eye in eyes]) - low) / (high - low)
         assert 0.0 <= shares.min() < 0.05 < 0.95 < shares.max() <= 1.0
     assert {(eye.youngs_modulus_pa, eye.iop_pa) for eye in eyes} == {(0.25e6, MANY_STUDY.eye.iop_pa)}
-
-
-def test_more_eyes_and_given_values_leave_the_rest_of_an_eye_unchanged() -> None:
-    few, many = sample_eyes(MANY_STUDY, 2, 7, "eye", {}), sample_eyes(MANY_STUDY, 5, 7, "eye", {"thickness_m": 5e-4})
-    assert [eye.thickness_m for eye in many] == [5e-4] * 5
-    assert [eye.polar_rad for eye in few] == [eye.polar_rad for eye in many[:2]]
-    assert sample_eyes(MANY_STUDY, 2, 8, "eye", {})[0].polar_rad != few[0].polar_rad
-    with pytest.raises(InputError, match="eye-1: thickness_m"):
-        sample_eyes(MANY_STUDY, 1, 7, "eye", {"thickness_m": 5.0})
-
-
-def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
-    first, second, *_ = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
-    assert is_recorded(here / "pig-1", ACQUISITION.plan(first), MANY_STUDY)
-    assert not is_recorded(here / "pig-1", ACQUISITION.plan(second), MANY_STUDY)
-    assert not is_recorded(here / "pig-1", Acquisition((0.002, 0.011), MANY_STUDY, 3).plan(first), MANY_STUDY)
-    assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
-    for content in ("[]", "{", '{"frames": 7}', '{"frames": [7]}', "{}"):
-        (tmp_path / "truth.json").write_text(content)
-        assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
 
 
 @pytest.mark.slow

@@ -70,12 +70,6 @@ def test_levels_lengths_and_attenuations_are_recovered(name: str) -> None:
     check_recovered(measure_scanner(drawn_eyes(SEEDS, scanner, **optics)), optics, WITHIN_1_DB, WITHIN_10_PERCENT)
 
 
-@pytest.mark.slow
-def test_a_strong_reflections_angle_is_recovered_within_20_percent() -> None:
-    found = measure_scanner(drawn_eyes(SEEDS, reflection_db=8.0, display_range_db=46.0)).ranges["reflection_angle_rad"]
-    assert found.median == pytest.approx(OPTICS.reflection_angle_rad, rel=0.2)
-
-
 def test_shadows_and_lines_are_recovered() -> None:
     shadow = Shadow(centre_m=2e-3, width_m=0.6e-3, loss_fraction=0.55)
     line = Line(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
@@ -129,22 +123,12 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
     assert found["attenuation_per_m"].median == pytest.approx(OPTICS.attenuation_per_m, rel=0.1)
 
 
-def test_speckle_of_one_look_has_the_skew_of_its_logarithm() -> None:
-    assert measure_scanner(drawn_eyes(FEW)).ranges["speckle_skew"].median == pytest.approx(-0.2, abs=0.02)
-
-
 def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
     found = measure_scanner(drawn_eyes(FEW))
     for frame in found.frames:
         drawn = drawn_alike(frame, found.phantom(), np.random.default_rng(1))
         assert drawn.shape == frame.eye.pixels.shape
         assert histogram_overlap(frame.eye.pixels, drawn, 4095) > 0.97
-
-
-def test_one_frame_gives_ranges_of_its_uncertainty() -> None:
-    found = measure_scanner(drawn_eyes(range(7200, 7201))).ranges
-    for key in ("snr_db", "attenuation_per_m", "display_range_db", "lateral_resolution_m"):
-        assert found[key].low < found[key].median < found[key].high
 
 
 def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused() -> None:
@@ -214,31 +198,6 @@ def test_the_slopes_agree_with_many_drawn_intensities() -> None:
         spread = quartiles[:, 2] - quartiles[:, 0]
         assert np.diff(spread)[0] / np.diff(quartiles[:, 1])[0] == pytest.approx(expected, abs=0.01)
         assert DISPLAY_KINDS[kind].spread_slope == pytest.approx(expected, abs=1e-3)
-
-
-def test_shown_light_goes_back_to_the_intensity() -> None:
-    light = np.array([1e-3, 0.5, 1.0, 700.0])
-    for kind in DISPLAY_KINDS.values():
-        np.testing.assert_allclose(kind.level_db(kind.shown(light)), 10.0 * np.log10(light))
-
-
-def test_gain_and_offset_of_a_display_do_not_change_the_slope() -> None:
-    counts = drawn_counts(7130, display="root", display_range_db=42.0)
-    moved = np.rint(counts * 0.4 + 900.0).astype(np.uint16)
-    moved[:, counts.max(axis=0) == 0] = 0
-    one, other = (spread_slope(imaged(each)) for each in (counts, moved))
-    assert other.value == pytest.approx(one.value, abs=0.04)
-
-
-def test_a_logarithmic_display_of_averaged_noise_is_still_one() -> None:
-    """Noise of many looks spreads less than the wall's speckle, as dark tissue on a linear display would."""
-    rng = np.random.default_rng(7140)
-    for seed in DISPLAY_FEW:
-        counts = drawn_counts(seed).astype(np.float64)
-        air = imaged(drawn_counts(seed)).below_surface_rows < 0
-        counts[air] = 4095 * (7.0 + 10.0 * np.log10(rng.gamma(50.0, 1 / 50.0, air.sum()))) / 42.0
-        found = spread_slope(imaged(np.rint(counts.clip(0, 4095)).astype(np.uint16)))
-        assert display_kind([found]) is LOGARITHMIC
 
 
 def test_averaged_noise_on_a_linear_display_is_refused() -> None:

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import asdict, replace
-from math import pi, radians
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import (
     phantom_truth,
-    plan_moving_phantom,
     plan_phantom,
     plan_sections,
     write_phantom,
@@ -25,12 +24,8 @@ from scleraforce.laboratory.virtual_eye import (
     PhantomEye,
     TurnedSections,
     draw_turns,
-    farthest_turn_rad,
-    knot_turns,
     linear_sections,
-    pressures_pa,
     study_sections,
-    turned_eyes,
     turned_plane,
 )
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
@@ -233,40 +228,6 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
     assert np.abs(sections([0.0])[0].outer - found[0].outer).max() == 0.0
 
 
-def test_eyes_at_the_knots_are_pushed_by_a_needle_that_leans_as_before() -> None:
-    study = replace(TURNED_STUDY, needle=NeedleStudy(tilt_rad=0.1, tilt_direction_rad=1.0))
-    eyes = turned_eyes(TURNED_EYE, study)
-    assert len(eyes) == 3
-    for (eye, own), turn in zip(eyes, knot_turns(FARTHEST), strict=True):
-        needle, plane = own.needle, eye.plane
-        assert plane.contact.normal == pytest.approx(turned_plane(TURNED_EYE.plane, turn).contact.normal)
-        axis = plane.contact.leaning_axis(needle.tilt_rad, needle.tilt_direction_rad)
-        first = TURNED_EYE.plane.contact.leaning_axis(0.1, 1.0)
-        for name in ("lateral", "depth", "normal"):
-            assert axis @ getattr(plane, name) == pytest.approx(first @ getattr(TURNED_EYE.plane, name))
-    wrapped = replace(TURNED_EYE, azimuth_rad=pi, direction_rad=3.1)
-    assert all(abs(own.needle.tilt_direction_rad) <= pi for _, own in turned_eyes(wrapped, study))
-    assert turned_eyes(TURNED_EYE, replace(study, phantom=PhantomStudy())) == [
-        (TURNED_EYE, replace(study, phantom=PhantomStudy()))
-    ]
-
-
-@pytest.mark.slow
-def test_pressures_of_a_sealed_eye_follow_the_turn() -> None:
-    study = replace(TURNED_STUDY, globe=GlobeStudy("sealed"), mesh=MeshStudy(kind="graded", core=2, rings=4))
-    sections_at = study_sections(TURNED_EYE, study)
-    turns = [
-        STILL,
-        EyeTurn(about_x_rad=FARTHEST, about_y_rad=0.0),
-        EyeTurn(about_x_rad=0.5 * FARTHEST, about_y_rad=0.0),
-    ]
-    start, far, between = pressures_pa(TURNED_EYE, sections_at, [0.012] * 3, turns)
-    knots = [knot.pressures_pa([0.012])[0] for knot in sections_at.knots]
-    assert (start, far, between) == pytest.approx((knots[0], knots[1], 0.5 * (knots[0] + knots[1])))
-    assert start > 1.02 * TURNED_EYE.iop_pa
-    assert start != pytest.approx(far, rel=1e-4)
-
-
 def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recording_the_first(tmp_path) -> None:
     study = replace(TURNED_STUDY, mesh=MeshStudy(divisions=4), mechanics=MechanicsStudy(), form=FormStudy())
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, study, 3)
@@ -291,38 +252,13 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
     )
 
 
-def test_the_movement_of_the_eye_leaves_all_else_as_it_was_drawn() -> None:
-    for plan_of in (
-        lambda study: plan_phantom(TURNED_EYE, TURNED_FORCES_N, study, 3),
-        lambda study: plan_moving_phantom(TURNED_EYE, (0.01,), study, 3, rate_hz=5.0, ramp_n_per_s=0.02, hold_s=0.5),
-    ):
-        moving, still = plan_of(TURNED_STUDY), plan_of(replace(TURNED_STUDY, phantom=PhantomStudy()))
-        assert len(moving.turns) == len(moving.frames)
-        assert len(set(moving.turns)) > 1
-        assert still.turns == []
-        frames = tuple(replace(frame, turn=None) for frame in moving.frames)
-        assert replace(moving, frames=frames) == still
-
-
 def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
     with pytest.raises(RecordingError, match="eye eye-x: it turns, and its sections have one contact"):
         plan_sections(plan, lambda _: [])
 
 
-@pytest.mark.slow
-def test_the_paths_of_all_knots_report_one_progress() -> None:
-    shares: list[float] = []
-    study = replace(TURNED_STUDY, mesh=MeshStudy(kind="graded", core=2, rings=4))
-    study_sections(TURNED_EYE, study, shares.append)([0.006])
-    assert shares == sorted(shares)
-    assert min(shares) < 1 / 3 < shares[-1] == pytest.approx(1.0)
-
-
 PLANE = ScanPlane(Contact(polar_rad=0.7, azimuth_rad=2.9), gap_m=0.5e-3, direction_rad=-1.1, tilt_rad=0.05)
-TURN_MOVING = PhantomStudy(
-    eye_drift_rad=Range(min=radians(1.0), max=radians(3.0)), eye_saccade_rad=Range(min=radians(0.2), max=radians(1.0))
-)
 
 
 def rotated(vector, turn):
@@ -365,11 +301,3 @@ def test_a_drift_grows_evenly_to_one_side_and_saccades_leave_it_every_second() -
     assert (jumps + 1).tolist() == list(range(10, 600, 10))
     sides = np.arctan2(*turns[::10].T)
     assert np.histogram(sides, 4, (-np.pi, np.pi))[0].min() > 5  # to every side
-
-
-def test_no_turn_goes_farther_than_drift_and_saccade_together() -> None:
-    assert farthest_turn_rad(PhantomStudy()) == 0.0
-    assert farthest_turn_rad(TURN_MOVING) == pytest.approx(radians(4.0))
-    for seed in range(20):
-        turns = turns_of(TURN_MOVING, np.linspace(1.0, 240.0, 20), seed)
-        assert np.linalg.norm(turns, axis=1).max() <= radians(4.0)

@@ -17,14 +17,10 @@ from scleraforce.errors import ModelError, SolverError
 from scleraforce.learning.classifier import (
     Candidate,
     Samples,
-    TrainedNetwork,
     best,
     build_network,
     classifier_bytes,
-    content_hash,
-    cross_entropy,
     fit,
-    mirrored_pixels,
     normalisation,
     trained_network,
     with_half_weights,
@@ -36,19 +32,6 @@ from scleraforce.reader import load_model
 from scleraforce.study import DatasetGroup, DatasetStudy, NetworkStudy, SliceStudy, Study, study_hash
 
 SIZE = SliceStudy(columns=10, rows=12)
-
-
-def test_mirror_images_of_the_varying_pixels_are_the_pixels_of_the_mirrored_slices(bars) -> None:
-    training, _ = bars
-    lopsided = Samples(training.slices.copy(), training.target)
-    lopsided.slices[:, :, :3] = 0  # three columns vary in the mirror images only
-    norm = normalisation(lopsided, mirror=True)
-    turned = Samples(lopsided.slices[:, :, ::-1], lopsided.target)
-    across = mirrored_pixels(norm, 10)
-    np.testing.assert_array_equal(lopsided.pixels[:, norm.varies][:, across], turned.pixels[:, norm.varies])
-    both = Samples(np.concatenate([lopsided.slices, turned.slices]), np.concatenate([lopsided.target] * 2))
-    np.testing.assert_allclose(norm.mean, normalisation(both).mean, rtol=1e-6)
-    np.testing.assert_array_equal(norm.varies, normalisation(both).varies)
 
 
 def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror_shows(small) -> None:
@@ -82,26 +65,6 @@ def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_nor
     assert second == pytest.approx(float((before - rates[0] * push) @ inputs.T), rel=1e-4)
     expected = before - rates[0] * push - rates[1] * 1.5 * push
     np.testing.assert_allclose(network.weight.detach(), expected, atol=1e-5)
-
-
-def test_more_dropout_masks_make_the_loss_of_a_batch_less_noisy() -> None:
-    rng = np.random.default_rng(0)
-    inputs, target = torch.from_numpy(rng.normal(size=(16, 8))).float(), torch.from_numpy(rng.integers(0, 3, size=16))
-    torch.manual_seed(0)
-    network = build_network(8, NetworkStudy(hidden=(10, 10), dropout=0.5), 3)
-    losses = {masks: [cross_entropy(network, inputs, target, masks)[0].item() for _ in range(60)] for masks in (1, 16)}
-    assert 2.0 < np.std(losses[1]) / np.std(losses[16]) < 8.0
-    assert np.mean(losses[1]) == pytest.approx(np.mean(losses[16]), rel=0.2)
-
-
-def test_the_first_logits_are_as_large_with_the_papers_dropout_as_without() -> None:
-    torch.manual_seed(0)
-    signal = torch.randn(200, 400)
-    sizes = {}
-    for dropout in (0.0, 0.8):
-        network = build_network(400, NetworkStudy(hidden=(300, 300), dropout=dropout), 3).train()
-        sizes[dropout] = network(signal).square().mean().item()
-    assert 0.5 < sizes[0.8] / sizes[0.0] < 2.0
 
 
 @pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.slow)])
@@ -148,21 +111,6 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
     monkeypatch.setattr(torch.nn.functional, "cross_entropy", lambda *given, **more: lost(*given, **more) * torch.nan)
     with pytest.raises(SolverError, match=r"step 1 of .*network\.learning_rate"):
         fit(small, *bars)
-
-
-def test_the_content_hash_changes_with_one_pixel_and_with_one_label(bars) -> None:
-    training, validation = bars
-    slices, target = training.slices.copy(), training.target.copy()
-    slices[5, 5, 5] ^= 255
-    target[7] = (target[7] + 1) % 3
-    hashes = {
-        content_hash(training, validation),
-        content_hash(Samples(slices, training.target), validation),
-        content_hash(Samples(training.slices, target), validation),
-        content_hash(validation, training),
-    }
-    assert len(hashes) == 4
-    assert content_hash(training, validation) in hashes
 
 
 @pytest.mark.parametrize("hidden", [(), (300, 200)])
@@ -239,22 +187,6 @@ def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path
     assert 0.8 < right.mean() == record["metrics"]["validation_accuracy"]
     assert json.loads(json.dumps(record)).items() <= reader.record.items()
     assert {"slices", "training loss"} <= set(reader.record["fingerprint"])
-
-
-def test_weights_are_rounded_before_they_are_measured_and_stored(store: Path, tmp_path: Path, monkeypatch) -> None:
-    dataset = open_dataset(store)
-    train_classifier(dataset, tmp_path / "model")
-    held = onnx.load_model(tmp_path / "model" / "model.onnx").graph.initializer
-    assert {len(tensor.dims) for tensor in held if tensor.data_type == onnx.TensorProto.FLOAT16} == {2}
-    assert {len(tensor.dims) for tensor in held if tensor.data_type == onnx.TensorProto.FLOAT} == {1}
-
-    def to_nothing(network: TrainedNetwork) -> TrainedNetwork:
-        return replace(network, layers=tuple(replace(layer, weight=0.0 * layer.weight) for layer in network.layers))
-
-    monkeypatch.setattr("scleraforce.learning.classifier.with_half_weights", to_nothing)
-    train_classifier(dataset, tmp_path / "nothing")
-    rows = load_model(tmp_path / "nothing").record["metrics"]["validation_confusion"]
-    assert np.count_nonzero(np.sum(rows, axis=0)) == 1  # it answers always the same
 
 
 def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store: Path, tmp_path: Path) -> None:

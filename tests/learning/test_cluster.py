@@ -12,8 +12,6 @@ from small_models import SMALL_STUDY
 from workers import NEEDS_DASK, Cluster
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.laboratory.phantom import Acquisition, acquire_all, sample_eyes, write_phantom
-from scleraforce.laboratory.virtual_eye import study_sections
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.wall_finder import fit_wall_finder
@@ -59,22 +57,6 @@ def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(
     assert generate_dataset(STUDY, there, workers=cluster_workers(cluster.address)).simulated == 600
     generate_dataset(STUDY, here, workers=2)
     assert contents(there) == contents(here)
-
-
-def test_recordings_are_the_same_on_a_cluster_that_loses_a_worker(cluster: Cluster, tmp_path: Path) -> None:
-    eyes, acquisition = sample_eyes(STUDY, 4, 3, "pig", {}), Acquisition((0.002, 0.01), STUDY, 3)
-    victim, _ = cluster.worker(), cluster.worker()
-
-    def kill(done: int) -> None:
-        if done:
-            victim.send_signal(signal.SIGKILL)
-
-    workers = cluster_workers(cluster.address)
-    assert acquire_all(tmp_path / "there", eyes, acquisition, workers=workers, progress=kill) == 4
-    assert victim.wait() == -signal.SIGKILL
-    for eye in eyes:
-        write_phantom(tmp_path / "here" / eye.id, acquisition.plan(eye), study_sections(eye, STUDY), STUDY)
-    assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 
 def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> None:

@@ -104,15 +104,6 @@ def test_open_ranges_are_drawn_for_each_sample_and_independently():
     assert np.abs(correlation).max() < 0.04
 
 
-@pytest.mark.parametrize(("contacts", "images", "whole"), [(200, 4000, True), (10, 100, True), (2, 10_000, False)])
-def test_units_cover_every_sample_once_and_hold_whole_contacts_where_that_is_possible(contacts, images, whole):
-    plan = plan_dataset(with_dataset(contacts=contacts, group=(DatasetGroup(images=images),)))
-    covered = np.concatenate([np.arange(plan.images)[plan.unit(unit)] for unit in range(plan.units)])
-    np.testing.assert_array_equal(covered, np.arange(plan.images))
-    starts = np.flatnonzero(np.diff(plan.contact, prepend=-1))
-    assert whole == all(plan.unit(unit).start in starts for unit in range(plan.units))
-
-
 def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_splits():
     study = with_dataset(
         contacts=7,
@@ -349,12 +340,6 @@ def test_the_units_before_a_kill_are_reused(tmp_path):
     store.finish()
     assert not list(path.rglob("*.partial"))
     assert open_dataset(path).images == 465
-
-
-def test_a_relative_path_may_be_named_like_an_array(copy, monkeypatch):
-    copy.rename(copy.with_name("slices"))
-    monkeypatch.chdir(copy.parent)
-    assert open_dataset(Path("slices")).slices.shape == (465, 40, 140)
 
 
 @pytest.fixture(scope="module")

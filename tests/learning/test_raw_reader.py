@@ -18,7 +18,6 @@ from scleraforce.learning.raw_reader import (
     fit_raw_reader,
     largest_needle_gap,
     raw_reader_bytes,
-    slice_weights,
 )
 from scleraforce.learning.reader import ReaderNetwork, histogram
 from scleraforce.learning.train import train_raw_reader
@@ -79,15 +78,6 @@ def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness() -> None
     assert absent.max() < 1e-12
 
 
-def test_columns_between_two_pairs_are_their_mean() -> None:
-    window = FrameWindow.of(TINY.raw_reader)
-    weights = slice_weights(window, TINY.slice)
-    np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=1e-6)
-    pairs_m = window.laterals_m.reshape(-1, 2).mean(axis=1)
-    columns_m = (np.arange(140) - 69.5) * 1e-4
-    np.testing.assert_allclose(pairs_m @ weights, columns_m, atol=1e-9)
-
-
 def test_the_graph_answers_as_the_network_does() -> None:
     made, rng = network(), np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
@@ -101,15 +91,6 @@ def test_the_graph_answers_as_the_network_does() -> None:
     np.testing.assert_allclose(contact_m, places.numpy() * 1e-3, atol=1e-7)
     assert session.get_modelmeta().custom_metadata_map == {"who": "me"}
     assert raw_reader_bytes(made, {"who": "me"}) == content
-
-
-def test_the_force_reaches_the_part_that_sees_the_wall() -> None:
-    made = network().train()
-    mixtures, _, _, _ = made(torch.rand(2, 80, 144), torch.rand(2, len(GIVEN)))
-    mixtures.square().sum().backward()
-    first = made.sees_wall.down[0][0].weight.grad
-    assert first is not None
-    assert first.abs().max() > 0.0
 
 
 @pytest.mark.slow

@@ -16,7 +16,6 @@ from scleraforce.errors import InputError
 from scleraforce.learning.reader import (
     ReaderNetwork,
     answers,
-    circle_depth,
     compared,
     fit_reader,
     histogram,
@@ -30,7 +29,7 @@ from scleraforce.learning.train import train_reader
 from scleraforce.library.build import build_library
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import force_distribution, ratio_edges
-from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, SliceStudy, Study, format_study
+from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, Study, format_study
 
 TINY = Study(
     reader=ReaderStudy(
@@ -45,7 +44,6 @@ TINY = Study(
     ),
     library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
 )
-CIRCLE_MM = 12.0 - np.sqrt(12.0**2 - 3.95**2)  # depth at column 30, 39.5 columns from the middle
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +59,6 @@ def source(library) -> Source:
 def network(seed: int = 1) -> ReaderNetwork:
     torch.manual_seed(seed)
     return ReaderNetwork(TINY.reader, TINY.slice, 12e-3).eval()
-
-
-def test_the_features_of_a_column_are_its_wall_and_how_far_that_lies_below_the_circle() -> None:
-    cut = np.zeros((1, 40, 140), dtype=np.float32)
-    cut[0, 7:13, 30] = 1.0  # 0.6 mm, in the middle at 1 mm
-    found = network().features(torch.from_numpy(cut)).numpy()[0]
-    np.testing.assert_allclose(found[:, 30], [1.0, 0.0, (1.0 - 2.0 - CIRCLE_MM) / 0.6], atol=1e-4)
-    assert not found[:, :30].any()
-    assert abs(circle_depth(SliceStudy(), 12e-3)[30] * 1e3 - CIRCLE_MM) < 1e-12
 
 
 def test_the_loss_is_likelihood_and_place_written_out() -> None:

@@ -10,8 +10,6 @@ from library_arrays import reached_tips
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import (
-    TISSUE,
-    Source,
     draw_eyes,
     draw_samples,
     library_of_tissue,
@@ -23,7 +21,6 @@ from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.mechanics.contact import SliceWindow
 from scleraforce.mechanics.slices import fill_section
-from scleraforce.reader.networks import GIVEN
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
 READER, SLICE = ReaderStudy(), SliceStudy()
@@ -175,15 +172,6 @@ def test_polar_angle_and_direction_are_given_as_well_as_stated(eyes, library) ->
     assert 0.5 < np.median(given) / READER.pole_noise_rad < 0.9  # of a normal number's size: 0.67
 
 
-def test_uneven_walls_are_drawn_as_often_as_stated(library) -> None:
-    slices = []
-    for share in (0.0, 0.5):
-        study = replace(READER, uneven_share=share, boundary_errors=0.0)
-        slices.append(draw_samples(library, study, SLICE, 400, np.random.default_rng(3)).slices)
-    differ = (slices[0] != slices[1]).any(axis=(1, 2)).mean()
-    assert differ == pytest.approx(0.5, abs=0.08)
-
-
 def test_the_stated_share_of_samples_is_plain(eyes) -> None:
     plain = eyes.size == 1.0
     assert abs(plain.mean() - READER.plain_share) < 0.02
@@ -216,16 +204,3 @@ def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other() -> None:
     plain, never = analytic_library(thicknesses=5, ratios=5, tips=24), replace(READER, stiffening_share=0.0)
     assert all(library_of_tissue(plain, always, rng) is plain for _ in range(20))
     assert all(library_of_tissue(held, never, rng) is held for _ in range(20))
-
-
-def test_each_part_of_a_chunk_is_of_one_tissue_and_labelled_so() -> None:
-    held, count = made_up_library(), 2 * TISSUE + 50
-    mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
-    stated = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])
-    assert stated.shape == (4, count)
-    parts = [stated[:, :TISSUE], stated[:, TISSUE : 2 * TISSUE], stated[:, 2 * TISSUE :]]
-    assert all((part == part[:, :1]).all() for part in parts)
-    firsts = np.array([part[:, 0] for part in parts])
-    assert len(np.unique(firsts)) > 2
-    assert firsts.min() == 0.0
-    assert firsts.max() <= 1.0 + 1e-6

@@ -12,7 +12,7 @@ from small_recordings import LOGGED_INFO
 
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.errors import CalibrationError
-from scleraforce.known import NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, Known
+from scleraforce.known import NO_DISCREPANCY, Known
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
 from scleraforce.learning import virtual_eyes
 from scleraforce.learning.virtual_eyes import (
@@ -34,8 +34,7 @@ from scleraforce.library import INNER, OUTER, Library
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.reader.answer import Reading
-from scleraforce.reader.intervals import Score, conformal_quantile
-from scleraforce.reader.kinds import SHIFTS
+from scleraforce.reader.intervals import Score
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
@@ -97,31 +96,6 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
     assert np.abs(depths[OUTER][outward_m < 1e-3]).max() < 2e-6
 
 
-@pytest.mark.slow
-def test_eyes_are_stated_open_sealed_or_unknown_by_turns(library) -> None:
-    eyes = [draw_eye(EXACT, library, number, np.random.default_rng(number)) for number in range(3)]
-    assert [eye.stated.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]
-    assert (eyes[0].wall.rigidity_pa13_per_m3, eyes[1].wall.rigidity_pa13_per_m3 > 0) == (0.0, True)
-
-
-@pytest.mark.usefixtures("_still_base")
-def test_the_poles_errors_are_as_large_as_stated_and_change_no_other_draw(library) -> None:
-    stated = list[tuple[float, float]]()
-    for seed in range(60):
-        eyes = [
-            draw_eye(study, library, 0, np.random.default_rng(seed))
-            for study in (EXACT, replace(EXACT, reader=replace(EXACT.reader, pole_noise_rad=np.radians(2.0))))
-        ]
-        exact, off = (each.stated for each in eyes)
-        assert replace(off, polar_rad=exact.polar_rad, direction_rad=exact.direction_rad) == exact
-        assert (off.direction_rad is None) == (exact.direction_rad is None)
-        if exact.direction_rad is not None and off.direction_rad is not None:
-            stated.append((off.polar_rad - exact.polar_rad, off.direction_rad - exact.direction_rad))
-    sd = np.degrees(np.std(stated, axis=0))
-    assert ((sd > 1.4) & (sd < 2.6)).all()
-    assert abs(np.corrcoef(np.transpose(stated))[0, 1]) < 0.4
-
-
 def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> None:
     exact = replace(EXACT, reader=replace(EXACT.reader, interval_boundary_errors=0.0))
     plain, drifted = (
@@ -140,20 +114,6 @@ def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> N
         assert seen_m[np.nanargmax(np.abs(seen_m))] == pytest.approx(
             deeper_m[np.argmax(np.abs(deeper_m))], rel=0.05, abs=2e-6
         )
-
-
-def test_a_calibration_that_diverges_says_nothing_of_the_modulus(eye: VirtualEye, library) -> None:
-    drifting = replace(eye, drift=1.0)  # far more than is drawn: from half to one and a half times the force
-    frames = draw_frames(drifting, EXACT, 8, np.random.default_rng(6))
-    known, left = calibrated(drifting, frames, EXACT, library, np.random.default_rng(7))
-    assert known.modulus is None
-    assert (known.iop_pa, len(left)) == (eye.stated.iop_pa, 5)
-
-
-def test_each_slice_of_a_frame_shows_the_wall_as_much_lower_as_a_reader_shifts_it(eye: VirtualEye) -> None:
-    for frame in draw_frames(eye, EXACT, 6, np.random.default_rng(6)):
-        top_rows = frame.cuts[:, :, frame.cuts.any(axis=1).all(axis=0)].argmax(axis=1).mean(axis=1)
-        assert top_rows - top_rows[0] == pytest.approx(np.array(SHIFTS), abs=0.12)
 
 
 def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
@@ -197,15 +157,6 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye: VirtualEye,
     assert known.modulus is not None
     assert known.modulus.source == "own"
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
-
-
-def test_frames_of_light_forces_say_where_the_eye_lies_and_are_left_to_be_read(eye: VirtualEye, library) -> None:
-    rng = np.random.default_rng(6)
-    light, others = draw_frames(replace(eye, largest_n=2e-3), EXACT, 2, rng), draw_frames(eye, EXACT, 6, rng)
-    known, left = calibrated(eye, (*light, *others), EXACT, library, rng)
-    assert known.modulus is not None
-    assert left[:2] == light
-    assert len(left) == 5
 
 
 @pytest.mark.usefixtures("_still_base")
@@ -269,17 +220,6 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
     assert np.mean(growths) == pytest.approx(drift, abs=0.1)
     learned_n, unlearned_n = np.mean(errors_n, axis=0)
     assert learned_n < 0.6 * unlearned_n
-
-
-def test_frames_have_the_errors_that_intervals_are_measured_with_not_the_samples(eye: VirtualEye) -> None:
-    def surface_m(**errors: float) -> np.ndarray:
-        study = replace(EXACT, reader=replace(EXACT.reader, **errors))
-        return np.stack([frame.boundaries.depth_m[0] for frame in draw_frames(eye, study, 3, np.random.default_rng(6))])
-
-    usual_m = surface_m()
-    np.testing.assert_array_equal(surface_m(boundary_errors=6.0), usual_m)
-    rough, smooth = (np.nanstd(np.diff(surface_m(interval_boundary_errors=errors), 2, axis=1)) for errors in (6.0, 0.0))
-    assert rough > 1.5 * np.nanstd(np.diff(usual_m, 2, axis=1)) > 1.5 * smooth
 
 
 @pytest.mark.slow
@@ -361,15 +301,6 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
     return found
 
 
-def test_one_traits_factor_is_the_quantile_within_bounds() -> None:
-    sizes = np.random.default_rng(0).uniform(0.4, 3, 77).tolist()
-    for values, slack in ((sizes, 0.02), ([0.01] * 30, 1e-6), ([100.0] * 30, 1e-6)):
-        scores = [Score("fit", ("own E", "open"), str(eye), value) for eye, value in enumerate(values)]
-        factor = trait_factors(scores)["fit"]["own E"]["open"]
-        assert factor == pytest.approx(conformal_quantile(scores), rel=slack)
-        assert 0.3 <= factor <= 20.0
-
-
 def test_traits_that_multiply_are_found() -> None:
     factors = trait_factors(drawn(np.random.default_rng(1), 1000, 6))["fit"]["own E"]
     held = factors["sealed"] / TRAITS["sealed"]  # what 90 % of the eyes' own errors stay below
@@ -406,15 +337,6 @@ def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -
     scores = [Score("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)]
     scores += [Score("fit", ("own E", "open"), "long", 9.0)] * 2000
     assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(0.5)
-
-
-def test_methods_and_moduli_are_apart_and_a_force_at_the_median_counts() -> None:
-    sizes = {("fit", "own E"): 0.5, ("fit", "other E"): 2.0, ("network", "own E"): 3.0}
-    scores = [Score(method, (modulus, "open"), str(eye), size)
-              for (method, modulus), size in sizes.items() for eye in range(60)]  # fmt: skip
-    scores.append(Score("fit", ("own E", "open"), "60", 0.0))
-    found = trait_factors(scores)
-    assert {(m, e): factors["open"] for m, of in found.items() for e, factors in of.items()} == pytest.approx(sizes)
 
 
 SLICE = SliceStudy()
@@ -474,17 +396,6 @@ def test_errors_scale_and_bumps_lie_on_steep_flanks_only() -> None:
     np.testing.assert_allclose(thrice[:, INNER], 3.0 * once[:, INNER], atol=1e-9)
 
 
-def test_a_layer_below_is_taken_for_wall_in_the_stated_share_of_frames() -> None:
-    true = walls(4000, 5.0)
-    layers = replace(NONE, layer_share=0.1, layer_m=(0.12e-3, 0.18e-3))
-    added = (disturb(true, SLICE, np.random.default_rng(6), layers) - true)[:, INNER]
-    hit = added.max(axis=1) > 1e-6
-    assert abs(hit.mean() - 0.1) < 0.015
-    assert added[hit].max(axis=1).min() > 0.119e-3
-    assert added.max() < 0.181e-3
-    assert 0.4 < (added[hit] > 1e-6).mean() < 0.8
-
-
 def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() -> None:
     lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
     outer = 4.6e-3 - 0.3 * np.abs(lateral)
@@ -495,15 +406,6 @@ def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() ->
     assert np.nanmax(seen) <= 3.945e-3
     reached = np.nanmax(np.where(np.isfinite(seen), outer, np.nan), axis=1) - 3.945e-3
     assert 0.05e-3 < reached.mean() < 0.12e-3
-
-
-def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
-    seen = disturb(
-        walls(4000, 5.0), SLICE, np.random.default_rng(5), replace(NONE, side_loss_share=0.4, side_loss_m=0.5e-3)
-    )
-    lost = np.isnan(seen[:, OUTER])
-    assert abs(lost[:, 0].mean() - 0.4) < 0.03
-    assert abs(lost[:, :70].sum(axis=1)[lost[:, 0]].mean() - 5.5) < 0.4  # the mean of an exponential, rounded up
 
 
 def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did() -> None:
