@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from calibration_eyes import drawn_eye
-from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, predicted_points, step
-from scleraforce.calibration.eye_model import Parameter, ParameterSpace, spread, stated_wall
+from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, step
+from scleraforce.calibration.eye_model import Parameter, ParameterSpace, stated_wall
 from scleraforce.calibration.registration import (
     BY_DEPTH,
     BY_LATERAL,
@@ -17,15 +17,12 @@ from scleraforce.calibration.registration import (
     BY_ROTATION,
     first_belief,
     frame_prior,
-    place_section,
     predict_frame,
     register,
     updated_belief,
 )
-from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library.placement import Places
-from scleraforce.mechanics.contact import Section
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
 
@@ -90,24 +87,6 @@ def test_errors_that_all_frames_share_are_not_averaged_away(laboratory: Any, eye
     assert moved == pytest.approx(0.5e-3 * session.state.sensitivity[0, 0], rel=0.25)
 
 
-def test_predicted_points_meet_the_observed_ones_at_the_final_modulus_only(laboratory: Any, eye: PhantomEye) -> None:
-    frames = laboratory.frames(eye, [0.04] * 3, np.random.default_rng(6))
-    session = calibrate(laboratory, laboratory.model(laboratory.stated(eye)), frames)[-1]
-    final, first = (
-        np.abs(predicted_points(session.filter, session.last, modulus_pa) - session.last.observation.depth_m).max()
-        for modulus_pa in (session.mean_pa, 0.49e6)
-    )
-    assert final < 30e-6
-    assert first > 200e-6
-
-
-def test_parameters_that_do_not_exist_are_refused(laboratory: Any, eye: PhantomEye) -> None:
-    model = laboratory.model(laboratory.stated(eye))
-    for parameters in ((), ("e", "e"), ("stiffness",)):
-        with pytest.raises(ValueError, match="choose from"):
-            eye_filter(model, laboratory.study.calibration, parameters)
-
-
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(laboratory: Any) -> None:
@@ -132,38 +111,6 @@ def test_prior_has_the_moments_that_were_asked_for(mean: float, ratio: float, po
     assert found_sd == pytest.approx(ratio * mean)
 
 
-def test_lognormal_moments_are_the_moments_of_a_large_sample() -> None:
-    space = ParameterSpace((Parameter("x", mean=2.0, sd=1.0),))
-    mean, covariance = space.prior()
-    drawn = np.random.default_rng(0).normal(mean[0], np.sqrt(covariance[0, 0]), (200_000, 1))
-    values = space.values(drawn)
-    assert values.mean() == pytest.approx(2.0, rel=0.01)
-    assert values.std() == pytest.approx(1.0, rel=0.02)
-
-
-def test_each_parameter_is_positive_or_unchanged_by_its_own_rule() -> None:
-    space = ParameterSpace((Parameter("a", mean=2.0, sd=1.0), Parameter("b", mean=3.0, sd=0.5, positive=False)))
-    np.testing.assert_allclose(space.values(np.array([[0.0, 1.0], [-50.0, -1.0]])), [[2.0, 3.0], [2 * np.exp(-50), -3]])
-
-
-def test_a_prior_without_width_or_sign_is_refused() -> None:
-    for mean, sd in ((0.0, 1.0), (1.0, 0.0), (-1.0, 1.0)):
-        with pytest.raises(ValueError, match="x: a prior"):
-            Parameter("x", mean=mean, sd=sd)
-
-
-def test_spread_is_the_sample_standard_deviation() -> None:
-    assert spread([0.27, 0.22, 0.24, 0.29]) == pytest.approx((0.255, np.std([0.27, 0.22, 0.24, 0.29], ddof=1)))
-    assert spread([0.3]) == (0.3, None)
-
-
-def test_no_eye_has_values_that_are_not_finite_or_below_zero_without_leave() -> None:
-    values = np.array([[1.0], [-1.0], [np.nan], [np.inf], [-np.inf]])
-    for either_sign in (False, True):
-        space = ParameterSpace((Parameter("x", mean=1.0, sd=1.0, positive=False, either_sign=either_sign),))
-        assert space.exist(values).tolist() == [True, either_sign, False, False, False]
-
-
 def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laboratory: Any, eye: PhantomEye) -> None:
     model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
     belief = first_belief(model)
@@ -176,13 +123,6 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laborato
     assert sd[BY_LATERAL] == pytest.approx(study.shift_sd_m / 12**0.5, rel=0.2)
     assert sd[BY_ROTATION] < 0.004
     assert belief.mean[BY_ROTATION] == pytest.approx(0.01, abs=0.004)
-
-
-def test_a_section_is_placed_as_the_virtual_scanner_places_it() -> None:
-    outer, inner = np.random.default_rng(2).normal(size=(2, 7, 2))
-    pose = Pose(lateral_m=0.3, depth_m=-0.2, tilt_rad=0.4)
-    placed = place_section(np.stack([outer, inner]), np.array([pose.lateral_m, pose.depth_m, pose.tilt_rad, 0.0, 0.0]))
-    np.testing.assert_allclose(placed[1], pose.place(Section(outer, inner)).inner)
 
 
 def test_derivatives_of_a_prediction_are_quotients_of_differences(laboratory: Any, eye: PhantomEye) -> None:

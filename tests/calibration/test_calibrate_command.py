@@ -9,14 +9,11 @@ from typing import Any
 import pytest
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
-from scleraforce.recording.folder import read_recording
-from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.study import Study, format_study
 
 
@@ -96,17 +93,3 @@ def test_parameters_that_cannot_be_are_refused_in_one_line(
         (line,) = (text for text in printed.err.splitlines() if text.strip())
         assert line == "error: --parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
         assert (printed.out, list(tmp_path.iterdir())) == ("", [])
-
-
-@pytest.mark.slow
-def test_figures_show_the_steps_of_the_filter(laboratory: Any, folder: Path, eye: PhantomEye) -> None:
-    recording = read_recording(folder / "eye")
-    calibration = calibrate_recordings([recording], laboratory.study, "", None)
-    found = calibration.eyes["virtual"]
-    over = draw_modulus_over_frames(found, eye.youngs_modulus_pa).axes[0]
-    mean = over.lines[0].get_ydata()
-    assert mean[0] == pytest.approx(0.49)
-    assert mean[-1] == pytest.approx(found.mean_pa / 1e6)
-    panels = draw_observed_points(found, recording.frame(recording.frames[0]), 0, 15e-3, 4e-3).axes
-    assert "0.49" in panels[0].get_title(loc="left")
-    assert len(panels[1].lines[-1].get_xdata()) == found.used[0].points + len(found.used[0].gated)

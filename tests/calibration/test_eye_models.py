@@ -14,8 +14,8 @@ from analytic_library import analytic_library
 from reference_walls import cut_section, shift_in_plane
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
-from scleraforce.calibration.eye_model import EyeConstants, lagrange, stated_wall
-from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, section_depths, without_form
+from scleraforce.calibration.eye_model import EyeConstants, stated_wall
+from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, without_form
 from scleraforce.calibration.registration import parameter_sections
 from scleraforce.errors import CalibrationError
 from scleraforce.learning.virtual_eyes import VirtualEye, draw_eye, draw_frames
@@ -52,23 +52,6 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
         assert np.abs(difference).max() < 10e-6
 
 
-def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
-    model = laboratory.model(ASIDE)
-    wall = replace(stated_wall(ASIDE, 0.2e6, 0.02, ASIDE.polar_rad), iop_pa=200.0)
-    one = model.curves([wall])
-    heavier = replace(model, weight_pa_m=2 * model.weight_pa_m)
-    other = heavier.curves([replace(wall, youngs_modulus_pa=0.4e6, force_n=0.04, iop_pa=400.0)])
-    np.testing.assert_allclose(one, other, atol=1e-15)
-
-
-def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> None:
-    model = laboratory.model(ASIDE)
-    values = np.array([[0.2e6, 0.4e-3], [0.2e6, 0.7e-3]])
-    near, far = parameter_sections(model, ("youngs_modulus_pa", "gap_m"), values, 0.03, radians(35))
-    at = np.array([-0.2e-3, 0.0, 0.2e-3])
-    assert (np.interp(at, *near[0].T) > np.interp(at, *far[0].T) + 20e-6).all()
-
-
 @pytest.mark.slow
 def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(laboratory: Any) -> None:
     stated = replace(ASIDE, polar_rad=0.6)
@@ -80,11 +63,6 @@ def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(labora
     at = np.linspace(-6e-3, 6e-3, 200)
     for boundary in (0, 1):
         np.testing.assert_allclose(np.interp(at, *between[boundary].T), np.interp(at, *true[boundary].T), atol=2e-6)
-
-
-def test_lagrange_weights_reproduce_a_parabola() -> None:
-    nodes = (1.0, 2.0, 4.0)
-    assert lagrange(nodes, 3.0) @ np.square(nodes) == pytest.approx(9.0)
 
 
 STUDY = Study()
@@ -141,29 +119,6 @@ def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pr
     names = ("thickness_m", "gap_m", "iop_pa", "youngs_modulus_pa")
     (curves,) = parameter_sections(model, names, np.array([[0.6e-3, 0.8e-3, 400.0, MODULUS_PA]]), 0.03, 0.0)
     assert off_m(curves, 0.03, replace(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0)) < 3e-6
-
-
-def test_of_a_wall_that_folds_over_the_part_on_top_counts() -> None:
-    # From the axis outwards: a floor, a cliff that leans inwards, and the plain that it carries.
-    curve = np.array([[0.0, 3.0], [1.0, 3.0], [2.0, 3.0], [1.5, 1.0], [3.0, 1.0], [4.0, 1.0]])
-    lateral = np.array([1.0, 1.6, 1.9, 3.5])
-    depth = section_depths(curve[None, None], np.eye(6), np.zeros(1), 0.0, lateral, np.zeros((1, 1, 4, 3)))[0, 0]
-    assert depth == pytest.approx([3.0, 1.0, 1.0, 1.0])
-
-
-def test_a_wall_that_moves_as_a_whole_is_the_same_wall_elsewhere() -> None:
-    ring = np.linspace(0.0, 4e-3, 4001)
-    bowl = np.stack([ring, 2e-3 - 100 * ring**2], axis=1)
-    move, gap_m, lateral = np.array([0.1e-3, -0.07e-3, 0.2e-3]), 0.5e-3, np.linspace(-2e-3, 2e-3, 9)
-    moved = np.broadcast_to(move, (1, 1, 9, 3))
-    for tilt_rad in (0.0, 0.1):
-        found = section_depths(bowl[None, None], np.eye(4001), np.array([gap_m]), tilt_rad, lateral, moved)[0, 0]
-        # The plane's point (lateral, gap + Y sin, Y cos) is on the bowl, moved: a quadratic in Y, solved by iteration.
-        plane = np.full(9, 2e-3)
-        for _ in range(200):
-            across = gap_m + plane * np.sin(tilt_rad) - move[1]
-            plane = (2e-3 - 100 * ((lateral - move[0]) ** 2 + across**2) + move[2]) / np.cos(tilt_rad)
-        assert found == pytest.approx(plane, abs=(1e-9 if tilt_rad == 0.0 else 4e-6))
 
 
 def test_sections_continue_smoothly_beyond_the_library_and_report_it(library: Library) -> None:
@@ -248,13 +203,6 @@ def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     assert moved[1] == pytest.approx(float(tip @ offset), rel=0.05)
     assert abs(moved[1]) > 20e-6
     assert moved[0] == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_a_needle_on_the_pole_moves_nothing_and_one_beyond_the_mesh_no_more() -> None:
-    pole, far, farthest = (base_moves(STUDY, TURNED, radians(angle), LATERAL) for angle in (0.0, 55.0, 70.0))
-    assert not pole.any()
-    np.testing.assert_allclose(far, farthest)
 
 
 EVEN_STUDY = Study(

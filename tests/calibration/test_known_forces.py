@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
-from analytic_library import STIFFENINGS, analytic_library, made_up_library, solved_library, without_rests
+from analytic_library import STIFFENINGS, made_up_library, solved_library, without_rests
 from scipy.optimize import minimize
 from small_recordings import calibration_of_a_sealed_eye
 
-from scleraforce.calibration import known_forces
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.calibration.known_forces import (
@@ -36,7 +35,6 @@ from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlob
 from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library
 from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.plan import stiffening_place
 from scleraforce.library.prediction import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, prior_of
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
@@ -94,13 +92,6 @@ def found_off(read: Sequence[KnownForce], known: Known) -> tuple[np.ndarray, np.
 OF_FILTER = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**2]])
 
 
-def test_without_a_frame_only_the_priors_of_the_filter_and_of_eyes_are_known() -> None:
-    off, covariance = found_off([], filtered())
-    np.testing.assert_array_equal(off, np.zeros(4))
-    np.testing.assert_allclose(covariance[:2, :2], OF_FILTER, rtol=1e-9)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance))[2:], [0.02, 0.035])
-
-
 def test_many_frames_show_the_errors() -> None:
     """Errors that no slope tells apart are shared among the four; the corrected forces are the eye's."""
     known = filtered(OPEN)
@@ -109,15 +100,6 @@ def test_many_frames_show_the_errors() -> None:
         found, _ = found_off(read, known)
         for frame in read:
             assert np.exp(slopes_of(frame) @ found) == pytest.approx(frame.force_n / frame.library_n, rel=0.01)
-
-
-def test_three_frames_of_tissue_that_stiffens_are_believed_and_noise_of_an_even_wall_is_not() -> None:
-    known, forces_n = filtered(OPEN), (17e-3, 30e-3, 38e-3)
-    read = frames(forces_n, (0.0, 0.0, 0.15, 1.2), known)
-    assert found_off(read, known)[0][3] == pytest.approx(1.2, abs=0.25)
-    assert regression(read, known, place_of(known)).scatter == 1.0
-    noise, _ = found_off(frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.04), known), known)
-    assert abs(noise[3]) < 0.03
 
 
 def test_the_mean_is_where_the_loss_is_least() -> None:
@@ -136,32 +118,6 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
     np.testing.assert_allclose(found, near.x, atol=1e-4)
     assert regression(read, known, found[:2] + place_of(known)).loss == pytest.approx(loss(found), rel=1e-6)
     assert regression(read, known, place_of(known)).loss > loss(found)
-
-
-def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
-    """The scatter is the part that the four do not explain, over the expected one of each frame."""
-    known = filtered(OPEN)
-    agreeing = frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known)
-    for read in ([], agreeing):
-        assert regression(read, known, place_of(known)).scatter == 1.0
-    shifts = zip(agreeing, (0.05, -0.05, 0.04), strict=True)
-    scattered = [replace(frame, force_n=frame.force_n * np.exp(shift)) for frame, shift in shifts]
-    expected = np.sqrt((5.0 + squares(scattered, found_off(scattered, known)[0]) / 0.17) / 8.0)
-    assert regression(scattered, known, place_of(known)).scatter == pytest.approx(expected)
-    assert expected > 2.0
-
-
-def test_frames_in_another_order_or_read_with_another_modulus_give_the_same() -> None:
-    known = filtered(OPEN)
-    read = frames((12e-3, 30e-3, 50e-3), (0.0, 0.0, 0.02, 0.0), known)
-    stiffer = [
-        replace(frame, modulus_pa=1.1 * frame.modulus_pa, library_n=frame.library_n * 1.1**frame.by_modulus)
-        for frame in read
-    ]
-    moved = [replace(frame, sd_n=0.015 * frame.library_n) for frame in stiffer]
-    np.testing.assert_allclose(found_off(moved, known)[0], found_off(read, known)[0], atol=0.002)
-    some = frames((12e-3, 30e-3, 50e-3), (0.0, 0.1, 0.02, 0.5), filtered())
-    np.testing.assert_allclose(found_off(some, filtered())[0], found_off(some[::-1], filtered())[0], rtol=1e-6)
 
 
 STUDY = replace(Study(), calibration=replace(Study().calibration, surface_smoothing_m=0.0))
@@ -228,22 +184,6 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
             assert fit.force_n == pytest.approx(known_n, rel=0.03)
             widths.append(float(np.diff(np.log(fit.interval_n))[0]))
         assert widths[0] < 0.9 * widths[1]
-
-
-def test_level_and_growth_correct_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(known_forces, "READINGS", 1)
-    after = settled(known_of(0.7 * MODULUS_PA), read_frames(), (), LIBRARY, STUDY)
-    assert own(after.known)[0].mean_pa == pytest.approx(0.7 * MODULUS_PA)
-    assert corrected(after) == pytest.approx([1.0] * 3, rel=0.1)
-
-
-def test_reading_anew_never_loses_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    losses, factors = [], (0.8, 1.0, 1.25)
-    bent = [(seen, force_n * factor) for (seen, force_n), factor in zip(read_frames(), factors, strict=True)]
-    for readings in range(1, 6):
-        monkeypatch.setattr(known_forces, "READINGS", readings)
-        losses.append(settled(known_of(1.4 * MODULUS_PA), bent, (), LIBRARY, STUDY).loss)
-    assert losses == sorted(losses, reverse=True)
 
 
 def test_frames_that_were_read_before_count_like_the_others() -> None:
@@ -378,42 +318,6 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
     assert result[1] == "poor"  # better than any that diverged
 
 
-def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
-    found, tried = sought(lambda place: 20.0 * place)
-    assert (found, tried[:3], max(tried)) == (0.0, STIFFENINGS[:3].tolist(), STIFFENINGS[2])
-    found, tried = sought(lambda place: 0.4 * place)  # with the prior 11.6 at most: less than enough
-    assert found == 0.0
-    assert set(STIFFENINGS.tolist()) <= set(tried)
-    # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
-    lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
-    found, _ = sought(boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place)
-    assert found == pytest.approx(PLACES[3], abs=0.3)
-
-
-def test_stiffenings_without_such_an_eye_do_not_end_the_search() -> None:
-    assert sought(able=lambda _: False) == (None, STIFFENINGS.tolist())
-    for lost, kept in enumerate(PLACES[[2, 2, 1, 2, 2]]):
-        found, _ = sought(bowl(40.0, kept), able=lambda place, lost=lost: abs(place - PLACES[lost]) > 1e-9)
-        assert found == pytest.approx(kept, abs=0.15)
-
-
-def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour() -> None:
-    """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
-    halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
-    for forces, refused, least in (
-        (bowl(20.0, 1.6), lambda place: place < 0.5, 1.55), (bowl(30.0, 1.9), lambda place: place > 3.0, 1.85),
-    ):  # fmt: skip
-        found, tried = sought(forces, refused=refused)
-        assert found == pytest.approx(least, abs=0.2)
-        assert stiffening_place(np.array(tried[5])) == pytest.approx(halfway)
-
-
-def test_a_library_of_one_stiffening_is_tried_once_with_it() -> None:
-    alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
-    assert sought(library=alone) == (0.0, [0.0])
-    assert most_trials(alone) == 1
-
-
 # Whole calibrations: the trials, the result, and the counted steps.
 
 
@@ -477,15 +381,6 @@ def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrate
     calibrate_recordings([recorded(3)], Study(), "hash", MADE_UP)
     assert set(calibrating.frames) == {None}  # of a short recording once with each tissue
     assert len(calibrating.tried) == len(set(calibrating.tried))
-
-
-def test_the_search_warns_of_nothing_and_raises_the_first_fault_if_no_tissue_will_do(calibrating: Calibrating) -> None:
-    calibrating.loss = lambda place: float(np.nan_to_num(np.sqrt(np.array(-place)))) + (place - 1.6) ** 2
-    assert calibration_of().eyes["mine"].stiffening > 0.0
-    calibrating.tried.clear()
-    calibrating.fault = "no frame"
-    with pytest.raises(CalibrationError, match=r"^no frame 1$"):
-        calibration_of()
 
 
 def test_a_stiffening_that_is_not_sought_is_the_study_s_or_the_earlier_one(calibrating: Calibrating) -> None:

@@ -10,12 +10,10 @@ from analytic_library import RADIUS_M, analytic_library, bulging
 from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.known import Known
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
+from scleraforce.library.base import base_bulge, base_push, pole_direction
 from scleraforce.library.build import build_library
 from scleraforce.library.prediction import Walls, place_walls
-from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.contact import Contact, ScanPlane
@@ -23,7 +21,7 @@ from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_at
-from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study
+from scleraforce.study import LibraryStudy, Range, Study
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)
 THICKNESS = np.array([0.6e-3])
@@ -36,35 +34,11 @@ def places(rng: np.random.Generator, count: int) -> np.ndarray:
     return found
 
 
-def test_nothing_moves_at_the_pole_and_even_growth_is_the_same_about_every_axis() -> None:
-    motion = np.random.default_rng(0).normal(size=(1, 2, 91, 2))
-    assert not base_bulge(motion, ANGLES, places(np.random.default_rng(1), 20), np.zeros((1, 2))).any()
-    motion = np.broadcast_to(1e-4 * np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=-1), (1, 2, 91, 2))
-    moved = base_bulge(motion, ANGLES, places(np.random.default_rng(2), 50), np.array([[-0.3, 0.4]]))
-    np.testing.assert_allclose(moved, 0.0, atol=1e-8)  # 1e-4 of the growth
-
-
 def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis() -> None:
     motion = np.broadcast_to([0.0, 1e-4], (1, 2, 91, 2))
     moved = base_bulge(motion, ANGLES, places(np.random.default_rng(3), 50), np.array([[-0.3, 0.4]]))
     expected = 1e-4 * np.array([-0.3, 0.4, 1.0 - np.sqrt(1.0 - 0.25)])
     np.testing.assert_allclose(moved, np.broadcast_to(expected, moved.shape), atol=1e-12)
-
-
-def test_the_motion_counts_from_the_sphere_at_rest() -> None:
-    grown = 1e-4
-    radii = RADIUS_M - np.array([0.0, 0.6e-3])[:, None] + grown
-    undented = np.stack([radii * np.sin(ANGLES), RADIUS_M - radii * np.cos(ANGLES)], axis=-1)[None]
-    expected = np.broadcast_to(grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2))
-    np.testing.assert_allclose(undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12)
-
-
-def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
-    contact = Contact(polar_rad=0.6, azimuth_rad=1.1)
-    for direction in (0.0, 0.7, -2.0):
-        plane = ScanPlane(contact, gap_m=0.0, direction_rad=direction)
-        expected = np.array([0.0, 0.0, 1.0]) @ np.stack([plane.lateral, plane.offset], axis=1)
-        np.testing.assert_allclose(pole_direction(0.6, direction), expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])
@@ -122,15 +96,6 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     lateral = np.linspace(-5e-3, 5e-3, 101)
     for mine, theirs in zip(found, expected, strict=True):
         np.testing.assert_allclose(np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6)
-
-
-def test_the_prior_of_the_pole_follows_the_known_angles() -> None:
-    placed = Known(polar_rad=0.6, direction_rad=0.8)
-    known, turned, nothing = (prior_of(k, ReaderStudy()) for k in (placed, replace(placed, polar_rad=None), Known()))
-    np.testing.assert_allclose(known.mean[at.POLE], pole_direction(0.6, 0.8))
-    np.testing.assert_allclose(turned.mean[at.POLE], pole_direction(np.radians(35.0), 0.8))
-    np.testing.assert_array_equal(nothing.mean[at.POLE], 0.0)
-    assert known.sd[at.POLE].max() < turned.sd[at.POLE].min() < nothing.sd[at.POLE].min()
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:

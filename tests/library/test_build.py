@@ -25,7 +25,7 @@ from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import create_library, library_store, open_library, write_library_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
+from scleraforce.study import LibraryStudy, NeedleStudy, Study
 
 PATHS = 5 * 20  # of each stiffening
 UNITS = PATHS + 8 * 4 * 5  # and with other supports
@@ -206,25 +206,6 @@ def test_the_default_covers_what_it_says():
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
-def test_units_are_the_paths_of_every_stiffening_then_other_supports_of_the_first():
-    plan = plan_library(STUDY)
-    assert plan.stiffening[[0, -1]].tolist() == [0.0, 30.0]
-    assert np.diff(np.log1p(5.0 * plan.stiffening)) == pytest.approx(np.full(4, np.log(151.0) / 4))
-    places = [plan.place(unit) for unit in range(PATHS)]
-    assert places == [(b, t, p) for b in range(5) for t in range(4) for p in range(5)]
-    for unit in (0, 27, PATHS - 1):
-        (b, t, p), path = plan.place(unit), plan.path(unit)
-        assert (path.stiffening, path.thickness_m) == (plan.stiffening[b], plan.thickness_m[t])
-        assert path.support_rad == pytest.approx(0.5 * np.pi)
-        assert path.iop_ratio == pytest.approx(plan.tension[p] * plan.thickness_m[t] / plan.radius_m, rel=1e-12)
-    others = [plan.path(unit) for unit in range(PATHS, UNITS)]
-    assert {path.stiffening for path in others} == {0.0}
-    assert all(path.support_rad != pytest.approx(0.5 * np.pi) for path in others)
-    other = Study(library=STUDY.library)
-    assert plan_library(other).key == plan.key
-    assert plan_library(Study()).key != plan.key
-
-
 @pytest.mark.parametrize(("unit", "stiffening"), [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)])
 def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     plan = plan_library(Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16)))
@@ -241,18 +222,6 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     store = create_library(tmp_path / "library", plan)
     write_library_unit(store, unit, force_d, displaced_d, curves_dbnc)
     assert store.missing() == [n for n in range(plan.units) if n != unit]
-
-
-@pytest.mark.slow
-def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
-    study = Study(
-        library=LibraryStudy(
-            thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=4, max_tip_m=1e-3, elements=16
-        )
-    )
-    for workers in (1, 2):
-        build_library(study, tmp_path / str(workers), workers=workers)
-    assert contents(tmp_path / "1") == contents(tmp_path / "2")
 
 
 CACHED_UNITS = 5 * 16 + 8 * 4 * 4  # paths of each stiffening, and with other supports
@@ -327,12 +296,3 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="XDG_CACHE_HOME"):
         cached_library(CACHED, folder=tmp_path / "file" / "below", solve=solve_analytic)
-
-
-@pytest.mark.slow
-def test_the_cache_holds_what_build_library_makes(tmp_path):
-    cached_library(CACHED, folder=tmp_path / "cache", workers=1, solve=solve_analytic)
-    build_library(CACHED, tmp_path / "built", workers=1, solve=solve_analytic)
-    (place,) = (tmp_path / "cache").glob("*.zarr")
-    names = [path.relative_to(place) for path in sorted(place.rglob("*")) if path.is_file()]
-    assert all((place / name).read_bytes() == (tmp_path / "built" / name).read_bytes() for name in names)

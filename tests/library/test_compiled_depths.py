@@ -10,7 +10,6 @@ import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY
 from analytic_library import bulging
 
-from scleraforce.errors import InputError
 from scleraforce.known import OPEN, UNKNOWN, KnownGlobe
 from scleraforce.library.placement import Places
 from scleraforce.library.prediction import Walls, law_slope, off_the_law, predict_wall
@@ -54,17 +53,6 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
     assert 0 < np.count_nonzero(arrays.seen) < len(arrays.seen)
     np.testing.assert_array_equal(loops.seen, arrays.seen)
     np.testing.assert_allclose(loops.depth_m[loops.seen], arrays.depth_m[arrays.seen], rtol=0, atol=5e-9)
-
-
-def test_a_wall_that_only_runs_back_is_the_same() -> None:
-    unknown = drawn(np.random.default_rng(1))
-    unknown[[TIP, ROTATION]] = 1e-3, np.pi
-    looked_at = Walls(LIBRARY), unknown, replace(BOTH, smoothing_m=90e-6)
-    arrays, loops = fit_arrays.predict_wall(*looked_at), predict_wall(*looked_at)
-    assert not arrays.seen.any()
-    assert not loops.seen.any()
-    np.testing.assert_allclose(loops.depth_m, arrays.depth_m, rtol=0, atol=2e-9)
-    np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-9)
 
 
 def test_derivatives_at_an_end_of_the_library_agree() -> None:
@@ -115,12 +103,3 @@ def test_curves_forces_and_volumes_are_products_of_splines() -> None:
     np.testing.assert_allclose(
         LIBRARY.displaced_m3(*state), library_arrays.values_at(LIBRARY, tables.volumes, *state), rtol=1e-12
     )
-
-
-def test_states_outside_the_library_are_refused() -> None:
-    for place, outside, named in ((0, 2e-3, "thickness"), (1, 1.0, "IOP"), (2, 9e-3, "tip")):
-        wrong = list(states(40))
-        wrong[place] = np.full(40, outside)
-        for values in (LIBRARY.shapes, LIBRARY.forces, LIBRARY.displaced_m3):
-            with pytest.raises(InputError, match=named):
-                values(*wrong)

@@ -12,7 +12,7 @@ from scleraforce.errors import InputError
 from scleraforce.library import load_library, save_library
 from scleraforce.library.files import _differences, _summed
 from scleraforce.library.responses import walls_of
-from scleraforce.library.stiffened import STEP_TYPES
+from scleraforce.library.stiffened import STEP_TYPES, reduce_rows
 from scleraforce.study import LibraryStudy, Range
 from scleraforce.whole_files import KINDS
 
@@ -78,6 +78,14 @@ def test_tissue_of_every_stiffening_survives_the_file(nodes, tmp_path):
         assert off_m <= (0.02e-6 if stiffening in whole.stiffenings else 0.033e-6)
     off_m = np.abs(walls_of(found).curves_btpdbnc.astype(np.float64) - walls_of(whole).curves_btpdbnc).max()
     assert 0.0 < off_m <= 0.02e-6
+
+
+def test_rounding_at_many_parts_of_a_reduced_basis_does_not_add_up():
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(150, 70)) * np.geomspace(1.0, 1e-6, 70) @ np.linalg.qr(rng.normal(size=(70, 70)))[0]
+    reduced = reduce_rows(rows, 1e-5)
+    assert len(reduced.basis_kv) > 50
+    assert np.abs(reduced.rows() - rows).max() <= 1e-5
 
 
 @pytest.mark.parametrize("kind", STEP_TYPES)

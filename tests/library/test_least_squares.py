@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from scleraforce.library.placement import CAUCHY, Columns, Placed, Places, Stopping, gauss_newton, robust_spread
+from scleraforce.library.placement import Columns, Placed, Places, Stopping, gauss_newton
 
 SD_M = 5e-6
 LATERAL_M = np.linspace(-2e-3, 2e-3, 200)
@@ -93,38 +93,3 @@ def test_a_short_step_because_of_damping_does_not_end_the_fit() -> None:
     stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
     for start in ((-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)):
         assert gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
-
-
-def test_a_stretch_of_another_layer_does_not_pull() -> None:
-    noise = np.random.default_rng(2).normal(0, SD_M, len(LATERAL_M))
-    wrong = noise.copy()
-    wrong[30:80] += 0.2e-3  # a quarter of the columns follow the choroid
-    robust, plain = fitted(observed(wrong)), np.polynomial.Polynomial.fit(LATERAL_M, observed(wrong).depth_m, 2)
-    assert abs(robust[0] - TRUE[0]) < 2e-6
-    assert abs(plain.convert().coef[0] - TRUE[0]) > 20e-6
-
-
-def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies() -> None:
-    columns = observed(np.zeros(len(LATERAL_M)))
-    placed = Parabola(columns).depth(TRUE)
-    seen = np.ones(len(LATERAL_M), dtype=bool)
-    seen[:10] = False
-    unseen = Placed(placed.depth_m + np.where(seen, 0.0, 1.0), placed.slope, placed.jacobian, seen)
-    assert columns.loss(placed) == pytest.approx(0.0, abs=1e-12)
-    assert columns.loss(unseen) == pytest.approx(10 * CAUCHY**2 * 3.0)
-    nothing = Placed(unseen.depth_m, unseen.slope, unseen.jacobian, ~np.isfinite(seen))
-    assert not columns.normal_equations(nothing)[0].any()
-
-
-def test_columns_that_share_an_error_count_as_one() -> None:
-    columns = observed(np.full(len(LATERAL_M), 2 * SD_M))
-    shared = Columns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
-    placed = Parabola(columns).depth(TRUE)
-    assert shared.loss(placed) == pytest.approx(columns.loss(placed) / 4)
-    for one, all_of_them in zip(shared.normal_equations(placed), columns.normal_equations(placed), strict=True):
-        np.testing.assert_allclose(4 * one, all_of_them)
-
-
-def test_the_robust_spread_of_a_normal_sample_is_its_standard_deviation() -> None:
-    sample = np.random.default_rng(3).normal(0, 2.5, 200_000)
-    assert robust_spread(np.abs(sample)) == pytest.approx(2.5, rel=0.01)

@@ -10,7 +10,7 @@ from analytic_library import bulging
 
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library import unknowns as at
-from scleraforce.library.fit import POLE_STRIDE, BoundaryFit, _step, fit_boundaries
+from scleraforce.library.fit import BoundaryFit, fit_boundaries
 from scleraforce.library.prediction import Walls, force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M, form_size, prior_of
 
@@ -175,32 +175,6 @@ def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_inte
     assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
     assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
     assert found["unsure"][1] == pytest.approx(np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06)
-
-
-def test_a_discrepancy_that_goes_with_the_modulus_takes_its_uncertainty_back() -> None:
-    """Frames that show forces, not E: an E that is too high goes with forces that lie below the library's."""
-    truth = eye(1.5e-3)
-    depth = boundaries(truth, 4e-6, np.random.default_rng(12))
-    none = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
-    stiffer = known_eye(eye(1.5e-3, log_modulus=truth[at.MODULUS] + 0.05), relative_sd=0.0)
-    slope = log(fitted(truth, depth, stiffer).force_n / fitted(truth, depth).force_n) / 0.05
-    width = {}
-    for name, relative_sd, by in (("sure", 0.01, 0.0), ("unsure", 0.2, 0.0), ("together", 0.2, -0.2 * slope)):
-        known = replace(known_eye(truth, relative_sd=relative_sd), discrepancy=replace(none, level_by=(by, 0.0)))
-        width[name] = log_width(fitted(truth, depth, known))
-    assert width["together"] < 1.1 * width["sure"] < 0.5 * width["unsure"]
-
-
-def test_the_pole_strides_no_farther_than_its_effect_is_straight() -> None:
-    """The rest of a step is that which is best for a pole that goes so far."""
-    rng = np.random.default_rng(3)
-    half = rng.standard_normal((40, len(at.NAMES)))
-    normal, gradient = half.T @ half + np.eye(len(at.NAMES)), 30.0 * rng.standard_normal(len(at.NAMES))
-    whole, step = np.linalg.solve(normal, gradient), _step(normal, gradient)
-    assert np.hypot(*whole[at.POLE]) > POLE_STRIDE
-    np.testing.assert_allclose(step[at.POLE], POLE_STRIDE * whole[at.POLE] / np.hypot(*whole[at.POLE]))
-    np.testing.assert_allclose((normal @ step - gradient)[: at.POLE.start], 0.0, atol=1e-9)
-    np.testing.assert_allclose(_step(normal, 1e-3 * gradient), 1e-3 * whole)
 
 
 def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers() -> None:

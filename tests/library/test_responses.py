@@ -8,7 +8,6 @@ from analytic_library import analytic_library, curves, displaced_m3, draw_walls,
 
 from scleraforce.errors import InputError
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.library.splines import CubicSpline
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
@@ -65,14 +64,6 @@ def test_a_force_gives_the_tip_that_carries_it_first(library):
     assert found.curves_sbnc[:, 0, 0, 1] == pytest.approx(curves(t, p, found.tip_m)[:, 0, 0, 1], abs=1e-6)
 
 
-def test_answers_do_not_depend_on_the_other_samples(library):
-    t, p = draw_walls(np.random.default_rng(3), 70)
-    wanted = 0.8 * library.largest_force_ratio(t, p)
-    together, alone = library.curves(t, p, wanted), library.curves(t[:1], p[:1], wanted[:1])
-    assert np.array_equal(together.tip_m[:1], alone.tip_m)
-    assert together.curves_sbnc[:1] == pytest.approx(alone.curves_sbnc, abs=2e-9)
-
-
 def test_a_state_outside_is_named_and_not_covered(library):
     burst = "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to 0.00875; it bursts at 0.0173"
     good = np.array([0.5e-3, 1e-3, 1e-8])
@@ -89,17 +80,6 @@ def test_a_state_outside_is_named_and_not_covered(library):
         assert library.covers(*samples).tolist() == [True, False, True]
 
 
-def test_the_part_near_the_needle_is_the_same_material(library):
-    near = library.within(6e-3)
-    nodes = near.curves_tpdbnc.shape[4]
-    assert nodes < library.curves_tpdbnc.shape[4]
-    assert (near.curves_tpdbnc[..., -1, 0] > 6e-3).all()
-    t, p, f = np.array([[0.4e-3, 2e-3, 1e-7]]).T
-    assert near.curves(t, p, f).curves_sbnc == pytest.approx(
-        library.curves(t, p, f).curves_sbnc[:, :, :nodes], abs=1e-9
-    )
-
-
 def test_a_library_that_does_not_fit_together_is_refused(library):
     with pytest.raises(InputError, match="of the axes"):
         replace(library, tip_m=library.tip_m[:-1])
@@ -111,25 +91,6 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
     broken[2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
         replace(library, force_ratio_tpd=broken)
-
-
-def test_a_library_for_another_contact_shares_what_the_curves_cost(library, monkeypatch):
-    walls = np.array([0.6e-3]), np.array([1e-3]), np.array([1e-3])
-    expected = library.shapes(*walls)
-    axes = []
-    coefficients = CubicSpline.coefficients
-    monkeypatch.setattr(
-        CubicSpline,
-        "coefficients",
-        lambda spline, values, axis=0: axes.append(values.ndim) or coefficients(spline, values, axis),
-    )
-    beside = library.for_contact(0.4)
-    assert (beside.shapes(*walls) == expected).all()
-    assert beside.forces(*walls) > library.forces(*walls)
-    assert axes
-    assert max(axes) < library.curves_tpdbnc.ndim
-    nearer = library.within(2e-3)
-    assert nearer.shapes(*walls).shape[2] < expected.shape[2]
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)

@@ -10,9 +10,8 @@ from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, drawn_wall, known_
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 from scleraforce.library import Library, unknowns as at
 from scleraforce.library.files import load_library
-from scleraforce.library.fit import BoundaryFit, _Problem, fit_boundaries
-from scleraforce.library.fit_starts import LARGEST_N, bearing_start, higher_start, starts
-from scleraforce.library.prediction import Walls, displaced_m3, force_n, predict_wall
+from scleraforce.library.fit import BoundaryFit, fit_boundaries
+from scleraforce.library.prediction import Walls, force_n, predict_wall
 from scleraforce.library.prior import prior_of
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER
@@ -140,16 +139,6 @@ def test_the_force_is_as_sure_as_the_correlation_of_a_calibrated_modulus_and_rig
     assert found[0] > 1.02 * found[1] > 1.04 * found[2]
 
 
-def test_a_deep_dent_of_a_globe_that_may_be_open_is_begun_from() -> None:
-    """The rigidity that is expected of an unknown globe would let the pressure run away there."""
-    truth = eye(2.5e-3, 0.0)
-    assert np.isnan(log_pressures(truth[None], np.array([UNKNOWN.mean / REFERENCE_RIGIDITY])))[0]
-    outer_m = boundaries(truth, np.random.default_rng(2))[0]
-    (begun, *_) = starts(SEALED_WALLS, prior_of(known_eye(truth, UNKNOWN), RANGES).mean, LATERAL_M, outer_m, 2)
-    assert begun[at.TIP] == pytest.approx(truth[at.TIP], abs=0.4e-3)
-    assert begun[at.PRESSURE] == pytest.approx(truth[at.IOP])
-
-
 @pytest.fixture(scope="module")
 def library() -> Library:
     """The walls of the bundled reader, for a contact 35 degrees from the pole."""
@@ -194,47 +183,6 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     assert fit.tension == pytest.approx(fit.iop_pa * 12e-3 / (MODULUS_PA * thickness_m), rel=0.15)
 
 
-def test_a_start_at_a_known_force_bears_it_under_the_law_and_lies_on_the_frame(library: Library) -> None:
-    unknown, globe = taut_wall(library, 1.25, 0.6e-3, to_si(15.0, "mmhg"))
-    walls = Walls(library, globe)
-    true_n = float(force_n(walls, unknown[None])[0])
-    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
-    begun = bearing_start(walls, prior_of(known_eye(unknown, globe), RANGES).mean, true_n, LATERAL_M, outer_m)
-    assert float(force_n(walls, begun[None])[0]) == pytest.approx(true_n, rel=0.1)
-    pressures_pa = 400.0, float(np.exp(begun[at.PRESSURE]))
-    volume_m3 = float(displaced_m3(walls, begun[None])[0])
-    assert volume_m3 == pytest.approx(globe.globe(globe.mean).displaced_m3(*pressures_pa), rel=1e-3)
-    assert begun[at.TIP] == pytest.approx(unknown[at.TIP], abs=0.1e-3)
-    assert begun[at.LATERAL] == pytest.approx(unknown[at.LATERAL], abs=0.3e-3)
-    assert begun[at.DEPTH] == pytest.approx(unknown[at.DEPTH], abs=0.1e-3)
-
-
-def test_a_higher_start_is_given_where_it_may_be_the_right_one_and_only_there(library: Library) -> None:
-    """From 8 to 21 mmHg the dent deepens by a fifth, from 3 to 8 it doubles."""
-    taut, globe = taut_wall(library, 1.6, 0.5e-3, to_si(21.0, "mmhg"))
-    walls, mean = Walls(library, globe), prior_of(known_eye(taut, globe), RANGES).mean
-    outer_m = predict_wall(walls, taut, BOTH).depth_m.reshape(2, -1)[0]
-    low, _ = taut_wall(library, 1.6, 0.5e-3, to_si(8.0, "mmhg"))
-    begun = higher_start(walls, mean, low, LATERAL_M, outer_m)
-    assert begun is not None
-    assert begun[at.PRESSURE] > low[at.PRESSURE] + 0.3
-    assert begun[at.TIP] == pytest.approx(taut[at.TIP], abs=0.15e-3)
-    slack, _ = taut_wall(library, 1.6, 0.5e-3, to_si(4.0, "mmhg"))
-    slack_m = predict_wall(walls, slack, BOTH).depth_m.reshape(2, -1)[0]
-    assert higher_start(walls, mean, slack, LATERAL_M, slack_m) is None
-
-
-def test_no_fit_begins_at_a_force_that_no_needle_has(library: Library) -> None:
-    unknown, globe = taut_wall(library, 1.6, 0.7e-3, to_si(30.0, "mmhg"), 0.4e6)
-    walls, mean = Walls(library, globe), prior_of(known_eye(unknown, globe), RANGES).mean
-    assert float(force_n(walls, unknown[None])[0]) > LARGEST_N
-    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
-    low, _ = taut_wall(library, 1.6, 0.7e-3, to_si(15.0, "mmhg"), 0.4e6)
-    begun = higher_start(walls, mean, low, LATERAL_M, outer_m)
-    assert begun is not None
-    assert float(force_n(walls, begun[None])[0]) < LARGEST_N
-
-
 def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(library: Library) -> None:
     found = replace(UNKNOWN, mean=0.0, sd=0.01 * REFERENCE_RIGIDITY, calibrated=True)
     truth = eye(0.8e-3, 0.0)
@@ -242,18 +190,3 @@ def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(library: Libr
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known_eye(truth, found), RANGES), 0.0, 10e-3)
     assert fit is not None
     assert fit.force_n == pytest.approx(float(force_n(Walls(library, OPEN), truth[None])[0]), rel=0.05)
-
-
-def test_the_pressures_of_a_wall_that_no_library_holds_are_the_nearest_wall_s() -> None:
-    """A search strides that far: through walls of no thickness, whose pressures have no logarithm."""
-    problem = _Problem(SEALED_WALLS, None, None)  # type: ignore[arg-type]  # neither columns nor prior are used
-    for beyond, nearest in ((-1e-4, LIBRARY.thickness_m[0]), (5e-3, LIBRARY.thickness_m[-1])):
-        walls = np.stack([eye(1e-3, 0.5)] * 2)
-        walls[:, at.THICKNESS], walls[:, at.PRESSURE] = (beyond, nearest), 30.0
-        kept = [problem.inside(wall)[at.PRESSURE] for wall in walls]
-        assert kept[0] == pytest.approx(kept[1])
-        assert kept[1] < 30.0
-    large = eye(1e-3, 0.5)
-    large[[at.SIZE, at.PRESSURE]] = 0.2, 30.0
-    highest = LIBRARY.iop_ratio_ends(large[at.THICKNESS] / np.exp(0.2))[1]  # in the library's size
-    assert problem.inside(large)[at.PRESSURE] == pytest.approx(np.log(highest) + large[at.MODULUS])

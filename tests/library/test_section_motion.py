@@ -8,7 +8,7 @@ from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
 from scleraforce.library.placement import Places, curve_depths
 from scleraforce.library.prediction import Walls, place_walls
-from scleraforce.library.sections import SectionMotion, section_motion
+from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, wall_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.study import SliceStudy
@@ -59,27 +59,3 @@ def test_sections_agree_with_the_fit_s_prediction(tension: float, median_m: floa
     assert np.median(off) < median_m
     assert np.quantile(off, 0.95) < nearly_all_m
     assert np.quantile(np.abs(even - theirs), 0.95) > 10 * nearly_all_m
-
-
-def test_the_motion_between_its_places_is_linear() -> None:
-    lateral = np.linspace(-3e-3, 3e-3, 7)
-    motion = SectionMotion(lateral, np.broadcast_to((2.0 * lateral + 1e-3)[:, None], (4, 2, 7, 3)))
-    wanted = np.array([-4e-3, -2.9e-3, 0.0, 0.35e-3, 3e-3])
-    expected = 2.0 * np.clip(wanted, -3e-3, 3e-3) + 1e-3  # beyond the last place as there
-    np.testing.assert_allclose(motion.at(wanted)[1, 0, :, 2], expected, atol=1e-12)
-    np.testing.assert_allclose(motion.across_contact, 1e-3)
-
-
-@pytest.mark.parametrize("turn_rad", [0.0, 0.05])
-def test_an_even_motion_along_the_section_and_down_shifts_it(turn_rad: float) -> None:
-    library = analytic_library(thicknesses=4, ratios=4, tips=8)
-    walls = library.at_tip(np.array([0.6e-3]), np.array([1e-3]), np.array([1.5e-3])).curves_sbnc
-    moved = SectionMotion(np.linspace(-9e-3, 9e-3, 9), np.tile([0.1e-3, 0.0, 0.03e-3], (1, 2, 9, 1)))
-    gap_m, level, turn, one = np.array([0.5e-3]), np.zeros(1), np.array([turn_rad]), np.ones(1)
-    shifted = np.array([[0.1e-3, 0.03e-3]]) @ np.array(
-        [[np.cos(turn_rad), np.sin(turn_rad)], [-np.sin(turn_rad), np.cos(turn_rad)]]
-    )
-    found = wall_boundaries(walls, gap_m, level, Framing(level, 0.4e-3 * one, one, turn), STUDY, moved)
-    framing = Framing(shifted[:, 0], 0.4e-3 + shifted[:, 1], one, turn)
-    expected = wall_boundaries(walls, gap_m, level, framing, STUDY)
-    np.testing.assert_allclose(found.depth_sbc, expected.depth_sbc, atol=2e-6)

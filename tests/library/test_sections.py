@@ -85,15 +85,6 @@ def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
         assert np.interp(near[:, 0], *mine.T) == pytest.approx(near[:, 1], abs=6e-6)
 
 
-def test_a_sphere_is_cut_in_a_circle():
-    wall = curves(0.5e-3, 1e-12, 0.0)
-    section = cut_surfaces(wall, 0.9e-3, 0.0)
-    for curve, radius in ((section.outer, RADIUS_M), (section.inner, RADIUS_M - 0.5e-3)):
-        assert np.hypot(curve[:, 0], RADIUS_M - curve[:, 1]) == pytest.approx(np.sqrt(radius**2 - 0.9e-3**2), abs=4e-6)
-        assert (np.diff(curve[:, 0]) > 0.0).all()
-        assert curve[len(curve) // 2, 0] == 0.0
-
-
 def test_the_highest_point_agrees_with_the_section_s():
     rng = np.random.default_rng(0)
     gap, tilt = rng.uniform(0.0, 1.2e-3, 40), rng.uniform(-0.2, 0.2, 40)

@@ -5,7 +5,7 @@ import pytest
 from analytic_library import curves
 
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.library.slices import Framing, column_laterals, draw_slices, fill_boundaries, wall_boundaries
+from scleraforce.library.slices import Framing, column_laterals, draw_slices, wall_boundaries
 from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.slices import fill_section
 from scleraforce.study import SliceStudy
@@ -41,19 +41,6 @@ def folded_walls():
     return wall[None]
 
 
-def test_filled_boundaries_are_the_pictures_of_fill_section():
-    """If the contour's corners lie in the columns' centres, both fill the same polygon, pixel for pixel."""
-    columns = column_laterals(STUDY)
-    for seed in range(4):
-        boundaries = wall_boundaries(*drawn(seed, turn_rad=0.05), STUDY)
-        assert not boundaries.folded.any()
-        images = fill_boundaries(boundaries.depth_sbc, STUDY)
-        for image, curves_bc in zip(images, boundaries.depth_sbc, strict=True):
-            section = Section(*(np.stack([columns, depth], axis=1) for depth in curves_bc))
-            # fill_section gives a column to the edge that starts in it: the last one has none
-            assert np.array_equal(image[:, :-1], fill_section(section, WINDOW)[:, :-1])
-
-
 @pytest.mark.parametrize("turn_rad", [0.0, 0.08])
 def test_slices_show_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
     eyes = drawn(11, turn_rad)
@@ -87,20 +74,3 @@ def test_a_wall_that_hangs_over_is_drawn_by_its_contour(turn_rad):
             and lateral[k : k + 2].min() <= column <= lateral[k : k + 2].max()
         ]
         assert found == pytest.approx(min(crossings), abs=3e-6)
-
-
-def test_columns_without_a_wall_are_empty():
-    walls, gap, tilt, _ = drawn(0)
-    framing = Framing.upright(np.full(COUNT, 14e-3), np.full(COUNT, 0.3e-3))
-    boundaries = wall_boundaries(walls[:, :, :60], gap, tilt, framing, STUDY)
-    missing = np.isnan(boundaries.depth_sbc).any(axis=1)
-    assert missing[:, 0].all()
-    images = fill_boundaries(boundaries.depth_sbc, STUDY)
-    assert not images.any(axis=1)[missing].any()
-
-
-def test_boundaries_that_cross_enclose_the_wall_all_the_same():
-    depth = np.array([[[1.0e-3], [1.4e-3]], [[1.4e-3], [1.0e-3]]])
-    image = fill_boundaries(depth, SliceStudy(columns=8))
-    assert np.array_equal(image[0], image[1])
-    assert image[0, :, 0].nonzero()[0].tolist() == [10, 11, 12, 13]

@@ -10,8 +10,6 @@ from scleraforce.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.library.responses import OTHERS, walls_of
-from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
@@ -88,48 +86,3 @@ def test_other_tissue_is_refused_with_the_range(library: Library) -> None:
     for stiffening in (3.0, np.nan):
         with pytest.raises(InputError, match=r"^stiffening: the library only holds tissue of 0, not of (3|nan)$"):
             alone.for_stiffening(stiffening)
-
-
-def test_without_far_material_the_other_tissue_has_the_same_first_nodes(library: Library) -> None:
-    near = library.within(4e-3)
-    nodes = near.curves_tpdbnc.shape[4]
-    assert 4 < nodes < library.curves_tpdbnc.shape[4]
-    for stiffening in (float(PLAN.stiffening[2]), 5.0):
-        found, whole = near.for_stiffening(stiffening), library.for_stiffening(stiffening)
-        np.testing.assert_array_equal(found.curves_tpdbnc, whole.curves_tpdbnc[..., :nodes, :])
-        np.testing.assert_array_equal(found.undented_tpbnc, whole.undented_tpbnc)
-        np.testing.assert_array_equal(found.node_angles(), whole.node_angles()[:nodes])
-    np.testing.assert_array_equal(walls_of(near).curves_btpdbnc, walls_of(library).curves_btpdbnc[..., :nodes, :])
-
-
-def test_the_last_few_libraries_are_kept_and_no_more(library: Library) -> None:
-    fresh = replace(library)
-    asked = [float(b) for b in np.linspace(1.0, 20.0, OTHERS + 3)]
-    made = [fresh.for_stiffening(b) for b in asked]
-    for b, one in list(zip(asked, made, strict=True))[-OTHERS:]:
-        assert fresh.for_stiffening(b) is one
-    assert len(fresh._others) == OTHERS
-    assert fresh.for_stiffening(asked[0]) is not made[0]
-    assert len(fresh._others) == OTHERS
-
-
-def test_contact_and_tissue_may_be_chosen_in_either_order(library: Library) -> None:
-    wall = np.full(3, 0.6e-3), np.full(3, 1.5e-3), np.array([0.3e-3, 0.9e-3, 2e-3])
-    one, other = library.for_contact(0.5).for_stiffening(5.0), library.for_stiffening(5.0).for_contact(0.5)
-    assert (one.contact_polar_rad, one.stiffening) == (other.contact_polar_rad, other.stiffening) == (0.5, 5.0)
-    np.testing.assert_array_equal(one.forces(*wall), other.forces(*wall))
-    np.testing.assert_array_equal(one.shapes(*wall), other.shapes(*wall))
-    assert (one.forces(*wall) > 1.02 * library.for_contact(0.5).forces(*wall)).any()
-
-
-def test_too_few_stiffenings_and_such_as_do_not_increase_are_refused() -> None:
-    soft = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
-    for stiffening in (
-        [0.0, 1.0], [0.0, 1.0, 2.0], [0.0, 2.0, 1.0, 3.0], [0.0, 1.0, 1.0, 3.0], [-1.0, 0.0, 1.0, 2.0],
-        [0.0, 1.0, 2.0, np.nan], [0.0, 1.0, 2.0, np.inf],
-    ):  # fmt: skip
-        arrays = (soft.force_ratio_tpd, soft.displaced_tpd, soft.undented_tpbnc, soft.curves_tpdbnc)
-        force, displaced, undented, curves = (np.stack([array] * len(stiffening)) for array in arrays)
-        with pytest.raises(InputError, match=r"^library: (\d stiffenings of walls|stiffenings that do not increase)"):
-            StiffenedWalls(stiffening=np.array(stiffening), force_ratio_btpd=force, displaced_btpd=displaced,
-                           undented_btpbnc=undented, curves=WholeCurves(curves))  # fmt: skip

@@ -109,12 +109,6 @@ def test_a_contact_outside_the_training_is_withdrawn_from_whichever_method_sees_
         assert answer(frame, model=near).usable
 
 
-def test_a_contact_at_the_edge_of_the_training_is_read() -> None:
-    for lateral_m in (-1e-3, 1e-3):
-        for force_n in (0.0005, 0.003, 0.02):
-            assert answer(image(wall_section(tip_of(force_n), lateral_m=lateral_m))).usable
-
-
 def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     model = force_reader()
     frame = image(wall_section(tip_of(0.02)))

@@ -181,16 +181,6 @@ def test_a_frame_outside_the_log_is_left_out_and_noted_and_the_others_are_scored
     assert any("1 of 6 frames have no label and are left out (0.png: " in note for note in found.notes)
 
 
-def test_a_calibration_file_that_cannot_be_used_is_refused(places, tmp_path: Path, capsys) -> None:
-    file, broken = tmp_path / "calibration.json", calibration_text(eyes={"x": {"frames": 3}})
-    for content, field in (("{", "not JSON"), ("[]", "format"), (broken, "eyes.x.frames")):
-        file.write_text(content)
-        error = said(capsys, "evaluate", places["model"], places["a"], "--calibration", file, code=2)
-        assert error.count("\n") == 1
-        assert str(file) in error
-        assert field in error
-
-
 def test_a_gap_outside_the_study_s_is_noted_and_not_an_error(places, reader) -> None:
     (note,) = evaluate_recordings(reader, [places["a"], places["far"]]).notes
     assert note.startswith(f"{places['far']}: gap")
@@ -210,25 +200,6 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(places, capsys) 
     blank = result["frames"][3]
     assert blank["recording"] == str(places["silent"])
     assert (blank["probabilities"], blank["usable"]) == (None, False)
-
-
-def test_the_commands_text_fits_80_columns_and_shows_the_confusion(places, capsys, monkeypatch) -> None:
-    monkeypatch.chdir(places["a"].parent)
-    lines = said(capsys, "evaluate", "model", "a").splitlines()
-    assert max(map(len, lines)) <= 80
-    assert any(line.startswith("accuracy") and "of 4" in line for line in lines)
-    assert any("3.png" in line and "not usable" in line for line in lines)
-
-
-def test_the_page_shows_every_frame_and_overwrites_nothing(places, tmp_path: Path, capsys) -> None:
-    page = tmp_path / "page.html"
-    said(capsys, "evaluate", places["model"], places["a"], "--html", page)
-    source = page.read_text(encoding="utf-8")
-    assert source.count("data:image/jpeg;base64,") == 6
-    assert "All 6 frames are shown." in source
-    assert " UTC. Research use only: not a medical device." in source
-    assert "exists already" in said(capsys, "evaluate", places["model"], places["a"], "--html", page, code=2)
-    assert page.read_text(encoding="utf-8") == source
 
 
 def test_classify_answers_as_evaluate_does_at_the_given_scale(places, reader, capsys) -> None:

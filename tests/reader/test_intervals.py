@@ -17,13 +17,10 @@ from scleraforce.reader.intervals import (
     FIT_TRAITS,
     NETWORK_TRAITS,
     NO_FACTORS,
-    IntervalFactors,
     Score,
     conformal_quantile,
-    intervals_record,
     parse_factors,
     score,
-    stretched,
     stretches,
     traits_of,
 )
@@ -193,18 +190,6 @@ def test_a_record_with_other_factors_is_refused() -> None:
             parse_factors({"intervals": intervals}, "model.json")
     with pytest.raises(ModelError, match="earlier version has to be made anew"):
         parse_factors({"intervals": {"fit": {"own E, open, even": 1.5}}}, "model.json")
-
-
-def test_scores_that_count_from_stretched_intervals_stretch_them_again() -> None:
-    before = IntervalFactors(network={"own E": {"open": 3.0}}, fit={"own E": {"open": 1.5, "taut": 4.0, "light": 1.2}})
-    scores = [Score("fit", ("own E", kind, "light"), str(eye), 2.0) for eye in range(20) for kind in ("open", "sealed")]
-    after = stretched(before, stretches(scores))
-    assert after["fit"] == {"own E": {"open": 3.0, "taut": 4.0, "light": 1.2, "sealed": 2.0}}
-    assert after["network"] == before.network
-    assert before.fit["own E"]["open"] == 1.5
-    record = intervals_record(scores, after, "recordings of eye-a")
-    assert parse_factors({"intervals": record}, "m").fit == after["fit"]
-    assert (record["eyes"], record["readings"], record["source"]) == (20, 40, "recordings of eye-a")
 
 
 def test_few_eyes_widen_intervals_and_never_narrow_them() -> None:

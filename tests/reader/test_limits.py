@@ -1,7 +1,7 @@
 """Known values of an eye, its scan and its needle outside a model's training."""
 
 from dataclasses import replace
-from math import hypot, nan
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -147,12 +147,3 @@ def test_a_wall_finder_has_no_ranges_and_no_limits_but_the_reader_s_scale() -> N
         limit_notes(SHIPPED_WALL_FINDER, INFO)
     studies = [folder_study(read_folder(model)) for model in (SHIPPED_READER, SHIPPED_WALL_FINDER)]
     assert studies[0].scenes.window.pixel_m == studies[1].scenes.window.pixel_m
-
-
-def test_every_range_is_in_words() -> None:
-    ranges = dict(reading_ranges(SHIPPED_READER))
-    assert ranges["wall thickness"] == "380 to 900 µm"
-    assert ranges["width of the frames"] == "9.8 mm or more"
-    radius_m = STUDY.eye.radius_m * STUDY.reader.size.bounds[1]
-    depth_m = 1e-3 * float(ranges["depth of the frames"].split()[0])
-    assert hypot(least_wall_m(STUDY.slice) / 2, radius_m - depth_m) == pytest.approx(radius_m, rel=0.01)

@@ -96,12 +96,3 @@ def test_network_and_fit_read_a_warming_frame() -> None:
             answer = model.read(warming_frame(shape, scale, RADIUS_M, known.thickness_m), scale, known)
             assert answer.fit is not None, answer.reason
             assert [method for method, _ in answer.readings] == ["network", "fit"]
-
-
-def test_the_live_reader_warms_its_network_with_the_same_frame_at_each_call() -> None:
-    model = force_reader()
-    LiveReader(model, KNOWN, 1.38)
-    assert len(model._network.shown) >= 1
-    frame = warming_frame((30, 40), SCALE, RADIUS_M)
-    assert (frame.shape, frame.dtype) == ((30, 40), np.uint16)
-    np.testing.assert_array_equal(frame, warming_frame((30, 40), SCALE, RADIUS_M))

@@ -36,12 +36,6 @@ def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
     assert reader.probabilities(slices(0)).shape == (0, 3)
 
 
-def test_the_study_travels_with_the_model(tiny_model) -> None:
-    reader = load_model(tiny_model.path)
-    assert reader.study == tiny_model.study
-    assert reader.provenance["study_sha256"] == sha256((tiny_model.path / "study.toml").read_bytes())
-
-
 def test_slices_of_another_shape_type_or_value_are_refused(tiny_model) -> None:
     reader = load_model(tiny_model.path)
     other = slices(2, (10, 8)), slices(1)[0], slices(1).astype(np.float32), slices(1) // 255, slices(1) ^ 7

@@ -120,13 +120,6 @@ def test_flag_and_value_of_an_unknown_are_zero() -> None:
     assert [found[name] for name in names] == pytest.approx([0.0] * len(names), abs=1e-6)
 
 
-def test_an_unknown_modulus_is_as_uncertain_as_the_range_is_wide() -> None:
-    mean, sd = networks.unknown_modulus(RANGES)
-    drawn = RANGES.youngs_modulus_pa.sample(np.random.default_rng(0), 200_000)
-    assert abs(drawn.mean() / mean - 1.0) < 0.005
-    assert abs(drawn.std() / drawn.mean() / sd - 1.0) < 0.01
-
-
 def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
     for globe, ends in (
         (OPEN, (-1.0, -1.0)),
@@ -151,11 +144,6 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
     assert (alone["polar angle known"], both["polar angle known"]) == (0.0, 1.0)
     turned = given(polar_rad=middle)
     assert (turned["pole along"], turned["pole across"]) == (0.0, 0.0)
-
-
-def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
-    for stiffening, wanted in ((0.0, 0.0), (30.0, 1.0), (np.sqrt(31.0) - 1.0, 0.5)):
-        assert given(stiffening=stiffening)["stiffening"] == pytest.approx(wanted, abs=1e-6)
 
 
 pytest.importorskip("torch")
@@ -226,16 +214,6 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, m
     (inputs,) = fed
     assert inputs["slices"].shape == (2, 40, 140)
     np.testing.assert_array_equal(inputs["given"][0], inputs["given"][1])
-
-
-def test_the_factor_of_its_group_stretches_the_network_s_interval(folder: Path) -> None:
-    was = load_model(folder).read_slices(CUTS, own())
-    record = json.loads((folder / "model.json").read_text())
-    record["intervals"] = {"network": {"own E": {"unknown": 1.5}, "other E": {"unknown": 9.0}}}
-    (folder / "model.json").write_text(json.dumps(record))
-    now = load_model(folder).read_slices(CUTS, own())
-    assert now.force_n == was.force_n
-    assert now.interval_n[1] - now.force_n == pytest.approx(1.5 * (was.interval_n[1] - was.force_n))
 
 
 def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:

@@ -23,7 +23,7 @@ from scleraforce.reader.intervals import IntervalFactors
 from scleraforce.reader.networks import GIVEN, ForceNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.segmentation.reduced import FrameWindow
-from scleraforce.study import SliceStudy, Study
+from scleraforce.study import Study
 
 
 @pytest.fixture(scope="module")
@@ -141,9 +141,3 @@ def test_commands_read_with_it_and_the_monitor_refuses_it(folder, frame, tmp_pat
     assert run(["monitor", str(folder), "--port", "0", "--black-box", str(box)]) == 2
     assert f"{folder}: kind: raw-reader; the monitor needs a reader" in capsys.readouterr().err
     assert not box.exists()
-
-
-def test_its_window_reaches_as_far_as_the_slice_does() -> None:
-    window, cut = FrameWindow.of(Study().raw_reader), SliceStudy()
-    assert window.columns * window.column_m >= cut.columns * cut.pixel_m
-    assert window.rows * window.row_m >= cut.rows * cut.pixel_m - 1e-12

@@ -115,17 +115,3 @@ def test_a_browser_draws_the_wall_and_keys_slider_and_whole_wall_change_it(opene
     opened.locator("#eye-scale").fill("0")
     assert np.abs(picture(opened) - start).mean() > 0.3
     assert opened.locator("#eye-highest").inner_text().endswith("mm")
-
-
-@in_chromium
-def test_the_wall_is_drawn_again_after_the_graphics_driver_took_everything_away(opened: Page) -> None:
-    start = picture(opened)
-    opened.evaluate("""() => {
-      const canvas = document.getElementById("eye");
-      window.taken = canvas.getContext("webgl2").getExtension("WEBGL_lose_context");
-      window.back = new Promise((done) => canvas.addEventListener("webglcontextrestored", () => done()));
-      canvas.addEventListener("webglcontextlost", () => setTimeout(() => window.taken.restoreContext(), 50));
-      window.taken.loseContext();
-    }""")
-    opened.evaluate("window.back")
-    assert np.abs(picture(opened) - start).mean() < 0.5

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 from small_recordings import changed, evaluation_of, frame_answer, looked_at_frames
 
 from bench_conjunctiva import SCALE, STUDY, drawn
@@ -17,7 +16,7 @@ from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import FrameAnswer, evaluate_recordings
 from scleraforce.reader.verdicts import look
 from scleraforce.report.evaluation_page import write_browser_html
-from scleraforce.report.frames import MOST_PICTURES, frame_pictures, look_at, look_at_all, shown_frames, wall_picture
+from scleraforce.report.frames import MOST_PICTURES, frame_pictures, look_at_all, shown_frames, wall_picture
 from scleraforce.segmentation.wall import Segmentation
 
 MADE_AT = datetime(2026, 3, 1, tzinfo=UTC)
@@ -57,12 +56,6 @@ def test_the_browsing_page_draws_the_wall_of_the_answer(tmp_path: Path) -> None:
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     (picture,) = re.findall(r'"picture": ?"(data:image/jpeg;base64,[^"]+)"', page)
     assert picture.replace("\\/", "/") == wall_picture(frame, moved, (15e-3, 4e-3), 560)
-
-
-def test_an_answer_without_a_wall_cannot_be_looked_at(tmp_path: Path) -> None:
-    recording_under_a_conjunctiva(tmp_path)
-    with pytest.raises(ValueError, match="segmentation"):
-        _ = look_at(frame_answer(recording=str(tmp_path), file="1.png")).found
 
 
 def moved_wall(found: Segmentation | None) -> Segmentation:

@@ -17,7 +17,6 @@ from small_recordings import changed, evaluation_of, frame_answer, read_frames, 
 from scleraforce import __version__
 from scleraforce.errors import InputError
 from scleraforce.reader.evaluate import Evaluation
-from scleraforce.report import evaluation_page
 from scleraforce.report.evaluation_page import write_browser_html, write_evaluation_html
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
@@ -117,13 +116,6 @@ def test_every_frame_is_listed_with_its_remark_and_usable_ones_with_probabilitie
     assert rows["40.0"][4:7] == ["\N{EN DASH}"] * 3
 
 
-def test_the_same_evaluation_at_another_time_differs_in_its_date_only(source: str, tmp_path: Path) -> None:
-    write_evaluation_html(answers(), (), tmp_path / "later.html", MADE_AT.replace(year=2027))
-    later = (tmp_path / "later.html").read_text(encoding="utf-8")
-    assert later.count("2027-03-01") == 1
-    assert later.replace("2027-03-01", "2026-03-01") == source
-
-
 def test_recordings_without_labels_have_no_metrics_and_still_a_page(tmp_path: Path) -> None:
     unlabelled = tuple(replace(f, measured_force_n=None, target=None) for f in answers().frames)
     page = Markup(write_and_read(tmp_path, replace(answers(), frames=unlabelled, notes=())))
@@ -194,14 +186,6 @@ def test_the_page_has_every_frame_with_its_answer_fetches_nothing_and_no_word_is
     assert "<b>no wall" not in text.replace("\\/", "/").split('id="frames">')[0]
     assert text.count("</script>") == 2
     assert "a gap of 0.9 mm" in text
-
-
-def test_of_a_long_recording_misread_frames_keep_their_pictures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(evaluation_page, "MOST_PICTURES", 2)
-    frames = data_of(written(tmp_path))["frames"]
-    assert [frame["picture"] is not None for frame in frames] == [False, True, True, False]
 
 
 @pytest.fixture(scope="module")
@@ -279,40 +263,3 @@ def test_nothing_is_cut_at_any_width_or_on_paper(browser: Browser, wide: Path) -
     page.emulate_media(media="print")
     assert page.evaluate(CUT) == []
     page.close()
-
-
-@in_chromium
-def test_on_a_telephone_each_figure_of_a_row_has_its_title_and_the_remark_is_seen(browser: Browser, wide: Path) -> None:
-    page = opened_at(browser, wide, 400)
-    title = "(cell) => getComputedStyle(cell, '::before').content"
-    cells = page.locator("table.stacked tbody tr").nth(2).locator("td")
-    assert [cells.nth(n).evaluate(title) for n in (0, 3, 4)] == ['"force [mN]"', '"read [mN]"', '"90 % [mN]"']
-    box = page.get_by_role("cell", name="leaves the window of the slice").bounding_box()
-    assert box is not None
-    assert box["x"] + box["width"] <= 400
-    assert box["width"] > 300
-    page.close()
-
-
-def lightness(page: Page, selector: str, value: str) -> float:
-    """Mean of red, green and blue of an element's colour."""
-    return float(
-        page.locator(selector).first.evaluate(
-            "(e, value) => getComputedStyle(e)[value].match(/[0-9.]+/g).slice(0, 3).reduce((a, b) => a + +b, 0) / 3",
-            value,
-        )
-    )
-
-
-@in_chromium
-def test_dark_mode_follows_the_system_and_figures_keep_their_white_paper(browser: Browser, wide: Path) -> None:
-    for scheme, dark in (("light", False), ("dark", True)):
-        page = opened_at(browser, wide, 1300, scheme)
-        paper = lightness(page, "body", "backgroundColor")
-        assert (paper < 60) == dark
-        for selector in ("body", "figcaption", "caption", ".card b", "td.marked"):
-            assert abs(lightness(page, selector, "color") - paper) > 70, (scheme, selector)
-        assert lightness(page, "figure img", "backgroundColor") == 255
-        page.emulate_media(media="print", color_scheme=scheme)
-        assert lightness(page, "body", "backgroundColor") == 255
-        page.close()

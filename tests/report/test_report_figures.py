@@ -6,43 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
 from foreign_files import with_log
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from small_recordings import (
-    calibration_of_a_sealed_eye,
-    evaluation_of,
-    frame_answer,
-    looked_at_frames,
-    refused_frame,
-    write_small_recording,
-)
+from small_recordings import evaluation_of, frame_answer, refused_frame, write_small_recording
 
-from ideal_boundaries import ideal_boundaries
-from scleraforce.calibration.assimilation import FrameStep, begin, moments, step
-from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.errors import InputError
-from scleraforce.known import SEALED
-from scleraforce.laboratory.light import Pose
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial
-from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.report.files import CLASS_COLOURS, write_figure
-from scleraforce.report.frame_figures import (
-    SlicePair,
-    dice,
-    draw_computed_walls,
-    draw_montage,
-    draw_read_forces,
-    draw_segmentation,
-    draw_slice_pairs,
-    draw_trial_forces,
-    laid_on_surface,
-)
-from scleraforce.report.model_figures import draw_curves
-from scleraforce.report.recording_figures import draw_log, draw_preview
+from scleraforce.report.frame_figures import dice, draw_read_forces, draw_trial_forces, laid_on_surface
+from scleraforce.report.recording_figures import draw_log
 
 
 def test_a_trial_has_the_colour_of_its_answer_and_a_misread_one_is_ringed() -> None:
@@ -59,46 +34,6 @@ def test_a_trial_has_the_colour_of_its_answer_and_a_misread_one_is_ringed() -> N
     ringed = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if line.get_label() == "misread"]
     assert ringed == [(2, 20.0)]
     assert {"eye 1", "eye 2", "class 0", "class 1", "class 2"} <= set(texts)
-
-
-def test_the_overlay_colours_pixels_of_one_slice_alone(tmp_path: Path) -> None:
-    measured, simulated = np.zeros((2, 4, 14), dtype=np.uint8)
-    measured[1, :7] = 255
-    simulated[1, 3:] = 255
-    assert [dice(measured, other) for other in (measured, 255 - measured)] == [1.0, 0.0]
-    assert dice(0 * measured, 0 * measured) == 1.0
-    figure = draw_slice_pairs([SlicePair(look, measured, simulated, 1e-3) for look in looked_at_frames(tmp_path, 3)])
-    overlay = np.asarray(figure.axes[9].images[0].get_array())
-    assert len({tuple(overlay[1, column]) for column in (0, 5, 13)}) == 3
-    assert tuple(overlay[0, 0]) == (1.0, 1.0, 1.0)
-    assert figure.axes[9].get_title(loc="left") == f"Dice {dice(measured, simulated):.3f}"
-    assert figure.axes[4].images[0].get_extent() == [0.0, 14.0, 4.0, 0.0]
-    assert len(figure.axes) == 12
-
-
-def test_a_montage_names_force_and_thickness() -> None:
-    figure = draw_montage(np.zeros((7, 4, 14), np.uint8), np.full(7, 0.0123), np.ones(7, np.intp), np.full(7, 4e-4))
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles.count("12.3 mN · 400 µm") == 7
-    assert len(titles) == 12
-
-
-def test_boundaries_are_drawn_in_millimetres(tmp_path: Path) -> None:
-    (look,) = looked_at_frames(tmp_path, 1)  # 256 rows, 4 mm deep, and 300 columns, 15 mm wide
-    figure = draw_segmentation(look)
-    for line, row in zip(figure.axes[1].lines, (look.found.outer_row, look.found.inner_row), strict=True):
-        np.testing.assert_allclose(line.get_ydata(), (row + 0.5) * 4.0 / 256)
-        np.testing.assert_allclose(np.array(line.get_xdata())[[0, -1]], [0.025, 14.975])
-
-
-def test_training_curves_have_one_point_an_epoch_and_a_panel_a_quantity() -> None:
-    curves = {"training_loss": [1.0, 0.5], "validation_loss": [0.9, 0.3], "validation_accuracy": [0.5, 0.8]}
-    figure = draw_curves(curves, "epoch")
-    loss, accuracy = figure.axes
-    assert [line.get_ydata().tolist() for line in loss.lines] == [[1.0, 0.5], [0.9, 0.3]]
-    assert [line.get_ydata().tolist() for line in accuracy.lines] == [[0.5, 0.8]]
-    assert loss.lines[0].get_xdata().tolist() == [1, 2]
-    assert (loss.get_yscale(), accuracy.get_yscale()) == ("log", "linear")
 
 
 def test_a_read_force_is_drawn_over_the_measured_one_with_its_interval() -> None:
@@ -118,6 +53,12 @@ def test_a_read_force_is_drawn_over_the_measured_one_with_its_interval() -> None
     assert [x for x, _ in places["not usable"]] == [50.0]
     intervals = [segment for entry in axes.collections for segment in entry.get_segments()]
     np.testing.assert_allclose(intervals, [[[10.0, 9.0], [10.0, 16.0]], [[40.0, 9.0], [40.0, 16.0]]])
+
+
+def test_the_overlap_of_slices_is_1_if_they_are_the_same_and_0_if_they_have_nothing_in_common() -> None:
+    half = np.repeat(np.array([[255, 0]], dtype=np.uint8), 7, axis=1)
+    assert [dice(half, other) for other in (half, 255 - half, 0 * half)] == [1.0, 0.0, 0.0]
+    assert dice(0 * half, 0 * half) == 1.0
 
 
 WIDTH_M, COLUMNS = 15e-3, 512
@@ -146,63 +87,6 @@ def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_
         assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
     laid = laid_on_surface(wall(), np.full(COLUMNS, np.nan), WIDTH_M)
     assert laid.outer == pytest.approx(wall().outer + np.array([WIDTH_M / 2, 0.0]))
-
-
-def test_each_frame_is_drawn_bare_and_with_all_its_walls(tmp_path: Path) -> None:
-    looks = looked_at_frames(tmp_path, 3)
-    figure = draw_computed_walls(looks, {name: [wall()] * 3 for name in ("finite strain", "linear")})
-    assert len(figure.axes) == 6
-    assert [len(axes.get_lines()) for axes in figure.axes] == [0, 0, 0, 4, 4, 4]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite strain", "linear"]
-
-
-@pytest.mark.slow
-def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> None:
-    """With the rigidity from the frames, which is not the mean of the prior."""
-    truth = EyeConstants(
-        iop_pa=IOP_PA, thickness_m=THICKNESS_M, gap_m=0.6e-3, polar_rad=0.0, polar_sd_rad=0.0,
-        globe=replace(SEALED, mean=0.4 * SEALED.mean),
-    )  # fmt: skip
-    found, random = begin(STUDY, replace(truth, globe=SEALED), LIBRARY), np.random.default_rng(0)
-    for force_n in (0.012, 0.03):
-        outer, inner = found.filter.model.curves([stated_wall(truth, 0.3e6, force_n, 0.0)])[0]
-        pose = Pose(lateral_m=0.0, depth_m=0.5e-3)
-        found = step(found, ideal_boundaries(Section(outer, inner), pose, STUDY.oct, 2e-6, random), force_n)
-    assert isinstance(found.last, FrameStep)
-    means, sds = moments(found.filter, found.state)
-    eye = replace(
-        calibration_of_a_sealed_eye().eyes["mine"],
-        names=found.filter.space.names,
-        means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()),
-        state=found.state,
-        filter=found.filter,
-        steps=(found.last,),
-    )
-    width_m, depth_m = STUDY.oct.width_m, STUDY.oct.depth_m
-    final = draw_observed_points(eye, np.zeros((4, 4), np.uint16), 0, width_m, depth_m).axes[1]
-    *curves, _, predicted = (np.column_stack(line.get_data()) for line in final.lines)
-    lateral_mm, depth_mm = predicted.T
-    off_mm = [np.abs(np.interp(lateral_mm, *curve.T) - depth_mm) for curve in curves]
-    assert np.minimum(*off_mm).max() < 1e-3
-
-
-def test_frames_and_bars_are_drawn_to_scale(tmp_path: Path) -> None:
-    recording = read_recording(write_small_recording(tmp_path / "r", frames=3, log=False))  # 8 mm x 3 mm
-    figure = draw_preview(recording, 3)
-    figure.draw_without_rendering()
-    assert len(figure.axes) == 3
-    for axes, entry in zip(figure.axes, recording.frames, strict=True):
-        image = axes.images[0]
-        assert image.get_extent() == [0.0, 8.0, 3.0, 0.0]
-        np.testing.assert_array_equal(image.get_array(), recording.frame(entry))
-        across, down = axes.lines
-        assert np.ptp(across.get_xdata()) == pytest.approx(2.0)
-        assert np.ptp(down.get_ydata()) == pytest.approx(1.0)
-        assert [text.get_text() for text in axes.texts] == ["2 mm", "1 mm deep"]
-        inches = axes.get_window_extent().size / figure.dpi
-        assert inches[0] / inches[1] == pytest.approx(8.0 / 3.0, rel=0.02)
-        assert entry.file in axes.get_title(loc="left")
 
 
 @pytest.fixture
@@ -234,15 +118,6 @@ def test_a_force_log_is_drawn_in_millinewtons_with_the_times_of_all_frames_and_l
     marks = [segment[0][0] for segment in axes.collections[0].get_segments()]
     assert marks == pytest.approx([frame.time_s for frame in logged.frames])
     assert [np.column_stack(line.get_data()).tolist() for line in (first, second)] == [[[1.1, 10.0]], [[1.0, 40.0]]]
-
-
-def test_a_long_log_is_thinned_and_not_cut(logged: Recording) -> None:
-    assert logged.forces is not None
-    time_s = np.linspace(0.0, 600.0, 60_001)
-    log = replace(logged.forces, time_s=time_s, wrench_sc=np.zeros((60_001, 6)))
-    filtered = drawn_log(replace(logged, forces=log)).lines[1]
-    assert len(filtered.get_xdata()) < 7000
-    assert filtered.get_xdata()[-1] == pytest.approx(600.0, abs=0.2)
 
 
 def test_a_figure_has_the_format_of_its_name_and_the_same_bytes_each_time(tmp_path: Path) -> None:
