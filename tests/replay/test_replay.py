@@ -13,7 +13,6 @@ from fake_monitor import ClockedClient, FakeMonitor, MonitorRule, fake_monitor
 from small_recordings import write_small_recording
 
 from scleraforce.cli.main import run
-from scleraforce.cli.replay import _Show, _when
 from scleraforce.errors import FrameError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status
 from scleraforce.recording.folder import read_recording
@@ -21,7 +20,6 @@ from scleraforce.replay import player as module
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import STATED_S, Player
 from scleraforce.replay.scanner_client import ScannerClient
-from scleraforce.service.messages import STATUS_DEVICE
 from scleraforce.service.scanner_image import FrameAssembler
 
 
@@ -210,51 +208,6 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-1].startswith("withdrawal at frame 12 (0011.png), ")
     said = "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
     assert lines[-1].endswith(f"after it was sent: {said}")
-
-
-def test_a_withdrawal_is_before_the_first_frame_at_an_answer_or_after_the_last_frame(tmp_path) -> None:
-    recording = read_recording(write_small_recording(tmp_path / "rec", frames=5))
-    log = AnswerLog()
-    log.hear(0.0, STATUS_DEVICE, Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN"))
-    before = _Show(recording, log, None, quiet=True)._change_record(log.first_doubt(0.0, (3,)))
-    assert (before["frame"], before["file"]) == (None, None)
-    change = {"frame": 7, "file": "0006.png", "answers_frame": False}
-    for found, words in (
-        (before, "before the first frame was sent: the monitor was in withdrawal already"),
-        (change, "after frame 7 (0006.png)"),
-        ({**change, "answers_frame": True}, "at frame 7 (0006.png)"),
-        ({**change, "file": None}, "after frame 7"),
-    ):
-        assert _when(found) == words
-
-
-def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:
-    path = write_small_recording(tmp_path / "rec", frames=10, log=False)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr("scleraforce.cli.replay.LIVE_S", 0.0)
-    with fake_monitor() as monitor:
-        assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
-    out, err = capsys.readouterr()
-    assert "\r\x1b[Kframe 10, code 1, class 0, 1.5 mN, " in err
-    assert " ms, WATCHING: class 0" in err
-    assert err.endswith("\r\x1b[K")
-    assert "\x1b" not in out
-
-
-def test_with_preload_every_frame_is_read_before_the_first_goes_out(tmp_path, capsys) -> None:
-    path = write_small_recording(tmp_path / "rec", frames=100, log=False)
-    read = []
-    original = Player._read
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            Player, "_read", lambda player, *a: (read.append(player.log.frames_sent), original(player, *a))[1]
-        )
-        _, result = played(path, capsys, "--preload", "--speed", "10")
-        assert result["frames_sent"] == 100
-        assert read == [0] * 100
-        read.clear()
-        played(path, capsys, "--speed", "10")
-        assert max(read) > 0
 
 
 def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:

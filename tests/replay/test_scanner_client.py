@@ -174,10 +174,3 @@ def test_what_answers_no_frame_is_not_taken_for_an_answer() -> None:
     assert log.answered is None
     assert [(change.code, change.frame) for change in log.changes] == [(13, None)]
     assert log.first_doubt(9.5) is None
-
-
-def test_frames_that_are_never_answered_are_forgotten() -> None:
-    log = AnswerLog()
-    for number in range(3000):
-        log.sent(number, number, 0.0)
-    assert len(log._waiting) <= 1000

@@ -122,20 +122,6 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
         assert heard <= peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
-def test_a_client_that_reads_waits_for_nothing_however_long_it_stays(
-    listener: socket.socket, clients: tuple[Clients, list[str]]
-) -> None:
-    served, _ = clients
-    with socket.create_connection(listener.getsockname()) as peer:
-        (client,) = served.accept()
-        for number in range(500):
-            message = encode(Text("x" * 500), "ForceReading")
-            client.send(message, 100.0 + number)
-            peer.recv(len(message), socket.MSG_WAITALL)
-            assert served.sweep(100.5 + number, None) == []
-        assert client in served
-
-
 def test_without_a_free_descriptor_the_operator_still_connects(
     listener: socket.socket, clients: tuple[Clients, list[str]]
 ) -> None:

@@ -42,18 +42,6 @@ def hear(companions: Companions, name: str, now_s: float) -> list[CompanionMessa
     return list(companions.hear(name, now_s))
 
 
-def test_a_fault_is_one_until_the_black_box_says_that_it_is_over(companions, children):
-    children[BLACK_BOX].says(SelfReport(detail="log: full"))
-    assert hear(companions, BLACK_BOX, 1.0) == []
-    assert companions.faults(1.0) == ("black box: log: full",)
-    children[BLACK_BOX].says(Alive(faults=("log: full", "session: full")))
-    hear(companions, BLACK_BOX, 1.5)
-    assert companions.faults(1.5) == ("black box: log: full; session: full",)
-    children[BLACK_BOX].says(Alive(faults=()))
-    hear(companions, BLACK_BOX, 2.0)
-    assert companions.faults(2.0) == ()
-
-
 def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_does(companions, children):
     assert companions.faults(100.0) == ()
     assert companions.faults(129.0) == ()  # it may take so long to start
@@ -67,22 +55,6 @@ def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_doe
     children[BLACK_BOX].says(Alive(faults=()))
     hear(companions, BLACK_BOX, 135.0)
     assert companions.faults(135.0) == ()
-
-
-@pytest.mark.parametrize("end", ["alive", "faulty", "garbled", "dead"])
-def test_a_companion_starts_until_it_gives_a_sign_of_life_or_fails(companions, children, end):
-    assert companions.starts(OPINION)
-    children[BLACK_BOX].says(Alive(faults=()))  # speaks for itself only
-    hear(companions, BLACK_BOX, 1.0)
-    assert companions.starts(OPINION)
-    says = {"alive": Alive(faults=()), "faulty": SelfReport(detail="no model"), "garbled": WrongTokens(count=1)}
-    if end in says:
-        children[OPINION].says(says[end])
-    else:
-        children[OPINION].theirs.close()
-    hear(companions, OPINION, 1.1)
-    assert not companions.starts(OPINION)
-    assert not Companions({}).starts(OPINION)  # it does not run
 
 
 @pytest.mark.parametrize("name", [BLACK_BOX, OPINION])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.service import frame_ring
 from scleraforce.service.frame_ring import FrameRing, available_bytes
 
 
@@ -36,17 +35,6 @@ def test_more_than_there_is_is_refused_before_any_is_taken(monkeypatch):
     monkeypatch.setattr(os, "memfd_create", lambda _: pytest.fail("it was taken"))
     with pytest.raises(InputError, match=r"1200 frames of 16384 x 16384 pixels take 644,245 MB .* MB are there"):
         FrameRing.create(1200, 16384, 16384)
-
-
-def test_memory_is_left_to_the_processes_beside_it(monkeypatch):
-    need = 4 * (8 + 2 * 1000 * 1000)
-    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES - 1)
-    with pytest.raises(InputError, match="MB are there"):
-        FrameRing.create(4, 1000, 1000)
-    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES)
-    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
-    monkeypatch.setattr(frame_ring, "available_bytes", lambda: None)
-    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
 
 
 def test_another_process_with_the_descriptor_sees_the_same_frames():
@@ -87,17 +75,6 @@ def test_frames_of_8_bits_keep_their_values_and_a_frame_of_another_size_is_refus
     assert (ring.get(1) == 200).all()
 
 
-def test_a_descriptor_of_a_smaller_ring_is_refused():
-    ring = FrameRing.create(2, 3, 5)
-    with pytest.raises(ValueError, match="mmap"):
-        FrameRing(replace(ring.place, frames=3))
-
-
-def test_all_memory_is_taken_at_once():
-    ring = FrameRing.create(40, 64, 64)
-    assert os.fstat(ring.place.descriptor).st_blocks * 512 >= 40 * 2 * 64 * 64
-
-
 def test_too_little_memory_is_said_before_the_first_frame(monkeypatch):
     descriptors = []
 
@@ -127,10 +104,6 @@ def group(folder: Path, names: tuple[str, str], most: object, used: int, cache: 
     (folder / names[0]).write_text(f"{most}\n")
     (folder / names[1]).write_text(f"{used}\n")
     (folder / "memory.stat").write_text(f"anon 1\n{cache}\n")
-
-
-def test_without_groups_it_is_the_machines(roots) -> None:
-    assert available_bytes(*roots) == 8000 * MB
 
 
 def test_of_version_2_every_group_on_the_way_up_counts(roots) -> None:

@@ -1,7 +1,6 @@
 """The start of a monitor: its checks, its recordings' statements on the eye, the operator's lines."""
 
 import resource
-import socket
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -120,12 +119,6 @@ def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() 
             listen(host, 0)
         assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
         assert "\n" not in str(refused.value)
-
-
-@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
-def test_an_address_of_ipv6_is_listened_on() -> None:
-    with listen("::1", 0) as listener, socket.create_connection(listener.getsockname()[:2]):
-        pass
 
 
 def refusal(black_box: Path, record: Path | None = None) -> str:

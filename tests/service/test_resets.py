@@ -6,7 +6,7 @@ import pytest
 from small_monitor import FUSE_S, TOKEN, Peer, serving
 
 from scleraforce.openigtlink import Text, encode
-from scleraforce.service.reset import ANSWERED, WITHIN_S, ResetToken, ask_reset, new_token, token_digest
+from scleraforce.service.reset import ANSWERED, WITHIN_S, ResetToken, ask_reset, token_digest
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -50,12 +50,6 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)
         assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
-
-
-def test_a_token_has_128_bits_and_is_never_the_same() -> None:
-    tokens = {new_token() for _ in range(100)}
-    assert len(tokens) == 100
-    assert {len(bytes.fromhex(token)) for token in tokens} == {16}
 
 
 def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> None:

@@ -184,13 +184,6 @@ def test_a_monitor_with_another_clock_is_believed(watched: Watched) -> None:
     assert watched([*oks, (0.02, said(EMERGENCY, START_S + 3601.0))])[:2] == [GO_ON, order(EMERGENCY)]
 
 
-def test_it_is_short_and_needs_the_standard_library_only() -> None:
-    source = SCRIPT.read_text()
-    assert len(source.splitlines()) < 130
-    imports = {line.split()[1].split(".")[0] for line in source.splitlines() if line.startswith(("import ", "from "))}
-    assert imports <= set(sys.stdlib_module_names)
-
-
 def test_the_page_names_every_sub_code_and_no_other() -> None:
     page = (SCRIPT.parents[1] / "docs" / "monitor_decision.md").read_text(encoding="utf-8").split("## Causes")[1]
     rows = re.findall(r"^\| (`[A-Z_`, ]+`) \| (\d+(?:, \d+)*) \|", page, flags=re.MULTILINE)

@@ -34,12 +34,6 @@ def frame_of(found: ScannerFrame | None) -> ScannerFrame:
     return found
 
 
-def test_the_size_of_a_pixel_is_the_length_of_the_matrixs_first_two_columns() -> None:
-    frame = frame_of(FrameAssembler().add(image()))
-    assert frame.lateral_m == pytest.approx(5e-6, rel=1e-12)
-    assert frame.depth_m == pytest.approx(17e-6, rel=1e-12)
-
-
 def test_what_is_sent_is_counted_without_a_sign() -> None:
     for sent, counted in (("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")):
         for little in (True, False):
@@ -50,14 +44,6 @@ def test_what_is_sent_is_counted_without_a_sign() -> None:
             assert frame.pixels.dtype == np.dtype(counted)
             assert frame.pixels.tolist() == [[0, 1, limits.max], [5, 6, 7]]
             assert not frame.pixels.flags.writeable
-
-
-def test_a_whole_image_is_not_copied() -> None:
-    for dtype in ("int16", "uint16", "uint8"):
-        sent = COUNTS.astype(dtype)
-        assert np.shares_memory(frame_of(FrameAssembler().add(image(sent))).pixels, sent)
-        stated = image(sent, size=(9, 6, 1))
-        assert np.shares_memory(frame_of(FrameAssembler().add(stated)).pixels, sent)
 
 
 def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
@@ -143,14 +129,6 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(parts: i
             continue
     whole = [n for n in range(8) if not lost & set(range(n * parts, (n + 1) * parts))]
     assert [np.unique(frame.pixels).tolist() for frame in frames if frame is not None] == [[n] for n in whole]
-
-
-def test_the_first_part_of_the_next_image_begins_it_where_the_end_of_the_last_one_was_lost() -> None:
-    assembler = FrameAssembler()
-    assembler.add(UPPER)
-    with pytest.raises(ProtocolError, match="overlaps"):
-        assembler.add(part(slice(0, 4), counts=OTHER))
-    assert np.array_equal(frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER)
 
 
 def test_a_frame_over_the_cap_takes_no_room() -> None:

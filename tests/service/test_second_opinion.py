@@ -4,14 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from select import select
 
-import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from small_models import write_fixed_reader
 from small_monitor import FUSE_S
 
-from scleraforce.service import second_opinion
-from scleraforce.service.channel import Channel, ChannelClosedError, Child
+from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
     Alive,
@@ -72,38 +70,6 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     assert sum(opinion.verdict.probabilities) == pytest.approx(1.0)
 
 
-def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the_monitor_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read = []
-
-    class Counted:
-        study = STUDY
-
-        def read(self, *given: object) -> None:
-            read.append(given)
-
-    ours, theirs = Channel.pair()
-    ring = FrameRing.create(4, 300, 200)
-    settings = OpinionSettings(model=tmp_path, known=KNOWN, scale=SCALE, ring=ring.place)
-    monkeypatch.setattr(second_opinion, "load_model", lambda _: Counted())
-    ours.close()
-    with pytest.raises(ChannelClosedError):
-        second_opinion.serve(theirs, settings)
-    theirs.close()
-    ((frame, scale, known),) = read
-    assert (frame.shape, scale, known) == ((300, 200), SCALE, KNOWN)  # as the frames that will come
-
-
-def test_noise_cannot_be_judged(reader: Reader) -> None:
-    noise = np.random.default_rng(0).integers(0, 1500, reader.ring.shape).astype(np.uint16)
-    reader.ring.put(2, noise)
-    reader.ask(2, 72)
-    opinion = reader.opinion()
-    assert (opinion.order, opinion.verdict.usable, opinion.verdict.force_n) == (72, False, None)
-    assert opinion.verdict.reason
-
-
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:
     for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
@@ -120,17 +86,3 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
     assert broken.child.end(FUSE_S) == 1
     with pytest.raises(ChannelClosedError):
         broken.child.channel.send(MonitorEnds())
-
-
-@pytest.mark.slow
-def test_a_wrong_message_ends_the_process_with_a_report(tmp_path: Path) -> None:
-    model = tmp_path / "reader"
-    write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
-    other = Reader(model)
-    assert other.hear() == Alive(faults=())
-    assert other.child.channel.send(MonitorEnds())
-    message = other.hear()
-    assert message == SelfReport(
-        detail="MessageError: a MonitorEnds came; the second opinion is asked about frames only"
-    )
-    assert other.child.end(FUSE_S) == 1

@@ -32,7 +32,6 @@ from small_monitor import (
     wait_until,
 )
 
-from scleraforce.monitor.events import Tick
 from scleraforce.monitor.transitions import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
@@ -49,7 +48,6 @@ from scleraforce.service.messages import (
 )
 from scleraforce.service.reset import ask_reset
 from scleraforce.service.server import HEARTBEAT_S
-from scleraforce.service.session import Frame, Session
 
 
 @pytest.fixture
@@ -226,28 +224,6 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, caus
     assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 2, 0)
 
 
-def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
-    order: list[tuple[str, int]] = []
-    take_frame = Session.take_frame
-
-    def take(session: Session, frame: Frame) -> None:
-        order.append(("answered", frame.number))
-        take_frame(session, frame)
-        if frame.number == 15:
-            scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
-
-    def overtaken(session: Session) -> Tick:
-        order.append(("overtaken", session._deferred.take().number))
-        return Tick(session.clock())
-
-    scanner.watch()
-    monkeypatch.setattr(Session, "take_frame", take)
-    monkeypatch.setattr(Session, "catch_up", overtaken)
-    send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
-    wait_until(lambda: len(order) == 4)
-    assert order == [("answered", 15), ("answered", 16), ("overtaken", 13), ("overtaken", 14)]
-
-
 def test_a_bunch_is_caught_up_with_and_no_cause(scanner: Peer) -> None:
     scanner.watch()
     send_together(scanner, [10_000 + n for n in range(4)])
@@ -319,29 +295,6 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
         assert len(heard) == 3  # each takes two looks at this clock, 2.2 ms
         assert len(set(heard)) == 3
         server.close()
-
-
-def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(monkeypatch) -> None:
-    server, _ = small_server(NoGuard(), Companions({}))
-    now_s, rests, waits_s = [10.0], list[float](), [0.0]
-
-    def pass_time(for_s: float) -> None:
-        now_s[0] += for_s
-
-    monkeypatch.setattr(server.session, "clock", lambda: now_s[0])
-    monkeypatch.setattr("scleraforce.service.clients.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
-    monkeypatch.setattr(server._clients.selector, "select", lambda _: pass_time(waits_s[0]) or [])
-    server._clients._waited_s = 10.0
-    for _ in range(31):
-        server._clients.wait(0.0, server.session.clock)
-        pass_time(0.004)
-    assert rests == [0.001] * 10  # after each three turns of 4 ms
-    waits_s[0] = 0.002
-    for _ in range(30):
-        server._clients.wait(0.01, server.session.clock)
-        pass_time(0.004)
-    assert len(rests) <= 11
-    server.close()
 
 
 def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:

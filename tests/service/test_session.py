@@ -1,7 +1,7 @@
 """Frames to decisions without sockets: numbers, orders, what raises, what is counted."""
 
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -244,38 +244,6 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
     assert lost_s == pytest.approx([0.01 + 8 * 1e-3, 0.09])
 
 
-def test_an_entry_has_the_reading_of_its_frame_only() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
-    clock.now_s += 0.01
-    frame = session.frame(ScannerFrame(frame_of(10_000, 1), **SCALE), 9, 1, clock.now_s)
-    session.take_frame(frame)
-    stated = session.entry("frame", clock.now_s, frame, 0.002)
-    assert (stated.number, stated.frame, stated.frame_id, stated.force_mn, stated.latency_ms) == (1, 1, 9, 10.0, 2.0)
-    later = session.entry("tick", clock.now_s)
-    assert later == replace(later, number=2, frame=None, verdict=None)
-
-
-def test_a_repeated_decision_has_no_number_of_its_own_and_no_frame() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
-    take(session, clock, 10_000, 1)
-    first = session.entry("tick", clock.now_s)
-    again = session.entry("again", clock.now_s)
-    assert again == replace(first, event="again")
-    assert session.entry("tick", clock.now_s).number == first.number + 1
-
-
-def test_an_entry_reads_as_json_with_its_own_names_but_class():
-    record = READ_ENTRY.as_json()
-    verdict_keys = {"class", "probabilities", "usable", "reason", "force_mn", "interval_mn"}
-    assert set(record) == {field.name for field in fields(Entry)} - {"verdict"} | verdict_keys
-    assert record["class"] == 1
-    assert record["probabilities"] == [0.0, 0.75, 0.25]
-    assert record["interval_mn"] == [11.0, 13.5]
-    assert record["message"] == READ_ENTRY.message
-
-
 def test_nan_and_infinity_are_null_everywhere():
     nan, inf = float("nan"), float("inf")
     entry = replace(READ_ENTRY, verdict=verdict(nan, (-inf, 13.5), probabilities=(nan, inf, 0.5)), latency_ms=inf)
@@ -283,15 +251,6 @@ def test_nan_and_infinity_are_null_everywhere():
     assert record["force_mn"] is record["latency_ms"] is None
     assert record["interval_mn"] == [None, 13.5]
     assert record["probabilities"] == [None, None, 0.5]
-
-
-def test_without_a_frame_what_belongs_to_one_is_null():
-    record = TICK_ENTRY.as_json()
-    assert {name for name, value in record.items() if value is None} == {
-        "cause", "withdrawn_s", "present_cause",
-        "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",
-        "latency_ms",
-    }  # fmt: skip
 
 
 def test_an_entry_of_a_log_without_what_is_true_now_is_read():

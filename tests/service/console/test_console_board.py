@@ -1,8 +1,7 @@
 """The console's board, and the share of its pages."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from console_monitor import reading
 from small_monitor import decision, verdict
 
 from scleraforce.monitor.transitions import Cause
-from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History, detail_of
+from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History
 from scleraforce.service.console.hub import SHARES, Pictures, Thrift
 from scleraforce.service.console.server import refusal
 from scleraforce.service.frame_ring import FrameRing
@@ -35,18 +34,6 @@ RATES = Rates(frames_per_second=99.0, lost=3, clients=({"address": "a:1", "role"
 
 def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None:
     assert set(SENTENCES) == {cause.name for cause in Cause}
-
-
-def test_the_shown_reason_lacks_the_state_before_and_the_reading_after_it() -> None:
-    for message, detail in (
-        ("WITHDRAW: no frame for 120 ms; class 1; 11.0 mN", "no frame for 120 ms"),
-        ("WITHDRAW: a; b; class 2", "a; b"),
-        ("WITHDRAW: a; class 1; -0.3 mN; reset refused: 3 of 5 came", "a"),
-        ("WITHDRAW: class 2", "class 2"),
-        ("WITHDRAW: class 2; class 2; 33.0 mN", "class 2"),
-        ("WITHDRAW", ""),
-    ):
-        assert detail_of(message, "WITHDRAW") == detail
 
 
 def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
@@ -86,13 +73,6 @@ def test_an_old_reading_is_not_shown_as_one_of_now() -> None:
     board = board_with((0.0, entry(0.0, frame=1, **reading(12.0))), (0.4, RATES), (0.9, silent))
     assert board.as_json(0.4, 0)["reading"]["force_mn"] == 12.0
     assert board.as_json(0.9, 0)["reading"] is None
-
-
-def test_latency_is_the_median_and_the_worst_of_the_last_five_seconds() -> None:
-    latencies = [(0.0, 90.0), (3.0, 1.0), (4.0, 2.0), (5.5, 7.0)]
-    board = board_with(*((at_s, entry(at_s, frame=1, latency_ms=value)) for at_s, value in latencies))
-    assert board.as_json(5.5, 0)["latency_ms"] == [2.0, 7.0]
-    assert board.as_json(20.0, 0)["latency_ms"] is None
 
 
 def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
@@ -153,23 +133,15 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         assert len(shown) == min(rows, MOST_PIXELS) * min(columns, MOST_PIXELS)
 
 
-def test_a_frame_that_is_gone_makes_no_picture() -> None:
-    ring = FrameRing.create(4, 8, 8)
-    for number in range(1, 8):
-        ring.put(number, np.full((8, 8), number, np.uint16))
-    pictures = Pictures(ring)
-    assert pictures.of(2, None, MOST_PIXELS) is None
-    assert pictures.of(7, None, MOST_PIXELS) is not None
-
-
-def test_addresses_and_own_names_are_hosts_and_no_name_that_could_be_bound_anew() -> None:
-    own = ("127.0.0.1:8080", "localhost", "LOCALHOST:1", "[::1]:8080", "10.0.0.7", "bench.local:8080")
-    others = ("evil.example:8080", "localhost.evil.example", "", "127.0.0.1.evil.example", "[evil]")
-    for host in (*own, *others):
-        assert (refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None) == (host in own)
-
-
-def test_what_writes_must_come_from_the_consoles_own_page() -> None:
+def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_stated_length() -> None:
+    accepted = ("127.0.0.1:8080", "localhost", "LOCALHOST:1", "[::1]:8080", "10.0.0.7", "bench.local:8080")
+    for host in (*accepted, "evil.example:8080", "localhost.evil.example", "", "127.0.0.1.evil.example", "[evil]"):
+        assert (refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None) == (host in accepted)
+    here = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
+    for length in ("4097", "99999999999999999999", "-1", "²", ""):
+        stated = [(b"content-length", length.encode("latin-1"))]
+        assert refusal("http", "POST", [*here, *stated], "localhost")[0] == 413
+    assert refusal("http", "POST", here, "localhost")[0] == 413
     own, others = ["http://localhost:80"], (["null"], ["http://localhost:81"], ["http://evil.example"])
     for kind, origins in product(("http", "websocket"), (own, [], *others, own * 2)):
         headers = [(b"host", b"localhost:80"), (b"content-length", b"2")]
@@ -178,56 +150,6 @@ def test_what_writes_must_come_from_the_consoles_own_page() -> None:
         assert (refused[0] if refused else 200) == (200 if origins == own else 403)
     for second in ((b"origin", b"http://evil.example"), (b"host", b"localhost")):
         assert refusal("http", "GET", [(b"host", b"localhost"), second], "localhost") is not None
-
-
-def test_a_body_of_an_unknown_or_too_large_length_is_refused() -> None:
-    for length in (None, "4097", "99999999999999999999", "-1", "²", ""):
-        headers = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
-        if length is not None:
-            headers.append((b"content-length", length.encode("latin-1")))
-        refused = refusal("http", "POST", headers, "localhost")
-        assert refused is not None
-        assert refused[0] == 413
-
-
-def test_each_share_is_less_than_the_one_before_and_none_is_so_slow_that_a_page_calls_it_not_live() -> None:
-    for more, less in pairwise(SHARES):
-        assert less.update_s > more.update_s
-        assert less.picture_s > more.picture_s
-        assert less.pixels <= more.pixels
-    assert [share.level for share in SHARES] == [0, 1, 2]
-    assert SHARES[-1].update_s + 0.2 < 0.5  # SILENT_MS of link.js
-    assert SHARES[-1].picture_s + SHARES[-1].update_s <= 0.7  # STALE_MS of scan.js
-
-
-def test_while_the_machine_is_in_time_all_is_shown() -> None:
-    thrift = Thrift()
-    for n in range(1000):
-        thrift.woke(0.003, 0.03 * n)
-        thrift.answered(2.4, 0, 0.03 * n)
-        assert thrift.share(0.03 * n).level == 0
-
-
-def test_three_signs_within_a_second_are_less_and_two_are_not() -> None:
-    signs: list[Callable[[Thrift, int, float], None]] = [
-        lambda thrift, _, at_s: thrift.woke(0.02, at_s),
-        lambda thrift, _, at_s: thrift.answered(12.0, 0, at_s),
-        lambda thrift, n, at_s: thrift.answered(2.4, n, at_s),
-    ]
-    for give in signs:
-        short, rare = Thrift(), Thrift()
-        for n in range(1, 4):
-            give(short, n, 10.0 + 0.4 * n)
-            give(rare, n, 10.0 + 0.6 * n)
-            assert rare.share(10.0 + 0.6 * n).level == 0
-        assert short.share(11.2).level == 1
-
-
-def test_frames_that_were_overtaken_once_are_one_sign_however_often_they_are_reported() -> None:
-    thrift = Thrift()
-    for n in range(50):
-        thrift.answered(2.4, 5, 10.0 + 0.01 * n)
-    assert thrift.share(10.5).level == 0
 
 
 def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm() -> None:

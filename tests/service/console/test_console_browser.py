@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
-from console_monitor import TOKEN, ConsoleMonitor, free_port, reading
+from console_monitor import TOKEN, ConsoleMonitor, reading
 from playwright.sync_api import Browser, Dialog, Page, expect
 
 from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
@@ -218,22 +218,6 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
         found.shows(word="WATCHING", force="12.3")
 
 
-def test_the_page_survives_a_restart_of_the_server_without_being_loaded_again(opened: Any) -> None:
-    port = free_port()
-    with ConsoleMonitor(port) as first:
-        found = opened(first.address)
-        found.page.evaluate("window.loaded = 'once'")
-        with repeating(watching(first, 12.3)):
-            found.shows(word="WATCHING", force="12.3")
-    found.shows(word="NO ANSWER")
-    with ConsoleMonitor(port, bound_n=0.02) as second:
-        with repeating(watching(second, 7.5)):
-            found.shows(word="WATCHING", force="7.5")
-        assert found.page.evaluate("window.loaded") == "once"
-    unexpected = [text for text in found.complaints if "/live' failed" not in text]
-    assert unexpected == []
-
-
 def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(shown: Any) -> None:
     monitor, found = shown
     page = found.page
@@ -318,29 +302,3 @@ def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -
     with repeating(empty):
         found.shows(word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp="")
         assert found.page.locator("#class").inner_text() == NOTHING
-
-
-def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(shown: Any) -> None:
-    monitor, found = shown
-    for state, word in (("NOT_READY", "NOT READY"), ("WITHDRAW", "WITHDRAW"), ("WATCHING", "WATCHING")):
-        with repeating(lambda state=state: monitor.entry(state), 0.1):
-            found.shows(word=word)
-            assert fits(found.page)
-    found.shows(word="NO ANSWER")
-    assert fits(found.page)
-
-
-def fits(page: Page) -> bool:
-    """Return whether on every screen the word of the state is within its box, and the page as wide as its window."""
-    script = """() => {
-      const range = document.createRange();
-      range.selectNodeContents(document.getElementById("word"));
-      const box = document.querySelector(".verdict").getBoundingClientRect();
-      const wide = document.documentElement.scrollWidth > innerWidth;
-      return range.getBoundingClientRect().right <= box.right && !wide;
-    }"""
-    found = []
-    for width in (320, 390, 768, 961, 1280, 1920):
-        page.set_viewport_size({"width": width, "height": 720})
-        found.append(page.evaluate(script))
-    return all(found)

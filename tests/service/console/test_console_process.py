@@ -293,14 +293,6 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
 
 
 @pytest.mark.slow
-def test_a_console_ends_with_code_0_when_its_monitor_closes_the_channel() -> None:
-    started = ConsoleMonitor()
-    with page(started) as stalled:  # which reads nothing, and does not say goodbye
-        assert started.child.end(FUSE_S) == 0
-        assert stalled
-
-
-@pytest.mark.slow
 def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
@@ -315,16 +307,6 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
         more = [stack.enter_context(closing(post(monitor, "wrong"))) for _ in range(20)]
         operator_resets(monitor)  # while the others wait for their answers
         assert more
-
-
-@pytest.mark.slow
-def test_sockets_that_say_nothing_give_way_to_a_page() -> None:
-    with ConsoleMonitor() as monitor, ExitStack() as stack:
-        silent = [stack.enter_context(page(monitor)) for _ in range(MOST_PAGES)]
-        late = stack.enter_context(page(monitor))
-        assert json.loads(late.recv(timeout=FUSE_S))["kind"] == "hello"
-        assert close_of(silent[0]).code == 1013
-        assert json.loads(silent[1].recv(timeout=FUSE_S))["kind"] == "hello"
 
 
 @pytest.mark.slow
