@@ -48,23 +48,18 @@ def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
     return found, imported, done.stderr.decode()
 
 
-def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken(tmp_path: Path) -> None:
+def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(tmp_path: Path) -> None:
     (tmp_path / "loops.py").write_text(LOOPS)
     compiled, _, first_notice = call(tmp_path)
     loaded, imported, notice = call(tmp_path)
     assert "compiling, once" in first_notice
     assert loaded == compiled
     assert (notice, imported) == ("", [])  # the compiler's modules are not imported
+    after_loading, _, notice = call(tmp_path, "late")
+    assert notice.count("compiling, once") == 1
+    assert (after_loading, [], "") == call(tmp_path, "late")
     codes = list((tmp_path / "cache").rglob("*.nbc"))
     assert codes
     for code in codes:
         code.write_bytes(code.read_bytes()[:100])
     assert call(tmp_path)[0] == compiled
-
-
-def test_a_process_that_loaded_machine_code_compiles_more(tmp_path: Path) -> None:
-    (tmp_path / "loops.py").write_text(LOOPS)
-    call(tmp_path)
-    after_loading, _, notice = call(tmp_path, "late")
-    assert notice.count("compiling, once") == 1
-    assert (after_loading, [], "") == call(tmp_path, "late")

@@ -17,9 +17,11 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from commands import cache_of_its_own
 from small_recordings import write_notebook_folder
 
 import scleraforce
+from reading_ranges import boxed
 from requirements_trace import STATED, trace_page
 from scleraforce.cli.main import COMMANDS
 
@@ -155,6 +157,7 @@ def notebook_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the inputs of the public functions' examples."""
     folder = tmp_path_factory.mktemp("notebook")
     write_notebook_folder(folder)
+    cache_of_its_own(folder / "cache")
     return folder
 
 
@@ -273,6 +276,13 @@ def test_the_readme_quotes_the_figures_of_the_page() -> None:
         stated = [right.removesuffix(" %"), error.removesuffix(" mN"), held.removesuffix(" %"), harmless]
         assert stated == [fit[group][column] for column in QUOTED], group
         assert papers.removesuffix(" %") == paper[group][QUOTED[0]], group
+
+
+def test_the_readme_has_the_ranges_of_the_bundled_reader() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert boxed(text) == text, "run `make ranges`"
+    with pytest.raises(ValueError, match="the marks"):
+        boxed("# a page\n")
 
 
 HAZARDS = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")

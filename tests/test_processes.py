@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from functools import partial
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from workers import (
@@ -21,7 +20,6 @@ from workers import (
     ends_its_process,
     fails_oddly,
     leave_a_mark_for_each,
-    named_threads,
     no_preparation,
     slowly_tripled,
     tripled,
@@ -82,7 +80,7 @@ def no_interpreter():
 @pytest.mark.usefixtures("no_interpreter")
 def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang():
     for work in (work_units, partial(work_in_order, ahead=2)):
-        with pytest.raises(SolverError, match="a worker ended"):
+        with pytest.raises(SolverError, match=r"a worker (ended|could not be started)"):
             list(work(HEAVY, range(3), 2))
         assert not multiprocessing.active_children()
 
@@ -193,35 +191,6 @@ def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> 
     start = time.monotonic()
     assert dict(work_units(slowly_tripled, [1], workers)) == {1: 3}
     assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
-
-
-@on_cluster
-def test_a_cluster_gets_a_few_of_many_units_at_a_time(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    from distributed.cfexecutor import ClientExecutor
-
-    counts = SimpleNamespace(submitted=0, most=0)
-    submit = ClientExecutor.submit
-
-    def counted(executor: ClientExecutor, *arguments: object) -> object:
-        counts.submitted += 1
-        return submit(executor, *arguments)
-
-    monkeypatch.setattr(processes_module, "LEAST_AHEAD", 2)
-    monkeypatch.setattr(processes_module, "AHEAD", 1)
-    monkeypatch.setattr(ClientExecutor, "submit", counted)
-    workers = cluster_workers(cluster.address)
-    found = {}
-    for unit, result in work_units(slowly_tripled, range(20), workers):
-        assert counts.submitted - len(found) <= max(2, workers) + 1
-        found[unit] = result
-    assert found == {unit: 3 * unit for unit in range(20)}
-
-
-@on_cluster
-def test_each_thread_of_a_worker_prepares_for_itself_and_once(cluster: Cluster) -> None:
-    found = dict(work_units(named_threads, range(40), cluster_workers(cluster.address))).values()
-    assert all(prepared == does for prepared, _, does in found)
-    assert len({preparation for _, preparation, _ in found}) == len({does for *_, does in found})
 
 
 @on_cluster

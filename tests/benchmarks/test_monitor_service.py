@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_service.figures import quantiles
 from monitor_service.monitors import Resources
-from monitor_service.scanner import Answers, Frames, Pace
+from monitor_service.scanner import Answers, Frames
 from monitor_service.soak import Sample, grown
-from scleraforce.errors import InputError
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import Status, Text
 
@@ -26,12 +24,6 @@ PARTS: dict[str, list[str]] = {
                "monitor killed", "second opinion killed"],
     "hostile": ["--connections", "100", "--at-once", "20", "--alone-s", "1"],
 }  # fmt: skip
-
-
-def test_quantiles_of_values_and_of_nothing() -> None:
-    found = quantiles(float(value) for value in range(1001))
-    assert found == {"n": 1001, "median": 500.0, "99 %": 990.0, "99.9 %": 999.0, "max": 1000.0}
-    assert quantiles([]) == {"n": 0, "median": None, "99 %": None, "99.9 %": None, "max": None}
 
 
 def test_growth_differs_from_a_level() -> None:
@@ -91,33 +83,6 @@ def test_a_part_runs_and_writes_its_figures(folder: Path, tmp_path: Path, part: 
     figures = json.loads((tmp_path / "figures.json").read_text(encoding="utf-8"))
     CHECKS[part](figures)
     assert not left_behind(str(folder)), "processes were left behind"
-
-
-class Withdrawn:
-    """A monitor that has withdrawn: it says OK to frames from the operator's reset on."""
-
-    def __init__(self, answers: Answers) -> None:
-        self.answers, self.asked = answers, 0
-
-    def reset(self) -> None:
-        self.asked += 1
-
-    def settled(self) -> None:
-        return None
-
-    def listen(self, *_: object) -> None:
-        self.answers.status = Status(1 if self.asked else 3, 0, "", "")
-
-
-def test_a_monitor_that_withdraws_while_it_warms_up_is_reset_or_it_is_a_fault() -> None:
-    pace = object.__new__(Pace)  # without a socket
-    pace.log, pace.sent = Answers(), 0
-    monitor = Withdrawn(pace.log)
-    pace.send, pace.rest = lambda: 0.0, monitor.listen  # type: ignore[method-assign]
-    with pytest.raises(InputError, match="does not say OK"):
-        pace.warm_up(3)
-    pace.warm_up(3, monitor)  # type: ignore[arg-type]
-    assert monitor.asked == 1
 
 
 def left_behind(folder: str) -> list[str]:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from monitor_sessions.declarations import DECLARATIONS
-from monitor_sessions.eyes import KINDS, draw_eye, may_meet
+from monitor_sessions.eyes import KINDS, may_meet
 from monitor_sessions.forces import moving_forces, ramp_forces
 from monitor_sessions.play import Outcome, Ramp
-from monitor_sessions.table import ramp_table, session_table
+from monitor_sessions.table import ramp_table
 from scleraforce.study import Study, parse_study, preset_toml
 
 
@@ -18,13 +18,6 @@ def cells(table: str) -> list[list[str]]:
 def test_a_readers_study_decides_which_eyes_it_meets() -> None:
     for study, met in ((Study(), ["open", "sealed"]), (parse_study(preset_toml("living")), ["living"])):
         assert [kind for kind in KINDS if may_meet(kind, study.reader)] == met
-
-
-def test_open_and_sealed_eyes_have_the_same_walls() -> None:
-    opened, sealed = (draw_eye(kind, 3, Study(), seed=0) for kind in ("open", "sealed"))
-    assert opened.eye.thickness_m == sealed.eye.thickness_m
-    assert opened.eye.polar_rad == sealed.eye.polar_rad
-    assert (opened.study.globe.kind, sealed.study.globe.kind) == ("open", "sealed")
 
 
 def test_forces_stay_below_the_highest_and_ramps_end_there() -> None:
@@ -48,15 +41,3 @@ def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_
     assert last["earlier than declared, mN"] == "6.0 / 6.0"
     assert last["causes"] == "1 `BOUND`, 1 never"
     assert last["globe"] == DECLARATIONS["unknown"]
-
-
-def test_units_add_up_and_a_session_shows_its_false_withdrawals() -> None:
-    outcome = Outcome(frames=100, ok=98, errors_n=[1e-3, -1e-3], touching=2, inside=1, withdrawn_n=[18e-3])
-    outcome.add(Outcome(frames=100, ok=100))
-    head, _, row = cells(session_table({"open": {"declared": outcome}}))
-    shown = dict(zip(head, row, strict=True))
-    assert shown["frames"] == "200"
-    assert shown["answered OK"] == "99.0 %"
-    assert (shown["withdrawals"], shown["at a true force of, mN"]) == ("1", "18.0 / 18.0 / 18.0")
-    assert shown["read off by, mN"] == "+0.00 ± 1.00"
-    assert shown["90 % intervals hold, from 1 mN on"] == "50.0 %"

@@ -7,8 +7,6 @@ from small_recordings import calibration_of_a_sealed_eye
 
 import scleraforce
 from scleraforce.calibration.result import found_words
-from scleraforce.notebook import calibrating
-from scleraforce.reader.intervals import GLOBE_TRAITS, Stretch
 from scleraforce.report.calibration_figures import draw_calibration
 
 FOUND = (
@@ -50,17 +48,3 @@ def test_a_stiffening_that_is_both_given_and_sought_is_refused(tmp_path: Path, s
     error = shell.refused("calibrate", "eye", "--study", study, "--out", tmp_path / "out.json")
     assert "tissue.stiffening: is sought in the frames" in error
     assert not (tmp_path / "out.json").exists()
-
-
-def test_stretched_intervals_are_a_table_of_80_columns(tmp_path: Path, monkeypatch, shell) -> None:
-    for eyes, noted in ((8, True), (9, False)):
-        change = Stretch(method="network", modulus="other E", globes=GLOBE_TRAITS, eyes=eyes, readings=1700,
-                         held=0.825, factor=12.345)  # fmt: skip
-        monkeypatch.setattr(calibrating, "recalibrate_intervals", lambda *_, found=change, **__: (found,))
-        out, _ = shell.run("calibrate", "any", "--intervals", "default", "--out", tmp_path / "new")
-        head, row, *others = out.splitlines()
-        assert head.split() == ["method", "modulus", "globe", "eyes", "readings", "held", "factor"]
-        assert row.split() == f"network other E open, sealed, unknown, taut {eyes} 1700 82% 12.35".split()
-        assert len(head) == len(row) <= 80
-        assert any("no interval narrows" in line for line in others) == noted
-        assert all(len(line) <= 80 for line in others[:-1])

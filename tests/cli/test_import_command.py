@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from shutil import rmtree
 
-import click
 import cv2
 import numpy as np
 import pytest
@@ -13,11 +12,9 @@ from effects import contents
 from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_dicom, write_log
 from small_recordings import write_small_recording
 
-from scleraforce.cli.import_ import import_
 from scleraforce.cli.main import run
 from scleraforce.recording import importing
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.recording.sources import ImportOptions
 
 REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
 NIFTI = ["--axes", "lateral,depth,frame"]
@@ -96,14 +93,6 @@ def test_without_a_terminal_all_missing_metadata_is_named_at_once(refused, tmp_p
         assert f"({given})" not in error
 
 
-def test_one_frame_needs_no_rate_and_one_without_forces_no_offset(imported, tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    entry, recording = imported(tmp_path / "a.png", *told("--bits", 13), "--width-mm", 10, "--depth-mm", 4)
-    assert entry["force_samples"] is None
-    assert [(frame.file, frame.time_s) for frame in recording.frames] == [("a.png", 0.0)]
-    assert recording.info.force is None
-
-
 def test_precedence_is_options_then_the_file_then_another_recording(imported, tiff, tmp_path: Path) -> None:
     first, _ = imported(tiff, *told("--bits", 16), "--width-mm", 9, "--depth-mm", 8)
     assert (first["width_mm"], first["values"]["width_mm"]) == (9.0, "option")
@@ -152,19 +141,6 @@ def test_the_columns_of_a_log_are_given_once(imported, refused, tiff, tmp_path: 
     for out, options in (("r", [*told("--bits", 16), *columns]), ("s", ["--like", tmp_path / "r", "--eye", "b"])):
         _, recording = imported(*sources, *options, out=out)
         assert recording.forces.force_n("fz")[100] == pytest.approx(-0.1e-3)
-
-
-def test_floats_are_scaled_with_a_note(tmp_path: Path, shell) -> None:
-    frames = FRAMES.astype(np.float32) - 700.0
-    frames[0, 0, 0] = np.nan
-    np.save(tmp_path / "a.npy", frames)
-    size = ["--width-mm", 10, "--depth-mm", 4, "--rate-hz", 5, "--axes", "frame,depth,lateral"]
-    said = shell.text("import", tmp_path / "a.npy", "--out", tmp_path / "r", *told(*size))
-    assert f"pixels of -699 to {FRAMES.max() - 700} became counts of 0 to 65535" in said
-    assert "1 pixels are not finite numbers; they became 0" in said
-    recording = read_recording(tmp_path / "r")
-    assert int(recording.frame(recording.frames[-1]).max()) == 65535
-    assert recording.info.oct.bits == 16
 
 
 def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> None:
@@ -246,12 +222,6 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(import
     assert "(--clock-offset-s)" in refused(bag, *told(*size, "--rate-hz", 4))  # other clocks then
 
 
-def test_every_question_is_an_option_and_every_option_an_answer() -> None:
-    names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
-    fields = set(ImportOptions.__dataclass_fields__)
-    assert set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "json", "quiet"}
-
-
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no ../shared/recordings")
 def test_frames_of_a_real_recording_come_back_from_every_format(imported, tmp_path: Path, shell) -> None:
@@ -280,13 +250,3 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(imported,
     entry, _ = imported(tmp_path / "a.dcm", *told("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
     assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
-
-
-def test_a_change_of_the_pixels_is_in_import_json_and_printed(tmp_path: Path, shell) -> None:
-    write_dicom(tmp_path / "a.dcm", 65535 - FRAMES, RescaleSlope=-1.0, FrameTime=100.0, PixelSpacing=[0.004, 0.015])
-    printed = shell.text("import", tmp_path / "a.dcm", "--out", tmp_path / "r", *told("--bits", 16))
-    assert "note:" in printed
-    assert "RescaleSlope -1" in printed
-    assert "RescaleSlope -1" in " ".join(json.loads((tmp_path / "r" / "import.json").read_text())["notes"])
-    recording = read_recording(tmp_path / "r")
-    np.testing.assert_array_equal(recording.frame(recording.frames[3]), FRAMES[3])

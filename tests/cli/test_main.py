@@ -20,7 +20,7 @@ from small_recordings import looked_at_frames
 
 from scleraforce.cli import main as entry
 from scleraforce.cli.main import cli, run
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json
 from scleraforce.errors import SolverError, StudyError
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
@@ -114,11 +114,6 @@ def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
     }  # fmt: skip
 
 
-def test_progress_is_silent_unless_standard_error_is_a_terminal(capsys) -> None:
-    assert list(progress_bar(range(3), "working")) == [0, 1, 2]
-    assert capsys.readouterr() == ("", "")
-
-
 def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
     # A command that blocks: the test's own `wait`, installed in the child before the entry point runs. As zarr does, it
     # leaves a task in a loop of asyncio, which says so when it is destroyed.
@@ -203,14 +198,3 @@ def test_jupyters_backend_does_not_reach_a_command_that_draws(place: Path) -> No
     size = ["--width-mm", "10", "--depth-mm", "4"]
     done = in_jupyter(place, *SCLERAFORCE, "import", "a.png", "--out", "i", *told("--bits", 13), *size)
     assert (done.returncode, "internal fault" in done.stderr) == (0, False), done.stderr
-
-
-def test_the_backend_of_a_notebook_is_unchanged(place: Path) -> None:
-    lines = [
-        "import os, scleraforce as sf, scleraforce.cli.main",
-        "model, frame = sf.load_model('default'), 'r/frames/0001.png'",
-        "sf.read(model, frame)",
-        f"assert os.environ['MPLBACKEND'] == {BACKEND!r}",
-    ]
-    done = in_jupyter(place, sys.executable, "-c", "\n".join(lines))
-    assert done.returncode == 0, done.stderr

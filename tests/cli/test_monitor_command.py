@@ -17,9 +17,7 @@ from small_models import fixed_study
 from small_monitor import FUSE_S, Peer, wait_until
 
 from scleraforce.cli.main import run
-from scleraforce.cli.monitor import globe_words
 from scleraforce.errors import InputError
-from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
 from scleraforce.recording.folder import read_recording
@@ -274,22 +272,3 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
         expects_opinion=True,
     )
     assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
-
-
-CALIBRATED = KnownGlobe(
-    kind="unknown", lowest=0.0, highest=UNKNOWN.highest, mean=REFERENCE_RIGIDITY, sd=0.02 * REFERENCE_RIGIDITY,
-    calibrated=True,
-)  # fmt: skip
-
-
-def test_a_globe_is_described_with_its_rigidities_or_the_cost_of_not_knowing_it() -> None:
-    for globe, words in (
-        (None, "unknown: give --globe; intervals are wider and withdrawals come earlier"),
-        (OPEN, "open"),
-        (SEALED, "sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl"),
-        (known_globe("sealed", REFERENCE_RIGIDITY), "sealed, k between 0.026 and 0.034 mmHg^(1/3)/µl"),
-        (CALIBRATED, "open or sealed, k between 0.029 and 0.031 mmHg^(1/3)/µl (calibrated)"),
-    ):
-        assert globe_words(Known(globe=globe), reads_force=True) == words
-    words = globe_words(Known(globe=SEALED), reads_force=False)
-    assert words.startswith("taken for open: a classifier knows no other")

@@ -194,22 +194,6 @@ def test_a_frame_that_contradicts_its_recording_is_refused(read, frame) -> None:
     assert "100 x 120 pixels (rows x columns); recording.toml says 512 x 512" in read(frame, code=2)["error"]
 
 
-def test_the_text_has_the_inputs_and_their_limits_within_80_columns(model, frame, shell) -> None:
-    lines = shell.run("read", model, frame, "--gap-mm", "0.5")[0].splitlines()
-    text = " ".join(" ".join(lines).split())
-    assert "15 x 4 mm (recording.toml), refractive index 1 (recording.toml); modulus unknown, IOP 2.025 mmHg" in text
-    assert "gap 0.5 mm (option), polar angle 34.38° (recording.toml)" in text
-    assert f"{frame.parents[1]}: tilt of the B-scan 11.46 °, the model was trained on -5 to 5 °" in text
-    assert max(len(line) for line in lines if str(frame.parents[1]) not in line) <= 80
-
-
-def test_a_transposed_frame_is_read_as_the_upright_one(read, loose, pixels, tmp_path) -> None:
-    cv2.imwrite(str(tmp_path / "turned.png"), pixels.T)
-    upright, turned = read(loose, *SIZE), read(tmp_path / "turned.png", *SIZE, "--transpose")
-    for key in ("predicted_force_mn", "contact_mm"):
-        assert turned[key] == upright[key]
-
-
 def test_bad_files_are_reported_and_the_others_are_answered(model, frame, tmp_path, shell) -> None:
     cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
     empty, missing = tmp_path / "empty.png", tmp_path / ("x" * 300)
@@ -227,14 +211,6 @@ def test_bad_files_are_reported_and_the_others_are_answered(model, frame, tmp_pa
         f"error: {missing}: File name too long",
         f"error: {tmp_path / 'pipe.png'}: a named pipe; give a regular file",
     ]
-
-
-def test_a_missing_frame_or_a_folder_is_an_error_before_the_model_is_loaded(model, frame, monkeypatch, shell) -> None:
-    folder = frame.parents[1]
-    monkeypatch.setattr(sf, "load_model", lambda *_, **__: pytest.fail("the model was loaded"))
-    assert shell.refused("read", model, "gone.png") == "error: gone.png: No such file or directory\n"
-    refused = shell.refused("read", model, folder)
-    assert f"a folder; `scleraforce evaluate {model} {folder}` reads a recording" in refused
 
 
 OCT = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment" / "107.jpg"

@@ -100,13 +100,6 @@ def test_frames_on_which_nothing_can_be_measured_are_refused(frames, tmp_path: P
         assert words in refused(*before, picture(tmp_path, counts), *SCALE)
 
 
-def test_a_display_that_the_wall_does_not_show_is_assumed_with_a_note(tmp_path: Path, shell) -> None:
-    out, frame = tmp_path / "study.toml", picture(tmp_path, drawn_counts(7110, attenuation_per_m=20.0))
-    text = shell.text("scanner", frame, *SCALE, "--out", out)
-    assert "note: the display is assumed to be logarithmic: the wall's light is too even" in text
-    assert "taken for granted" in out.read_text()
-
-
 @pytest.mark.slow
 def test_phantom_draws_frames_of_the_measured_scanner(frames, scanner, tmp_path: Path, shell) -> None:
     """A recording that the written study draws is measured again: the same display, resolution and attenuation."""

@@ -9,8 +9,6 @@ import pytest
 import tifffile
 from small_recordings import looked_at_frames
 
-from scleraforce.cli.frames import _wall_line
-
 SIZE = ["--width-mm", 15, "--depth-mm", 4, "--refractive-index", 1]
 
 
@@ -111,12 +109,6 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(frame, loose, tmp_path
     assert "depth" not in note
 
 
-def test_options_take_precedence_over_the_recording(frame, tmp_path: Path, shell) -> None:
-    (stated,) = shell.json("segment", frame, "--out", tmp_path / "a")["frames"]
-    (given,) = shell.json("segment", frame, "--out", tmp_path / "b", "--refractive-index", 1.38)["frames"]
-    assert given["thickness_um"] == pytest.approx(stated["thickness_um"] / 1.38, rel=0.06)
-
-
 def test_bad_files_are_reported_and_the_others_are_segmented(frame, tmp_path: Path, shell) -> None:
     empty, tiny, long = tmp_path / "empty.png", tmp_path / "tiny.png", tmp_path / ("x" * 300)
     empty.write_bytes(b"")
@@ -136,11 +128,6 @@ def test_bad_files_are_reported_and_the_others_are_segmented(frame, tmp_path: Pa
     assert "at least 16 x 16" in said[2]
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
     assert "recording.toml" in shell.refused("segment", tmp_path, "--out", tmp_path / "out")
-
-
-def test_an_inner_boundary_that_is_not_seen_is_reported() -> None:
-    entry = {"file": "a.png", "usable": True, "inner_found": False, "thickness_um": None}
-    assert _wall_line(entry) == "a.png: inner boundary not seen; the mask ends 1 mm below the surface"
 
 
 def test_a_change_of_the_pixels_is_a_note(frame, loose, tmp_path: Path, shell) -> None:

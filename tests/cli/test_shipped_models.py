@@ -9,8 +9,6 @@ import cv2
 import pytest
 from analytic_frames import image, recording_toml, tip_of, wall_section
 
-import scleraforce as sf
-from scleraforce.errors import ModelError
 from scleraforce.models import SHIPPED_READER
 
 NOT_FOR_A_FRAME = (
@@ -55,11 +53,6 @@ def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, shell
         refused = shell.refused(*arguments)
         assert refused.startswith(f"error: defualt: no such folder, and not a bundled model {bundled}")
         assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]
-
-
-def test_a_bundled_model_of_another_kind_is_refused() -> None:
-    with pytest.raises(ModelError, match="found 'wall-finder', classifier, reader or raw-reader is needed here"):
-        sf.load_model("wall-finder")
 
 
 def test_reading_a_frame_imports_nothing_that_it_does_not_need(frame: Path) -> None:

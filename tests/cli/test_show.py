@@ -110,21 +110,6 @@ def test_each_thing_is_drawn(tmp_path: Path, shell) -> None:
         assert plot.read_bytes().startswith(BEGINS[ending])
 
 
-def test_a_thing_with_the_name_of_a_bundled_model_takes_precedence(things, tmp_path: Path, monkeypatch, shell) -> None:
-    monkeypatch.chdir(tmp_path)
-    copytree(things / "eye", "default")
-    assert shell.text("show", "default").startswith("default: recording")
-
-
-def test_the_subject_of_a_trainings_figures_precedes_them(shell) -> None:
-    subjects = {"default": "the network alone", "paper": "simulated slices", "wall-finder": "drawn scenes"}
-    for model, words in subjects.items():
-        text = shell.text("show", model)
-        said = text.index("figures below are of")
-        assert words in text[said : said + 60]
-        assert said < min(text.find(name) % len(text) for name in ("mean error", "validation accuracy", "overlap"))
-
-
 def test_the_frames_of_a_recording_have_their_forces_unless_the_log_lacks_their_time(things, tmp_path, shell) -> None:
     frames = shell.json("show", things / "eye")["frames"]
     assert [frame["file"] for frame in frames] == [f"{n:04d}.png" for n in range(40)]
@@ -197,14 +182,6 @@ def test_a_whole_record_that_is_not_a_decision_is_named_with_its_place(tmp_path:
         log.append({"kind": "entry", **more})
         log.close()
         assert "decisions-000001.jsonl: byte" in shell.refused("show", tmp_path / name)
-
-
-def test_the_curves_of_a_training_are_drawn_as_far_as_they_are_numbers(things: Path, tmp_path: Path, shell) -> None:
-    copytree(things / "reader", tmp_path / "reader")
-    file = tmp_path / "reader" / "model.json"
-    record = json.loads(file.read_text()) | {"curves": {"training_loss": [2, 1.5], "validation_loss": ["a"], "b": 3}}
-    file.write_text(json.dumps(record))
-    shell.run("show", tmp_path / "reader", "--plot", tmp_path / "curves.svg")
 
 
 @pytest.mark.slow

@@ -172,14 +172,6 @@ def test_the_table_names_the_keys_that_a_command_does_not_read(
     assert every - read - ELSEWHERE == set(UNUSED[command, mechanics])
 
 
-def test_commands_of_several_steps_refuse_the_keys_of_each_step() -> None:
-    movement = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")  # the paper's trials have none
-    assert UNUSED["reproduce", None] == (*UNUSED["generate", "linear"], *movement)
-    assert set(UNUSED["phantom", "linear"]) < set(UNUSED["reproduce", None])
-    assert UNUSED["train --kind reader", None] == UNUSED["library", None]
-    assert UNUSED["train --kind raw-reader", None] == (*UNUSED["library", None], *movement, "phantom.needle_count")
-
-
 ARGUMENTS = {
     "simulate": "--thickness-um 500 --force-mn 10",
     "phantom": "--out OUT",

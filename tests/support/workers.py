@@ -4,13 +4,11 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
-from uuid import uuid4
 
 import pytest
 
@@ -78,13 +76,6 @@ def leave_a_mark_for_each(folder: Path):
     return work
 
 
-def leave_a_mark_or_fail(path: Path) -> None:
-    """Make a file; end with code 3 where it would be named `fails`."""
-    if path.name == "fails":
-        os._exit(3)
-    path.touch()
-
-
 def leave_a_mark_or_wait(path: Path) -> None:
     """Make a file, and then wait for an hour where it is named `waits`."""
     path.touch()
@@ -136,13 +127,6 @@ def slowly_tripled():
 def ends_its_process():
     """Work that no process survives."""
     return os._exit
-
-
-def named_threads():
-    """Return work that reports process and thread of its preparation, the preparation, and its own ones."""
-    prepared = os.getpid(), threading.get_ident()
-    preparation = uuid4().hex
-    return lambda _unit: (prepared, preparation, (os.getpid(), threading.get_ident()))
 
 
 def waits_for_ever(folder: Path):
