@@ -11,10 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scleraforce.monitor.decision import Decision, decide
-from scleraforce.monitor.events import FrameRead, Verdict
+from scleraforce.monitor.events import FrameRead, State, Verdict
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.state import MonitorState
-from scleraforce.monitor.transitions import State
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 
 RATE_HZ, SECONDS = 100.0, 3.5

@@ -14,6 +14,8 @@ from hypothesis import given, settings, strategies as st
 from scleraforce.errors import InputError
 from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import (
+    TRANSITIONS,
+    Cause,
     Fault,
     FrameRead,
     MonitorEvent,
@@ -21,13 +23,15 @@ from scleraforce.monitor.events import (
     QueueLoss,
     Reset,
     SecondOpinion,
+    Signal,
+    State,
     Tick,
     Verdict,
+    transition_diagram,
 )
 from scleraforce.monitor.limits import MonitorLimits, of_scale
 from scleraforce.monitor.rate import risen_force
 from scleraforce.monitor.state import MonitorState
-from scleraforce.monitor.transitions import TRANSITIONS, Cause, Signal, State, transition_diagram
 
 LIMITS = MonitorLimits()
 NAN = float("nan")

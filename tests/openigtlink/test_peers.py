@@ -13,9 +13,8 @@ from small_monitor import COLUMNS, FUSE_S, ROWS, SCALE_M, Peer, frame_of, servin
 from small_recordings import write_small_recording
 
 from scleraforce.recording.folder import read_recording
-from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import Player
-from scleraforce.replay.scanner_client import ScannerClient
+from scleraforce.replay.scanner_client import AnswerLog, ScannerClient
 
 HEADERS = Path("/usr/include/openigtlink")
 EXAMPLES = Path("/usr/share/doc/openigtlink-examples/examples")

@@ -17,9 +17,8 @@ from scleraforce.errors import FrameError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status
 from scleraforce.recording.folder import read_recording
 from scleraforce.replay import player as module
-from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import STATED_S, Player
-from scleraforce.replay.scanner_client import ScannerClient
+from scleraforce.replay.scanner_client import AnswerLog, ScannerClient
 from scleraforce.service.scanner_image import FrameAssembler
 
 

@@ -13,15 +13,14 @@ from small_recordings import write_small_recording
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import faults, player, scanner_client
-from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject, prepare
 from scleraforce.replay.player import Player
-from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
+from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Session
 

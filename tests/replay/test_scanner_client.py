@@ -12,8 +12,7 @@ from fake_monitor import FakeMonitor, fake_monitor
 from scleraforce.errors import LinkError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
 from scleraforce.recording.folder import OctInfo
-from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.scanner_client import ScannerClient, frame_message
+from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, frame_message
 
 FUSE_S = 300.0  # nothing takes so long: what has not come by then never will
 OCT = OctInfo(columns=32, rows=24, bits=12, width_m=8e-3, depth_m=3e-3)

@@ -13,7 +13,7 @@ import pytest
 from fake_monitor import OK, fake_monitor
 from fastcrc.crc64 import ecma_182
 
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"

@@ -32,7 +32,7 @@ from small_monitor import (
     wait_until,
 )
 
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.messages import (

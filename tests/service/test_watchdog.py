@@ -15,7 +15,7 @@ from small_monitor import Peer, small_monitor
 
 import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.openigtlink.wire import VERSIONS
 from scleraforce.service.watchdog import (

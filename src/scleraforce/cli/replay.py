@@ -16,9 +16,9 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.recording.folder import Recording
     from scleraforce.recording.tables import FrameEntry
-    from scleraforce.replay.answer_log import AnswerLog, Change
     from scleraforce.replay.faults import FaultReport
     from scleraforce.replay.player import Player
+    from scleraforce.replay.scanner_client import AnswerLog, Change, ScannerClient
 
 LIVE_S = 0.1  # between two renewals of the live line
 
@@ -75,10 +75,8 @@ def replay(
     import numpy as np
 
     from scleraforce.recording.folder import read_recording
-    from scleraforce.replay.answer_log import AnswerLog
     from scleraforce.replay.faults import draw_fault_time, inject, prepare
     from scleraforce.replay.player import AHEAD, Player
-    from scleraforce.replay.scanner_client import ScannerClient
 
     if step and (fault or speed):
         raise click.UsageError("--step goes with neither --speed nor --fault")

@@ -5,6 +5,8 @@ from math import isfinite
 from typing import assert_never
 
 from scleraforce.monitor.events import (
+    TRANSITIONS,
+    Cause,
     Fault,
     FrameRead,
     MonitorEvent,
@@ -12,13 +14,14 @@ from scleraforce.monitor.events import (
     QueueLoss,
     Reset,
     SecondOpinion,
+    Signal,
+    State,
     Tick,
     Verdict,
 )
 from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.rate import risen_force
 from scleraforce.monitor.state import MonitorState, remember
-from scleraforce.monitor.transitions import TRANSITIONS, Cause, Signal, State
 from scleraforce.units import from_si
 
 

@@ -4,8 +4,7 @@ from dataclasses import dataclass, fields
 from math import isfinite
 
 from scleraforce.errors import InputError
-from scleraforce.monitor.events import FrameRead, Verdict
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause, FrameRead, Verdict
 from scleraforce.units import from_si
 
 LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1

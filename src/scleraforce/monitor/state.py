@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, SecondOpinion
+from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
 from scleraforce.monitor.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
 from scleraforce.monitor.rate import NOISE_WINDOWS
-from scleraforce.monitor.transitions import Cause, State
 
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink.wire import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels

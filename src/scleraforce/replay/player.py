@@ -14,8 +14,7 @@ import numpy as np
 from scleraforce.openigtlink import Sensor
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
-from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
+from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
 
 FORCE_DEVICE = "RobotForce"
 UNIT = 0  # of the protocol: not stated, because one message holds forces and torques

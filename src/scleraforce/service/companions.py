@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import MessageError
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.service import messages, watchdog

@@ -16,8 +16,7 @@ from scleraforce import __version__
 from scleraforce.errors import MessageError
 from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.events import Verdict
-from scleraforce.monitor.transitions import State
+from scleraforce.monitor.events import State, Verdict
 from scleraforce.plain_json import finite
 from scleraforce.recording.folder import ForceInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale

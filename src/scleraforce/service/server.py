@@ -9,8 +9,7 @@ from itertools import count
 from select import select
 
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.events import Fault, MonitorEvent, Reset, SecondOpinion, Tick
-from scleraforce.monitor.transitions import Cause
+from scleraforce.monitor.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
 from scleraforce.service import messages
 from scleraforce.service.clients import (

@@ -8,9 +8,8 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.events import Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.limits import of_scale
-from scleraforce.monitor.transitions import Cause
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.messages import Entry
