@@ -73,16 +73,6 @@ class WithdrawsAfter:
         return self.status if self.left == 0 and counts else None
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_burned_in_clock_sends_one_picture_of_which_a_corner_changes(recording, seed: int) -> None:
-    monitor, report = injected(recording, "burned-in-clock", 2, WithdrawsAfter(5, 105), seed)
-    last, *burned_in = [event.message.pixels[0] for event in images(monitor)[29:35]]
-    for before, after in pairwise(burned_in):
-        assert 1 <= np.count_nonzero(before != after) <= 4
-        assert np.array_equal(after[1:], last[1:])
-    assert report.expected
-
-
 @pytest.fixture(scope="module")
 def speckled(tmp_path_factory) -> Recording:
     """A second of frames, each with its own noise."""
@@ -177,13 +167,6 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, na
     assert len(images(monitor)) == 30
     assert (report.code, report.cause) == (3, "SILENCE")
     assert report.expected is (name == "disconnect")
-
-
-def test_half_a_frame_or_silence_is_followed_by_nothing(recording) -> None:
-    for name in ("half", "silence"):
-        monitor, report = injected(recording, name, 2)
-        assert len(images(monitor)) == 30
-        assert report.delay_s is None  # the connection stays: this monitor sees nothing
 
 
 def test_a_monitor_that_falls_silent_is_a_withdrawal_by_the_robots_rule(recording) -> None:

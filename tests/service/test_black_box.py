@@ -236,20 +236,6 @@ def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tm
     assert "fewer than 20 samples" in monitor.notes()[-1]
 
 
-def test_a_force_log_that_begins_late_labels_the_frames_that_it_covers(tmp_path):
-    monitor = Monitor(tmp_path)
-    for number in range(200):
-        if number > 100:
-            monitor.force([0.001])
-        monitor.decide()
-    monitor.decide("WITHDRAW")
-    monitor.keep_and_end()
-    trials = label_frames(read_recording(monitor.withdrawals()[0]), ClassesStudy())
-    labelled = [trial.measured_force_n is not None for trial in trials]
-    assert 80 < sum(labelled) < 110
-    assert not any(labelled[:90])
-
-
 def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()

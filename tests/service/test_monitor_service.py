@@ -121,40 +121,31 @@ def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() 
         assert "\n" not in str(refused.value)
 
 
-def refusal(black_box: Path, record: Path | None = None) -> str:
-    with pytest.raises(InputError) as refused:
-        try_folders(black_box, record)
-    assert "\n" not in str(refused.value)
-    return str(refused.value)
-
-
-def test_folders_that_can_be_written_are_left_as_the_black_box_finds_them(tmp_path: Path) -> None:
-    for _ in range(2):
-        try_folders(tmp_path / "a" / "box", tmp_path / "b" / "session")
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "box", "decisions-000001.jsonl", "log"]
-
-
-def test_a_black_box_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("mine")
-    for box, words in ((tmp_path / "file" / "box", "Not a directory"), (tmp_path / ("x" * 300), "File name too long"),
-                       (Path("/proc/box"), "/proc/box")):  # fmt: skip
-        assert words in refusal(box)
-    assert (tmp_path / "file").read_text() == "mine"
-
-
-def test_a_recording_that_could_not_be_made_is_refused_before_anything_is(tmp_path: Path) -> None:
-    box = tmp_path / "box"
+def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is_made(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    assert "exists already" in refusal(box, tmp_path / "there")
-    assert "exists already" in refusal(box, tmp_path / "link")
-    assert "Not a directory" in refusal(box, tmp_path / "file" / "session")
-    assert "File name too long" in refusal(box, tmp_path / ("x" * 300))
-    assert "--record /proc/session" in refusal(box, Path("/proc/session"))
-    assert "the folder of the black box is there" in refusal(box, box)
-    assert "the folder of the black box is there" in refusal(box / "inside", box)
+    box, within, long = tmp_path / "box", tmp_path / "file" / "inside", tmp_path / ("x" * 300)
+    for black_box, record, words in (
+        (within, None, "Not a directory"),
+        (long, None, "File name too long"),
+        (Path("/proc/box"), None, "/proc/box"),
+        (box, tmp_path / "there", "exists already"),
+        (box, tmp_path / "link", "exists already"),
+        (box, within, "Not a directory"),
+        (box, long, "File name too long"),
+        (box, Path("/proc/session"), "--record /proc/session"),
+        (box, box, "the folder of the black box is there"),
+        (box / "inside", box, "the folder of the black box is there"),
+    ):
+        with pytest.raises(InputError, match=words) as refused:
+            try_folders(black_box, record)
+        assert "\n" not in str(refused.value)
+    assert (tmp_path / "file").read_text() == "mine"
     assert not box.exists()
+    for _ in range(2):
+        try_folders(box, tmp_path / "session")
+    assert sorted(path.name for path in box.rglob("*")) == ["decisions-000001.jsonl", "log"]
 
 
 def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(monkeypatch) -> None:

@@ -38,16 +38,8 @@ def serve(channel: Channel, settings: OpinionSettings) -> None:
         if pixels is not None:
             answer = reader.read(pixels, settings.scale, settings.known)
             channel.send(OpinionGiven(order=asked.order, verdict=answer.verdict))
-        sleep(rest_s(monotonic() - begun_s))
-
-
-def rest_s(took_s: float) -> float:
-    """Return how long to rest after a reading: at least as long as it took.
-
-    >>> [round(rest_s(took_s), 3) for took_s in (0.005, 0.03)]
-    [0.015, 0.03]
-    """
-    return max(LEAST_S - took_s, took_s)
+        took_s = monotonic() - begun_s
+        sleep(max(LEAST_S - took_s, took_s))
 
 
 if __name__ == "__main__":

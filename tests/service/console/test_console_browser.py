@@ -256,20 +256,14 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
     assert found.complaints == []
 
 
-def test_a_reset_that_the_monitor_does_not_answer_says_so(shown: Any) -> None:
-    monitor, found = shown
-    with repeating(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
-        found.page.locator("#ask").click()
-        found.page.keyboard.type(TOKEN)
-        found.page.keyboard.press("Enter")
-        found.shows(refusal="Refused: the monitor does not answer")
-
-
-def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
+def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
     with ConsoleMonitor() as monitor:
         found = opened(monitor.address)
         with repeating(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
             found.page.locator("#ask").click()
+            found.page.keyboard.type(TOKEN)
+            found.page.keyboard.press("Enter")
+            found.shows(refusal="Refused: the monitor does not answer")
             expect(found.page.locator("#dialog")).to_be_visible()
     found.shows(word="NO ANSWER")
     expect(found.page.locator("#dialog")).to_be_hidden()
