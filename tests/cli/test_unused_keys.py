@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from analytic_library import analytic_library
 
-from scleraforce.calibration.assimilation import eye_model
+from scleraforce.calibration.assimilation import begin
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
 from scleraforce.learning.dataset import draft_plan, plan_dataset
@@ -105,11 +105,11 @@ def generate(study: Study) -> None:
 
 
 def calibrate_linear(study: Study) -> None:
-    eye_model(study, STATED, None).curves([STATE])
+    begin(study, STATED, None).filter.model.curves([STATE])
 
 
 def calibrate(study: Study) -> None:
-    eye_model(study, STATED, analytic_library().for_stiffening(study.tissue.stiffening)).curves([STATE])
+    begin(study, STATED, analytic_library().for_stiffening(study.tissue.stiffening)).filter.model.curves([STATE])
 
 
 def library(study: Study) -> None:

@@ -15,36 +15,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.calibration import registration, roukf
 from scleraforce.calibration.eye_model import EyeConstants, Parameter, ParameterSpace, known_of_constants, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye, without_form
 from scleraforce.calibration.linear_eye import linear_eye
-from scleraforce.calibration.registration import (
-    BY_INNER,
-    BY_LATERAL,
-    BY_POLAR,
-    LOG_MODULUS,
-    EyeModel,
-    PoseBelief,
-    Registered,
-    first_belief,
-    force_derivative,
-    frame_prior,
-    parameter_sections,
-    place_section,
-    polar_derivative,
-    predict_frame,
-    register,
-    updated_belief,
-)
-from scleraforce.calibration.roukf import (
-    FilterParams,
-    Posterior,
-    StepResult,
-    filter_step,
-    initial_posterior,
-    sigma_points,
-)
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
 from scleraforce.library.placement import Places, curve_depths
@@ -67,9 +42,9 @@ SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the colum
 class EyeFilter:
     """The constant part: the eye, its uncertain parameters, the settings of the filter."""
 
-    model: EyeModel
+    model: registration.EyeModel
     space: ParameterSpace
-    params: FilterParams
+    params: roukf.FilterParams
     study: CalibrationStudy
 
 
@@ -77,8 +52,8 @@ class EyeFilter:
 class EyeState:
     """The state after some frames; `sensitivity` (parameter, 4) of the estimate to the `SHARED` values of frames."""
 
-    posterior: Posterior
-    belief: PoseBelief
+    posterior: roukf.Posterior
+    belief: registration.PoseBelief
     sensitivity: Array
     zero_covariance: Array
 
@@ -89,9 +64,9 @@ class FrameStep:
 
     state: EyeState
     force_n: float
-    registered: Registered
+    registered: registration.Registered
     observation: Observation
-    result: StepResult
+    result: roukf.StepResult
 
 
 @dataclass(frozen=True)
@@ -101,7 +76,9 @@ class Skipped:
     reason: str
 
 
-def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
+def eye_filter(
+    model: registration.EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)
+) -> EyeFilter:
     """Set up the filter of an eye for parameters named as on the command line; a rigidity is added by itself."""
     if not parameters or set(parameters) - set(PARAMETERS) or len(set(parameters)) < len(parameters):
         raise ValueError(f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once")
@@ -116,8 +93,8 @@ def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, 
     globe = model.constants.globe
     if globe.can_be_sealed:
         unknown.append(Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True))
-    params = FilterParams(
-        sigma_points(study.sigma_points, len(unknown)), study.iterations, gate=study.gate_sd, inflate=True
+    params = roukf.FilterParams(
+        roukf.sigma_points(study.sigma_points, len(unknown)), study.iterations, gate=study.gate_sd, inflate=True
     )
     return EyeFilter(model, ParameterSpace(tuple(unknown)), params, study)
 
@@ -180,18 +157,20 @@ def assimilate(
     eye, state = session.filter, session.state
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
-    prior = frame_prior(state.belief, eye.study)
+    prior = registration.frame_prior(state.belief, eye.study)
     median_pa = float(eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])])
     modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
-    fit = register(eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state))
-    observation = observe_points(boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
+    fit = registration.register(eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state))
+    observation = observe_points(
+        boundaries, eye.study.points, float(fit.nuisance[registration.BY_LATERAL]), eye.study.span_m
+    )
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
-    placed = predict_frame(*at)
+    placed = registration.predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
-    by_force, by_polar = force_derivative(*at), polar_derivative(*at)
-    by_nuisance = placed.jacobian[:, :LOG_MODULUS]
+    by_force, by_polar = registration.force_derivative(*at), registration.polar_derivative(*at)
+    by_nuisance = placed.jacobian[:, : registration.LOG_MODULUS]
     expected = by_nuisance @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
@@ -204,7 +183,7 @@ def assimilate(
         + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
     start = _start(eye, state, fit)
-    result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
+    result = roukf.filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
     stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
     values = eye.space.values(result.posterior.mean).tolist()
     outside = eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
@@ -215,7 +194,7 @@ def assimilate(
         # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`: point, shared).
         g = np.stack([by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1)
         sensitivity = result.contraction @ sensitivity + result.gain @ g
-    belief = updated_belief(state.belief, prior, fit)
+    belief = registration.updated_belief(state.belief, prior, fit)
     after = EyeState(result.posterior, belief, sensitivity, session.zero_covariance)
     return FrameStep(after, force_n, fit, observation, result)
 
@@ -232,7 +211,7 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
     return depth
 
 
-def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
+def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Array | None:
     """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
@@ -254,9 +233,11 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
-        curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[BY_POLAR]))
-        placed = place_section(curves, nuisance)
-        inner = nuisance[BY_INNER] * places.is_inner
+        curves = registration.parameter_sections(
+            eye.model, eye.space.names, values[sound], force_n, float(nuisance[registration.BY_POLAR])
+        )
+        placed = registration.place_section(curves, nuisance)
+        inner = nuisance[registration.BY_INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
     return depths
 
@@ -296,15 +277,6 @@ class EyeSession:
         return self.state.posterior.updates
 
 
-def eye_model(
-    study: Study, constants: EyeConstants, library: Library | None, thickness_uncertain: bool = False
-) -> EyeModel:
-    """Return the model of an eye, with a library of finite strain, otherwise linear; raises `CalibrationError`."""
-    if library is None:
-        return linear_eye(study, constants, thickness_uncertain)
-    return library_eye(study, constants, library)
-
-
 def begin(
     study: Study,
     constants: EyeConstants,
@@ -312,18 +284,26 @@ def begin(
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Array = ZERO_PRIOR,
 ) -> EyeSession:
-    """Return an eye before its first frame; raises `CalibrationError` as `eye_model`."""
-    model = eye_model(study, constants, library, "thickness" in parameters)
+    """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`."""
+    if library is None:
+        model: registration.EyeModel = linear_eye(study, constants, "thickness" in parameters)
+    else:
+        model = library_eye(study, constants, library)
     return begin_with(model, study.calibration, parameters, zero_covariance)
 
 
 def begin_with(
-    model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",), zero_covariance: Array = ZERO_PRIOR
+    model: registration.EyeModel,
+    study: CalibrationStudy,
+    parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Array = ZERO_PRIOR,
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
     sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
-    state = EyeState(initial_posterior(*eye.space.prior()), first_belief(model), sensitivity, ZERO_PRIOR)
+    state = EyeState(
+        roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model), sensitivity, ZERO_PRIOR
+    )
     return EyeSession(eye, state, zero_covariance)
 
 
@@ -336,9 +316,11 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
         found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(session, state=state if isinstance(found, Skipped) else found.state, last=found)
     if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
-        prior = frame_prior(state.belief, eye.study)
-        fit = register(eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior, rigidity_after(eye, state))
-        state = replace(state, belief=updated_belief(state.belief, prior, fit))
+        prior = registration.frame_prior(state.belief, eye.study)
+        fit = registration.register(
+            eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior, rigidity_after(eye, state)
+        )
+        state = replace(state, belief=registration.updated_belief(state.belief, prior, fit))
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))
 

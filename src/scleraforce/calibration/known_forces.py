@@ -405,8 +405,12 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
 
     for stiffening in library.stiffenings.tolist():
         attempt(stiffening)
-        if stiffening in tried and _is_enough(tried):
-            break
+        if stiffening in tried:
+            losses, trials = _losses(tried), list(tried.values())
+            best = trials[int(losses.argmin())]
+            explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
+            if explained and losses.min() + ENOUGH < float(losses[-1]) < inf:
+                break
     if not tried:
         return None
     for _ in range(REFINEMENTS):
@@ -414,16 +418,8 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
         if between is None:
             break
         attempt(between)
-    best, trial = list(tried.items())[int(_losses(tried).argmin())]
-    return best, trial.found
-
-
-def _is_enough(tried: Mapping[float, TissueTrial[Trial]]) -> bool:
-    """Return True if an earlier stiffening explains the frames, and the last one much worse."""
-    losses = _losses(tried)
-    best = list(tried.values())[int(losses.argmin())]
-    explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
-    return explained and losses.min() + ENOUGH < float(losses[-1]) < inf
+    stiffening, trial = list(tried.items())[int(_losses(tried).argmin())]
+    return stiffening, trial.found
 
 
 def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> NDArray[np.float64]:

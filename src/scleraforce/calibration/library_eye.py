@@ -21,15 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scleraforce.calibration.eye_model import (
-    SAMPLE_STEP_M,
-    EyeConstants,
-    WallState,
-    known_of_constants,
-    lagrange,
-    polar_nodes,
-    smoothed,
-)
+from scleraforce.calibration import eye_model
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.known import Modulus
 from scleraforce.library import Library
@@ -53,7 +45,7 @@ SHIFTS = 8  # in the cache: an eye has one to three, the same for all tissues th
 _cached_shift = lru_cache(maxsize=SHIFTS)(base_shift)
 
 
-def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
+def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
     """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
 
     Gap and thickness are the stated ones, also if they are uncertain: the motion is small. It does not grow beyond a
@@ -105,14 +97,14 @@ class LibraryEye:
     curve.
     """
 
-    constants: EyeConstants
+    constants: eye_model.EyeConstants
     library: Library
     lateral_m: Array
     polar_nodes_rad: tuple[float, ...]
     moves_pbxc: Array
     smoothing_m: float = 0.0
 
-    def curves(self, states: Sequence[WallState]) -> Array:
+    def curves(self, states: Sequence[eye_model.WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
 
         Beyond the library (a modulus too low for the force) the section continues along the slope by ln(F/E) at the
@@ -126,10 +118,10 @@ class LibraryEye:
             self._walls(thickness, pressure, force), self._fine, gap_m, self.constants.tilt_rad, self.lateral_m, moved
         )
         curves = np.stack([np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1)
-        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+        curves[:, 0] = eye_model.smoothed(curves[:, 0], self.smoothing_m)
         return curves
 
-    def outside(self, state: WallState) -> str | None:
+    def outside(self, state: eye_model.WallState) -> str | None:
         """Return why an estimate must not rest on a state, None if the library reaches it."""
         thickness, pressure, force = self._ratios([state])
         try:
@@ -140,7 +132,7 @@ class LibraryEye:
             return "the pressure under the needle rises beyond the library's"
         return None
 
-    def _ratios(self, states: Sequence[WallState]) -> tuple[Array, Array, Array]:
+    def _ratios(self, states: Sequence[eye_model.WallState]) -> tuple[Array, Array, Array]:
         """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""
         modulus = np.array([state.youngs_modulus_pa for state in states])
         thickness = np.array([state.thickness_m for state in states])
@@ -166,7 +158,7 @@ class LibraryEye:
         direction_rad = self.constants.direction_rad
         if direction_rad is None:
             return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
-        shares_sp = np.array([lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
+        shares_sp = np.array([eye_model.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
         pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
         bulged = self.library.base_bulge(*self._held(thickness, pressure), self._places, pole_s2)
         moved: Array = bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
@@ -215,7 +207,7 @@ class LibraryEye:
         return np.asarray(CubicSpline(along, np.eye(len(along)))(fine), dtype=np.float64)
 
 
-def library_eye(study: Study, constants: EyeConstants, library: Library) -> LibraryEye:
+def library_eye(study: Study, constants: eye_model.EyeConstants, library: Library) -> LibraryEye:
     """Return the model of an eye; raises `CalibrationError`."""
     mine = (study.eye.radius_m, study.eye.poisson_ratio, study.needle.outer_diameter_m / 2)
     if not np.allclose(mine, (library.radius_m, library.poisson_ratio, library.needle_radius_m), rtol=1e-6):
@@ -228,9 +220,9 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
             f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm"
         )
-    side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
+    side = np.arange(0.0, REACH * library.radius_m, eye_model.SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
-    polars = polar_nodes(constants)
+    polars = eye_model.polar_nodes(constants)
     moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
@@ -274,7 +266,7 @@ CLEAR = 4.0  # times their spread, from which forms are removed
 def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy) -> Boundaries:
     """Return the boundaries of a frame without the part of the eye's form, if that is clear."""
     modulus = Modulus(mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population")
-    known = known_of_constants(eye.constants, modulus)
+    known = eye_model.known_of_constants(eye.constants, modulus)
     prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
     fit = fit_boundaries(eye.library, boundaries.lateral_m, boundaries.depth_m, prior, eye.smoothing_m)
     if fit is None or fit.misfit_m > NO_WALL_M or form_size(fit.unknown) < CLEAR:

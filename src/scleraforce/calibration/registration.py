@@ -16,17 +16,7 @@ from scleraforce.calibration.eye_model import WallState, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.calibration.linear_eye import LinearEye
 from scleraforce.known import REFERENCE_RIGIDITY
-from scleraforce.library.placement import (
-    Columns,
-    Placed,
-    Places,
-    Stopping,
-    curve_depths,
-    gauss_newton,
-    place_curves,
-    pose_derivatives,
-    robust_spread,
-)
+from scleraforce.library import placement
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
@@ -54,39 +44,39 @@ def parameter_sections(
 
 def place_section(curves: Array, nuisance: Array) -> Array:
     """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
-    return place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
+    return placement.place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
 
 
-def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
+def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> Array:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
     low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
     ends = model.curves([replace(state, polar_rad=polar) for polar in (low, high)])
-    below, above = (curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
+    below, above = (placement.curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
     return (above - below) / (high - low)
 
 
-def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Placed:
+def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> placement.Placed:
     """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
     states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
         states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
     curves = place_section(model.curves(states), nuisance)
-    (depth, slope, seen), stiffer, *sealed = (curve_depths(curve, places) for curve in curves)
-    by_pose = pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
+    (depth, slope, seen), stiffer, *sealed = (placement.curve_depths(curve, places) for curve in curves)
+    by_pose = placement.pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
     by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
     by_rigidity = (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
     jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1)
-    return Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
+    return placement.Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 
-def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
+def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> Array:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
-    less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
+    less, more = (placement.curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
     return (more - less) / (2 * FORCE_STEP_N)
 
 
@@ -97,7 +87,7 @@ COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25  # that show the offset of the inner boundary, which is common to all, as well as one would alone
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
-STOPPING = Stopping(iterations=25, converged_sd=0.1)
+STOPPING = placement.Stopping(iterations=25, converged_sd=0.1)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
 START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, beside the rigidity that is given
@@ -156,11 +146,11 @@ def register(
     """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss."""
     sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity_pa13_per_m3)
     fit = _Fit(model, _thinned(boundaries), sought, prior)
-    unknown, placed, _ = gauss_newton(fit, fit.start(), STOPPING)
+    unknown, placed, _ = placement.gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
 
 
-def _thinned(boundaries: Boundaries) -> Columns:
+def _thinned(boundaries: Boundaries) -> placement.Columns:
     """Return at most COLUMNS places of each boundary, evenly among the seen columns."""
     columns = []
     for depth in boundaries.depth_m:
@@ -168,8 +158,8 @@ def _thinned(boundaries: Boundaries) -> Columns:
         columns.append(seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)])
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
-    places = Places(boundaries.lateral_m[column], boundary)
-    return Columns(places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M))
+    places = placement.Places(boundaries.lateral_m[column], boundary)
+    return placement.Columns(places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M))
 
 
 class _Fit:
@@ -178,7 +168,7 @@ class _Fit:
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
 
-    def __init__(self, model: EyeModel, columns: Columns, sought: WallState, prior: PoseBelief) -> None:
+    def __init__(self, model: EyeModel, columns: placement.Columns, sought: WallState, prior: PoseBelief) -> None:
         self.model, self.columns, self.sought = model, columns, sought
         globe = model.constants.globe
         own = [log(sought.youngs_modulus_pa), sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY]
@@ -208,7 +198,7 @@ class _Fit:
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[BY_LATERAL] = lateral
-                depth = curve_depths(place_section(curve, nuisance), self.columns.places)[0]
+                depth = placement.curve_depths(place_section(curve, nuisance), self.columns.places)[0]
                 rest = self.columns.depth_m - depth
                 shift = float(np.median(rest))
                 cost = float(np.abs(rest - shift).sum())
@@ -221,14 +211,14 @@ class _Fit:
         modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
         return replace(self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k)
 
-    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+    def evaluate(self, unknown: Array) -> tuple[placement.Placed, float]:
         """Return the prediction and the cost."""
         state = self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY])
         placed = predict_frame(self.model, state, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
-    def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
+    def normal_equations(self, unknown: Array, placed: placement.Placed) -> tuple[Array, Array]:
         """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
         normal, gradient = self.columns.normal_equations(self._movable(placed))
         normal += self.precision
@@ -245,14 +235,14 @@ class _Fit:
         globe = self.model.constants.globe
         return globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
 
-    def _movable(self, placed: Placed) -> Placed:
+    def _movable(self, placed: placement.Placed) -> placement.Placed:
         """Return a prediction that fixed unknowns do not move."""
         return replace(placed, jacobian=placed.jacobian * self.free)
 
-    def result(self, unknown: Array, placed: Placed) -> Registered:
+    def result(self, unknown: Array, placed: placement.Placed) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
         size = np.abs(self.columns.residual(placed)[placed.seen])
-        scale = max(1.0, robust_spread(size)) if len(size) else 1.0
+        scale = max(1.0, placement.robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
         covariance = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)

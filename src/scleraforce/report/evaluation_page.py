@@ -15,24 +15,9 @@ from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.recording.folder import read_recording
+from scleraforce.report import html
 from scleraforce.report.frame_figures import draw_read_forces, draw_trial_forces
 from scleraforce.report.frames import WALL_COLOURS, AnsweredFrame, frame_pictures, shown_frames, wall_picture
-from scleraforce.report.html import (
-    NOTHING,
-    Html,
-    bullets,
-    cards,
-    class_names,
-    confusion_table,
-    embedded,
-    figure,
-    frame_table,
-    made_line,
-    page,
-    paragraph,
-    section,
-    write_page,
-)
 from scleraforce.units import from_si
 
 BROWSER_WIDTH = 560  # pixels of a picture
@@ -54,15 +39,15 @@ def write_evaluation_html(
     evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime, *, overwrite: bool = False
 ) -> None:
     """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
-    limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
+    limits = [html.section("What limits the result", html.bullets(evaluation.notes))] if evaluation.notes else []
     pictures = [frame_pictures(evaluation, looks)] if looks else []
     tables = [
-        frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name], name)
+        html.frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name], name)
         for name in dict.fromkeys(frame.recording for frame in evaluation.frames)
     ]
-    sections = [_result(evaluation), *limits, *pictures, section("Every frame", *tables)]
+    sections = [_result(evaluation), *limits, *pictures, html.section("Every frame", *tables)]
     title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
-    write_page(page(title, _lead(evaluation), made_line(made_at), *sections), path, overwrite=overwrite)
+    html.write_page(html.page(title, _lead(evaluation), html.made_line(made_at), *sections), path, overwrite=overwrite)
 
 
 def _lead(evaluation: Evaluation) -> str:
@@ -80,12 +65,12 @@ def _lead(evaluation: Evaluation) -> str:
     return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
 
 
-def evaluation_cards(evaluation: Evaluation) -> Html:
+def evaluation_cards(evaluation: Evaluation) -> html.Html:
     """Return the figures that matter most: accuracy, recall of the dangerous class, frames that could not be read."""
     low, high = evaluation.accuracy.interval
     danger = evaluation.recall[-1]
     unusable = [frame for frame in evaluation.frames if not frame.answer.usable]
-    return cards(
+    return html.cards(
         [
             (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy.hits, evaluation.accuracy.total)),
             (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
@@ -112,35 +97,35 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     ]
 
 
-def read_forces_figure(evaluation: Evaluation) -> Html:
+def read_forces_figure(evaluation: Evaluation) -> html.Html:
     """Return the read forces with their intervals over the measured ones."""
     caption = (
         "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed "
         "and named; unusable trials are at the upper edge and count as class 2."
     )
-    return figure(draw_read_forces(evaluation), "read force of each trial over its measured force", caption)
+    return html.figure(draw_read_forces(evaluation), "read force of each trial over its measured force", caption)
 
 
-def forces_figure(evaluation: Evaluation) -> Html:
+def forces_figure(evaluation: Evaluation) -> html.Html:
     """Return the measured forces with the class bounds and the misread trials (Fig. 10)."""
     caption = (
         "Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what was "
         "read; misread trials are ringed. Each trial has the name of its frame where there is room."
     )
-    return figure(draw_trial_forces(evaluation), "measured force of each trial against the class bounds", caption)
+    return html.figure(draw_trial_forces(evaluation), "measured force of each trial against the class bounds", caption)
 
 
-def _result(evaluation: Evaluation) -> Html:
+def _result(evaluation: Evaluation) -> html.Html:
     if not evaluation.scored:
-        return section("Result", paragraph("No frame has a label that counts, so there are no metrics."))
-    confusion = confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
-    words = paragraph(f"A label is given with the standard deviation of its error. {SHARED_ERROR}")
+        return html.section("Result", html.paragraph("No frame has a label that counts, so there are no metrics."))
+    confusion = html.confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
+    words = html.paragraph(f"A label is given with the standard deviation of its error. {SHARED_ERROR}")
     forces = [words, read_forces_figure(evaluation)] if evaluation.forces else []
-    return section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
+    return html.section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
 
 
 def _percent(value: float) -> str:
-    return NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
+    return html.NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
 
 
 def _of(hits: int, total: int) -> str:
@@ -153,25 +138,25 @@ def write_browser_html(
     """Write the page that browses one recording, with the wall that was read; `progress` counts frames."""
     name = evaluation.frames[0].recording
     data = {
-        "classes": class_names(evaluation.bounds_n),
+        "classes": html.class_names(evaluation.bounds_n),
         "bounds_mn": [from_si(bound, "mn") for bound in evaluation.bounds_n],
         "frames": list(_frames(evaluation, progress)),
     }
     markup, script, style = (
         BROWSER.joinpath(f"browser.{kind}").read_text(encoding="utf-8") for kind in ("html", "js", "css")
     )
-    limits = [section("What limits the readings", bullets(evaluation.notes))] if evaluation.notes else []
-    content = page(
+    limits = [html.section("What limits the readings", html.bullets(evaluation.notes))] if evaluation.notes else []
+    content = html.page(
         f"Recording {evaluation.frames[0].eye}",
         f"{name}, read by {evaluation.model}.",
-        made_line(made_at),
-        Html(markup + embedded("frames", data)),
-        section("How to read it", paragraph(KEYS), paragraph(WALL_COLOURS)),
+        html.made_line(made_at),
+        html.Html(markup + html.embedded("frames", data)),
+        html.section("How to read it", html.paragraph(KEYS), html.paragraph(WALL_COLOURS)),
         *limits,
         style=style,
         script=script,
     )
-    write_page(content, path)
+    html.write_page(content, path)
 
 
 def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:

@@ -14,27 +14,14 @@ from numpy.typing import NDArray
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.pixels import Pixels
-from scleraforce.report.files import (
-    AMBER,
-    BLACK,
-    BLUE,
-    CLASS_COLOURS,
-    CLASS_INKS,
-    CLASS_MARKERS,
-    GREY,
-    RED,
-    inches,
-    log_scale,
-    show_image,
-    styled,
-)
+from scleraforce.report import files as style
 from scleraforce.report.frames import AnsweredFrame
 from scleraforce.report.recording_figures import DASHED, mark_bounds
 from scleraforce.units import from_si
 
 BOTH_COLOUR = "#555555"
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
-WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (("#56B4E9", "-"), (AMBER, "--"))  # bright enough on a B-scan
+WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (("#56B4E9", "-"), (style.AMBER, "--"))  # bright enough on a B-scan
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
 
@@ -61,26 +48,26 @@ def dice(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
     return 2.0 * int((a & b).sum()) / total if total else 1.0
 
 
-@styled
+@style.styled
 def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
     """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid."""
-    figure = Figure(figsize=inches(170, 100))
+    figure = Figure(figsize=style.inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
     for column, pair in enumerate(pairs):
         answer = pair.look.answer
         force_mn = from_si(max(answer.measured_force_n or 0.0, 0.0), "mn")
-        show_image(grid[0, column], pair.look.frame, pair.look.extent_m)
-        show_image(grid[1, column], pair.measured, pair.extent_m, **SLICE)
-        show_image(grid[2, column], pair.simulated, pair.extent_m, **SLICE)
+        style.show_image(grid[0, column], pair.look.frame, pair.look.extent_m)
+        style.show_image(grid[1, column], pair.measured, pair.extent_m, **SLICE)
+        style.show_image(grid[2, column], pair.simulated, pair.extent_m, **SLICE)
         _draw_overlay(grid[3, column], pair)
         title = f"class {answer.target}: {answer.eye}, {force_mn:.0f} mN"
-        grid[0, column].set_title(title, color=CLASS_INKS[answer.target or 0], fontweight="bold")
+        grid[0, column].set_title(title, color=style.CLASS_INKS[answer.target or 0], fontweight="bold")
         grid[3, column].set_xlabel("lateral [mm]")
         for axes in grid[1:3, column]:
             axes.tick_params(labelbottom=False)
     for row, name in enumerate(("raw frame", "its slice", "simulated", "overlay")):
         grid[row, 0].set_ylabel(f"{name}\ndepth [mm]")
-    labels = {"in the frame only": BLUE, "simulated only": RED, "both": BOTH_COLOUR}
+    labels = {"in the frame only": style.BLUE, "simulated only": style.RED, "both": BOTH_COLOUR}
     handles = [Patch(color=colour, label=label) for label, colour in labels.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
@@ -90,27 +77,27 @@ def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
     """Draw where the two slices agree (grey) and where only one of them has wall."""
     measured, simulated = pair.measured > 0, pair.simulated > 0
     colours = np.ones((*measured.shape, 3))
-    parts = {BLUE: measured & ~simulated, RED: simulated & ~measured, BOTH_COLOUR: measured & simulated}
+    parts = {style.BLUE: measured & ~simulated, style.RED: simulated & ~measured, BOTH_COLOUR: measured & simulated}
     for colour, where in parts.items():
         colours[where] = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-    show_image(axes, colours, pair.extent_m, interpolation="nearest")
+    style.show_image(axes, colours, pair.extent_m, interpolation="nearest")
     axes.set_title(f"Dice {dice(pair.measured, pair.simulated):.3f}", fontsize=7, pad=2)
 
 
-@styled
+@style.styled
 def draw_montage(
     slices: NDArray[np.uint8], force_n: NDArray[np.float64], target: NDArray[np.intp], thickness_m: NDArray[np.float64]
 ) -> Figure:
     """Draw simulated slices (slice, row, column) in six columns, each with its force, class and wall thickness."""
     rows = -(-len(slices) // 6)
-    figure = Figure(figsize=inches(170, 14.5 * rows))
+    figure = Figure(figsize=style.inches(170, 14.5 * rows))
     grid = figure.subplots(rows, 6, squeeze=False).ravel()
     for axes in grid:
         axes.set_axis_off()
     for axes, image, force, label, thickness in zip(grid, slices, force_n, target, thickness_m, strict=False):
         axes.imshow(image, cmap="gray", **SLICE)
         title = f"{from_si(force, 'mn'):.1f} mN · {from_si(thickness, 'um'):.0f} µm"
-        axes.set_title(title, fontsize=6.5, pad=2, color=CLASS_INKS[int(label)])
+        axes.set_title(title, fontsize=6.5, pad=2, color=style.CLASS_INKS[int(label)])
     return figure
 
 
@@ -118,7 +105,7 @@ def draw_wall(axes: Axes, look: AnsweredFrame, colours: tuple[str, str] = ("#56B
     """Draw a frame and, over it, the outer and the inner boundary that were found."""
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in look.extent_m)
     rows, columns = look.frame.shape
-    show_image(axes, look.frame, look.extent_m)
+    style.show_image(axes, look.frame, look.extent_m)
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
     boundaries = {"outer": look.found.outer_row, "inner": look.found.inner_row}
     for (name, row), colour in zip(boundaries.items(), colours, strict=True):
@@ -126,20 +113,20 @@ def draw_wall(axes: Axes, look: AnsweredFrame, colours: tuple[str, str] = ("#56B
     axes.set(xlim=(0.0, width_mm), ylim=(depth_mm, 0.0))
 
 
-@styled
+@style.styled
 def draw_segmentation(look: AnsweredFrame) -> Figure:
     """Draw a raw frame, the boundaries that were found, the mask of the wall, and the frame under the mask."""
-    figure = Figure(figsize=inches(170, 68))
+    figure = Figure(figsize=style.inches(170, 68))
     raw, found, mask, masked = figure.subplots(2, 2, sharex=True, sharey=True).flat
     raw.set_title("(a) raw frame")
     found.set_title("(b) boundaries found")
     mask.set_title("(c) mask of the wall")
     masked.set_title("(d) frame, masked")
-    show_image(raw, look.frame, look.extent_m)
-    draw_wall(found, look, ("#56B4E9", AMBER))
+    style.show_image(raw, look.frame, look.extent_m)
+    draw_wall(found, look, ("#56B4E9", style.AMBER))
     found.legend(loc="lower center", ncols=2, labelcolor="white")
-    show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
-    show_image(masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m)
+    style.show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
+    style.show_image(masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m)
     for axes in (raw, mask):
         axes.set_ylabel("depth [mm]")
     for axes in (mask, masked):
@@ -172,15 +159,15 @@ def laid_on_surface(section: Section, surface_m: NDArray[np.float64], width_m: f
     return section.shifted(*place)
 
 
-@styled
+@style.styled
 def draw_computed_walls(looks: Sequence[AnsweredFrame], computed: Mapping[str, Sequence[Section]]) -> Figure:
     """Draw each frame bare and, below, with the sections that each mechanics computed for it, laid on its surface."""
-    figure = Figure(figsize=inches(170, 52))
+    figure = Figure(figsize=style.inches(170, 52))
     grid = figure.subplots(2, len(looks), squeeze=False, sharex="col", sharey="col")
     for column, look in enumerate(looks):
         width_m, depth_m = look.extent_m
         for axes in grid[:, column]:
-            show_image(axes, look.frame, look.extent_m)
+            style.show_image(axes, look.frame, look.extent_m)
             axes.set(xlim=(0.0, from_si(width_m, "mm")), ylim=(from_si(depth_m, "mm"), 0.0))
         surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
         for sections, (colour, line) in zip(computed.values(), WALLS, strict=False):
@@ -204,36 +191,42 @@ BINS = 128
 WIDTH_MM, HISTOGRAM_MM, MOST_MM = 170.0, 42.0, 90.0  # of the page, of the histograms, of the frames' height
 
 
-@styled
+@style.styled
 def draw_scanner(real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top: int) -> Figure:
     """Draw a real frame and a simulated one (row, column) on one grey scale, up to `top`, and their histograms."""
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(MOST_MM, (WIDTH_MM / 2 - 8.0) * depth_mm / width_mm)
-    figure = Figure(figsize=inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
+    figure = Figure(figsize=style.inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
     grid = figure.add_gridspec(2, 2, height_ratios=[frame_mm + 10.0, HISTOGRAM_MM])
     counts = figure.add_subplot(grid[1, :])
     edges = np.linspace(0, top + 1, min(BINS, top + 1) + 1)
-    looks = (("Real", real, BLACK, "-"), ("Drawn", drawn, AMBER, "--"))
+    looks = (("Real", real, style.BLACK, "-"), ("Drawn", drawn, style.AMBER, "--"))
     for column, (title, frame, colour, line) in enumerate(looks):
         axes = figure.add_subplot(grid[0, column])
-        show_image(axes, frame, extent_m, vmin=0, vmax=top)
+        style.show_image(axes, frame, extent_m, vmin=0, vmax=top)
         axes.set(title=title, xlabel="lateral, mm", ylabel="" if column else "depth, mm")
         share = from_si(np.histogram(frame, edges)[0] / frame.size, "percent")
         counts.plot((edges[1:] + edges[:-1]) / 2, share, color=colour, linestyle=line, label=title.lower())
     counts.set(xlabel="count", ylabel="share of the pixels, %", title="Histograms", xlim=(0, top))
-    log_scale(counts)
+    style.log_scale(counts)
     counts.legend()
     return figure
 
 
 MOST_NAMES, NAME_LENGTH = 60, 14  # trials that carry their frame's name, and last characters of a name
-RING: dict[str, Any] = {"marker": "o", "linestyle": "", "color": "none", "markeredgecolor": BLACK, "label": "misread"}
+RING: dict[str, Any] = {
+    "marker": "o",
+    "linestyle": "",
+    "color": "none",
+    "markeredgecolor": style.BLACK,
+    "label": "misread",
+}
 
 
-@styled
+@style.styled
 def draw_trial_forces(evaluation: Evaluation) -> Figure:
     """Draw the measured force of every trial that counts with the class bounds; misread trials are ringed."""
-    figure, frames = Figure(figsize=inches(170, 84)), evaluation.scored
+    figure, frames = Figure(figsize=style.inches(170, 84)), evaluation.scored
     axes = _draw_trials(figure, evaluation)
     if len(frames) <= MOST_NAMES:
         names = [frame.file if len(frame.file) <= NAME_LENGTH else f"…{frame.file[-NAME_LENGTH:]}" for frame in frames]
@@ -249,7 +242,7 @@ def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> Axes:
         if frame.measured_force_n is not None:
             force_mn = from_si(frame.measured_force_n, "mn")
             top_mn = max(top_mn, force_mn)
-            marker, colour = CLASS_MARKERS[frame.answer.predicted], CLASS_COLOURS[frame.answer.predicted]
+            marker, colour = style.CLASS_MARKERS[frame.answer.predicted], style.CLASS_COLOURS[frame.answer.predicted]
             fill = colour if frame.answer.usable else "white"
             axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
             if frame.misread:
@@ -258,7 +251,7 @@ def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> Axes:
     _separate_eyes(axes, frames)
     axes.set(xlabel="trial", ylabel="measured force [mN]", xlim=(0.0, len(frames) + 1.0))
     axes.set_ylim(-0.04 * top_mn, 1.12 * top_mn)
-    unusable = Line2D([], [], linestyle="", marker="^", color="white", markeredgecolor=RED, label="not usable")
+    unusable = Line2D([], [], linestyle="", marker="^", color="white", markeredgecolor=style.RED, label="not usable")
     figure.legend(handles=_legend(unusable), loc="outside upper center", ncols=5)
     return axes
 
@@ -277,38 +270,38 @@ def _separate_eyes(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
 def _legend(*more: Line2D) -> list[Line2D]:
     read = [
         Line2D([], [], linestyle="", marker=marker, color=colour, markersize=4.5, label=f"read as class {number}")
-        for number, (marker, colour) in enumerate(zip(CLASS_MARKERS, CLASS_COLOURS, strict=True))
+        for number, (marker, colour) in enumerate(zip(style.CLASS_MARKERS, style.CLASS_COLOURS, strict=True))
     ]
     return [*read, Line2D([], [], markersize=9, **RING), *more]
 
 
-@styled
+@style.styled
 def draw_read_forces(evaluation: Evaluation) -> Figure:
     """Draw the read force of every trial that counts with its interval over the measured one."""
-    figure = Figure(figsize=inches(170, 105))
+    figure = Figure(figsize=style.inches(170, 105))
     axes = figure.subplots()
     top = from_si(evaluation.max_force_n, "mn")
-    axes.plot([0.0, top], [0.0, top], color=GREY, linewidth=0.8, zorder=1, label="equal")
+    axes.plot([0.0, top], [0.0, top], color=style.GREY, linewidth=0.8, zorder=1, label="equal")
     for bound in evaluation.bounds_n:
         for draw in (axes.axhline, axes.axvline):
-            draw(from_si(bound, "mn"), color=GREY, linewidth=0.6, linestyle=DASHED, zorder=1)
+            draw(from_si(bound, "mn"), color=style.GREY, linewidth=0.6, linestyle=DASHED, zorder=1)
     for frame in evaluation.scored:
         if frame.measured_force_n is not None:
             _draw_read_force(axes, frame, from_si(frame.measured_force_n, "mn"), 1.08 * top)
     axes.set(xlim=(-0.05 * top, 1.08 * top), ylim=(-0.05 * top, 1.08 * top), aspect="equal")
     axes.set(xlabel="measured force [mN]", ylabel="read force [mN]")
-    unusable = Line2D([], [], linestyle="", marker="x", color=RED, markersize=4, label="not usable (at the top)")
-    interval = Line2D([], [], linestyle="", color=BLACK, marker="|", markersize=8, label="90 % interval")
+    unusable = Line2D([], [], linestyle="", marker="x", color=style.RED, markersize=4, label="not usable (at the top)")
+    interval = Line2D([], [], linestyle="", color=style.BLACK, marker="|", markersize=8, label="90 % interval")
     figure.legend(handles=_legend(interval, unusable), loc="outside right upper")
     return figure
 
 
 def _draw_read_force(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: float) -> None:
     if frame.answer.force_n is None or frame.answer.interval_n is None:
-        axes.plot(measured_mn, 0.98 * top_mn, "x", color=RED, markersize=4, zorder=4, label="not usable")
+        axes.plot(measured_mn, 0.98 * top_mn, "x", color=style.RED, markersize=4, zorder=4, label="not usable")
         return
     read_mn, low_mn, high_mn = (from_si(force, "mn") for force in (frame.answer.force_n, *frame.answer.interval_n))
-    colour, marker = CLASS_COLOURS[frame.answer.predicted], CLASS_MARKERS[frame.answer.predicted]
+    colour, marker = style.CLASS_COLOURS[frame.answer.predicted], style.CLASS_MARKERS[frame.answer.predicted]
     axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
     axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")
     if frame.misread:
@@ -316,17 +309,19 @@ def _draw_read_force(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn:
         axes.annotate(frame.file, (measured_mn, read_mn), (6, -6), textcoords="offset points", fontsize=6, va="top")
 
 
-@styled
+@style.styled
 def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figure:
     """Draw frames, one of each class, with their walls and the classes read, above the forces of all trials."""
-    figure = Figure(figsize=inches(170, 92))
+    figure = Figure(figsize=style.inches(170, 92))
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
     for axes, one in zip(top.subplots(1, len(read), squeeze=False)[0], read, strict=True):
         draw_wall(axes, one)
         axes.set_axis_off()
         answer = one.answer.answer
         sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
-        axes.set_title(f"read: class {answer.predicted}{sure}", color=CLASS_INKS[answer.predicted], fontweight="bold")
+        axes.set_title(
+            f"read: class {answer.predicted}{sure}", color=style.CLASS_INKS[answer.predicted], fontweight="bold"
+        )
         if one.answer.measured_force_n is not None:
             measured = f"measured: {from_si(one.answer.measured_force_n, 'mn'):.1f} mN"
             axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")

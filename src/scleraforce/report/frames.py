@@ -44,11 +44,6 @@ class AnsweredFrame:
         return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
 
 
-def look_at(answer: FrameAnswer) -> AnsweredFrame:
-    """Read the pixels of an answer's frame; `look_at_all` says what it raises."""
-    return look_at_all([answer])[0]
-
-
 def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
     recordings: dict[str, Recording] = {}

@@ -34,7 +34,7 @@ from scleraforce.report.frame_figures import (
     draw_segmentation,
     draw_slice_pairs,
 )
-from scleraforce.report.frames import look_at, look_at_all
+from scleraforce.report.frames import look_at_all
 from scleraforce.report.html import (
     NOTHING,
     Html,
@@ -208,7 +208,7 @@ def _force_log_figure(run: Run, evaluation: Evaluation) -> Html:
 def _segmentation_figure(evaluation: Evaluation) -> Html:
     """Return a raw frame and the wall found in it (Fig. 9): the first eye's frame of the largest force."""
     first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
-    look = look_at(max(first, key=lambda frame: frame.measured_force_n or 0.0))
+    look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
     caption = f"Raw frame {look.answer.eye}/{look.answer.file} and the wall that was found in it (the paper's Fig. 9)."
     return figure(draw_segmentation(look), "raw frame, boundaries, mask, masked frame", caption, "png")
 
@@ -234,12 +234,12 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> Html:
         f"Young's modulus of {first.id} over its frames, from the prior on (the paper's Fig. 5).",
     )
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
-    file = first.used[index].file
-    look = look_at(next(frame for frame in evaluation.frames if (frame.eye, frame.file) == (first.id, file)))
+    shown = first.id, first.used[index].file
+    look = look_at_all([next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)])[0]
     points = figure(
         draw_observed_points(first, look.frame, index, *look.extent_m),
         "observed and predicted points before and after",
-        f"Observed points (yellow) and predicted ones (red) in {first.id}/{file}, at the prior's modulus and at the "
+        f"Observed points (yellow) and predicted ones (red) in {'/'.join(shown)}, at the prior's modulus and at the "
         "final one (the paper's Fig. 4).",
         "png",
     )
@@ -299,7 +299,7 @@ def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | No
 
 def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
     """Return a frame with its slice and the simulated one for the measured force, laid on it by a shift."""
-    look = look_at(answer)
+    (look,) = look_at_all([answer])
     measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
     unloaded, section = linear_sections(eye_of(look.recording, study), study)([0.0, force_n])

@@ -34,7 +34,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.report.frames import look_at
+from scleraforce.report.frames import look_at_all
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 from scleraforce.whole_files import KINDS, read_text, write_whole
@@ -170,7 +170,7 @@ def _score(network: TrainedNetwork, evaluation: Evaluation, eye: str, dataset: D
     readable = [frame for frame in trials if frame.answer.usable]
     right = sum(frame.answer.predicted == frame.target for frame in trials if not frame.answer.usable)
     if readable:
-        slices = np.stack([look_at(frame).slice(dataset.study.slice) for frame in readable])
+        slices = np.stack([look.slice(dataset.study.slice) for look in look_at_all(readable)])
         answers = network.probabilities(slices).argmax(axis=1)
         right += sum(int(answer) == frame.target for answer, frame in zip(answers, readable, strict=True))
     return Proportion(right, len(trials))
