@@ -7,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import tifffile
 from effects import less_than
 from foreign_files import COLUMNS, COUNT, FRAMES, pictures_of, sizes_of, write_dicom
 from pydicom import uid
@@ -19,7 +18,6 @@ from scleraforce.errors import FrameError
 from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.scan import Scan
-from scleraforce.recording.sources import source_kind
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
@@ -246,16 +244,6 @@ def test_what_no_tag_states_stays_open(tmp_path: Path) -> None:
     for tags in ({}, {"PixelAspectRatio": [1, 2]}):
         scan = scan_of(tmp_path, FRAMES, **tags)
         assert (scan.times, scan.scale_fault, *sizes_of(scan)) == (None, None, None, None)
-
-
-def test_a_file_that_begins_as_a_tiff_is_dicom(tmp_path: Path) -> None:
-    write_dicom(tmp_path / "a.dcm", RAMP)
-    held = BytesIO()
-    tifffile.imwrite(held, np.zeros((8, 8), np.uint8))
-    data = (tmp_path / "a.dcm").read_bytes()
-    (tmp_path / "a.dcm").write_bytes(held.getvalue()[:128].ljust(128, b"\0") + data[128:])
-    assert source_kind(tmp_path / "a.dcm") == "dicom"
-    np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
 def jpeg(pixels: np.ndarray, kind: str = "JPEG", **options: object) -> bytes:

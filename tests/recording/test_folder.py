@@ -1,7 +1,6 @@
 """Recording folders."""
 
 import shutil
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,8 +10,6 @@ import tifffile
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.folder import Scanner, read_recording, read_scaled_frame
 from scleraforce.recording.tables import FORCE_COLUMNS
-
-SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 
 INFO = """[eye]
 id = "eye"
@@ -169,16 +166,6 @@ def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder
     (folder / "frames.csv").unlink()
     with pytest.raises(RecordingError, match=r"frames.csv: No such file"):
         read_recording(folder)
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared")
-def test_sample_recordings_are_read():
-    for name, frames in [("sample-a", 14), ("sample-b", 12)]:
-        recording = read_recording(SHARED / name)
-        assert len(recording.frames) == frames
-        assert recording.forces.sample_rate_hz == pytest.approx(200.0)
-        assert recording.frame(recording.frames[-1]).shape == (512, 512)
 
 
 def test_a_sealed_globe_may_have_a_rigidity(folder):

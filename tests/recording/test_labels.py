@@ -163,19 +163,6 @@ def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
         assert trials[nth].measured_force_n == pytest.approx(labels[nth].measured_force_n, abs=1e-5)
 
 
-def test_contact_is_found_and_the_tare_kept_though_the_log_has_holes():
-    rng = np.random.default_rng(4)
-    force_n = step_and_hold(0.03, quiet_s=4.0)
-    log = log_of(sensed(-force_n, rng, offset_n=0.04))
-    holes = rng.random(len(force_n)) < 0.1
-    holes[300:360] = True
-    log.wrench_sc[holes] = np.nan
-    found_n = contact_force(log, LOGGED_INFO.force)
-    assert np.isnan(found_n).tolist() == holes.tolist()
-    assert np.nanmean((found_n - force_n)[:700]) == pytest.approx(0.0, abs=0.5e-3)
-    assert np.nanmean((found_n - force_n)[1000:]) == pytest.approx(0.0, abs=0.5e-3)
-
-
 def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end():
     fast, slow = (log_of(-step_and_hold(0.02, rate_hz=rate_hz), rate_hz) for rate_hz in (200.0, 30.0))
     gap = replace(fast, time_s=np.where(fast.time_s > 7.0, fast.time_s + 1e6, fast.time_s))
@@ -193,12 +180,6 @@ def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
     assert label_frames(recording_of(logs[0], 0.005, average_s=0.2), CLASSES)[0].measured_force_n == 0.0
     with pytest.raises(RecordingError, match=r"no frame has a label; 0.png: 9 force samples"):
         label_frames(recording_of(logs[1], 0.005, average_s=0.2), CLASSES)
-
-
-def test_recording_without_a_force_log_has_no_labels_and_no_doubt():
-    trials = label_frames(recording_of(None, 1.0, 2.0), CLASSES)
-    assert [(trial.measured_force_n, trial.target) for trial in trials] == [(None, None)] * 2
-    assert log_doubts(recording_of(None, 1.0), CLASSES, []) == ()
 
 
 def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():

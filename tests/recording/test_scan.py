@@ -1,4 +1,4 @@
-"""Several files as one scan, and the axes of arrays."""
+"""Several files as one scan, the axes of arrays, and pixels as counts."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,8 +11,8 @@ from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording import scan as scans
-from scleraforce.recording.pixels import Sourced
-from scleraforce.recording.scan import AXES, Scan, Times, UnansweredError, array_scan, joined, parse_axes, rising
+from scleraforce.recording.pixels import Sourced, find_greys
+from scleraforce.recording.scan import AXES, Scan, Times, UnansweredError, array_scan, joined, parse_axes
 
 
 def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
@@ -41,6 +41,7 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
     ]:
         with pytest.raises(FrameError, match=rf"1\.png: {found}"):
             joined([single(0), replace(single(1), **other)])
+    assert joined([single(0), replace(single(1), scale_fault="a fault")]).scale_fault == "a fault"
 
 
 def test_frames_that_a_file_does_not_state_are_damage() -> None:
@@ -52,17 +53,6 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
         scan = joined([replace(single(0), pictures=partial(iter, pictures))])
         with pytest.raises(FrameError, match=rf"0\.png: {message}"):
             list(scan.pictures())
-
-
-def test_a_turned_scan_has_depth_for_width() -> None:
-    turned = replace(single(0), depth_pixel_m=Sourced(1e-6, "d"), lateral_pixel_m=Sourced(2e-6, "l")).turned()
-    np.testing.assert_array_equal(pictures_of(turned)[0], FRAMES[0].T)
-    assert (turned.depth_pixel_m.source, turned.lateral_pixel_m.source) == ("l", "d")
-
-
-def test_times_that_are_not_finite_do_not_rise() -> None:
-    assert not rising(np.array([0.0, np.nan]))
-    assert not rising(np.array([0.0, np.inf, np.inf]))
 
 
 def test_more_bytes_than_one_source_may_have_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,15 +71,6 @@ def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
         assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (steps["depth"], steps["lateral"])
 
 
-def test_axes_of_one_do_not_count() -> None:
-    scan = array_scan(Path("a"), FRAMES[:, :, np.newaxis], AXES, tuple(Sourced(float(n), "") for n in range(4)))
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == (1.0, 3.0)
-    one = array_scan(Path("a"), FRAMES[:1], ("lateral", "frame", "depth"))
-    np.testing.assert_array_equal(pictures_of(one)[0], FRAMES[0].T)
-    assert one.names == ("a",)
-
-
 def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
     for array, axes, kind, message in [
         (FRAMES, None, UnansweredError, r"^an array of 5 x 24 x 40: which axis.*; give --axes"),
@@ -101,3 +82,35 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
     for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
         with pytest.raises(InputError, match="--axes"):
             parse_axes(text)
+
+
+RAMP = np.arange(12).reshape(3, 4)
+
+
+def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
+    small = np.array([[0, 10, 20, 30]], dtype=np.uint8)
+    for pictures, given, counts, scaled, lost in [
+        *(([(RAMP * 20).astype(kind)], None, [RAMP * 20], False, 0) for kind in ("u1", "u2", ">u2", "i2", "i4", "u8")),
+        ([(RAMP * 20).T], None, [RAMP.T * 20], False, 0),
+        ([(RAMP - 7).astype(np.int16), (RAMP + 100).astype(np.int16)], None, [RAMP, RAMP + 107], False, 0),
+        ([np.array([[-20.0, 0.0]]), np.array([[30.0, 5.0]])], None, [[[0, 26214]], [[65535, 32768]]], True, 0),
+        ([small], (10.0, 20.0), [[[0, 0, 65535, 65535]]], True, 0),
+        ([np.array([[0, 2**20]], dtype=np.int32)], None, [[[0, 65535]]], True, 0),
+        ([np.array([[np.nan, 1.0, 3.0, -np.inf]])], None, [[[0, 0, 65535, 0]]], True, 2),
+    ]:
+        greys = find_greys(pictures, given, "a")
+        assert (greys.scaled, greys.lost) == (scaled, lost)
+        for picture, expected in zip(pictures, counts, strict=True):
+            found = greys.counts(picture)
+            np.testing.assert_array_equal(found, expected)
+            assert found.dtype == np.uint16
+            assert found.flags.c_contiguous
+
+
+def test_a_range_or_pixels_without_a_difference_are_refused() -> None:
+    for given in [(5.0, 5.0), (6.0, 5.0), (np.nan, 5.0)]:
+        with pytest.raises(InputError, match="--grey-range"):
+            find_greys([RAMP], given, "a")
+    for picture in [np.full((2, 2), 0.5), np.full((2, 2), np.nan), np.ones((2, 2), complex)]:
+        with pytest.raises(FrameError, match=r"scan\.tif: "):
+            find_greys([picture], None, "scan.tif")

@@ -1,26 +1,34 @@
 """The kinds of sources, and sources together."""
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 from tempfile import mkdtemp
+from zipfile import ZipFile
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
 from foreign_files import COUNT, FRAMES, pictures_of, write_dicom, write_log
+from pydicom.uid import RLELossless
+from ros_bag import write_bag
+from small_recordings import write_small_recording
 
-from scleraforce.errors import InputError
-from scleraforce.recording.scan import Times
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.recording.importing import answers_like, given_times
+from scleraforce.recording.scan import Scan, Times
 from scleraforce.recording.sources import ImportOptions, files_of, gather, on_one_clock, read_scan, source_kind
 from scleraforce.recording.tables import ForceLog
+
+nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
+metaimageio = pytest.importorskip("metaimageio")
 
 
 def one_of_each(folder: Path) -> dict[str, str]:
     """Write a file of each kind, under a name without an ending where its content decides; return the kinds by path."""
-    nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
     pictures = folder / "scan"
     cv2.imwrite(f"{pictures}.png", FRAMES[0])
     cv2.imwrite(f"{pictures}.jpg", (FRAMES[0] % 256).astype(np.uint8))
@@ -96,7 +104,6 @@ def test_a_file_that_is_known_and_not_read_is_named_with_a_remedy(tmp_path: Path
 
 def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
     for folder in [True, False]:
-        nibabel = pytest.importorskip("nibabel")
         nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
         for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
             (tmp_path / name).touch()
@@ -201,3 +208,128 @@ def test_a_picture_needs_none_of_them_and_a_stack_its_own(tmp_path: Path) -> Non
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
     assert loaded_by(tmp_path / "a.png") == set()
     assert loaded_by(tmp_path / "a.tif") == {"tifffile"}
+
+
+def test_scanner_needle_and_sensor_of_a_recording_answer_and_its_eye_does_not(tmp_path: Path) -> None:
+    assert answers_like(write_small_recording(tmp_path / "r")) == {
+        "width_mm": 8.0, "depth_mm": 3.0, "refractive_index": 1.0, "bits": 12, "gauge": 22, "gap_mm": 0.5, "axis": "fz",
+        "contact_sign": "-1", "average_s": 0.1,
+    }  # fmt: skip
+
+
+def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_not(tmp_path: Path) -> None:
+    folder = write_small_recording(tmp_path / "r", log=False)
+    answers = {"axes": "frame,depth,lateral", "columns": ["fz=F:N"], "rate_hz": 4.0, "clock_offset_s": 3.0}
+    (folder / "import.json").write_text(json.dumps({"answers": answers}))
+    found = answers_like(folder)
+    assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ["fz=F:N"])
+    assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
+
+
+def test_a_file_that_import_did_not_write_is_refused(tmp_path: Path) -> None:
+    folder = write_small_recording(tmp_path / "r")
+    for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:
+        (folder / "import.json").write_text(text)
+        with pytest.raises(RecordingError, match=r"import\.json: "):
+            answers_like(folder)
+
+
+SCAN = Scan(names=("x/b.png", "x/a.png"), rows=2, columns=2, pictures=lambda: iter(()))
+
+
+def times(folder: Path, text: str) -> list[float]:
+    (folder / "times.csv").write_text(text)
+    return given_times(SCAN, folder / "times.csv", None).time_s.tolist()
+
+
+def test_a_table_goes_by_the_names_of_frames_or_else_by_their_order(tmp_path: Path) -> None:
+    assert times(tmp_path, "file,time_s\na.png,7\nb.png,5\nother.png,9\n") == [5.0, 7.0]
+    assert times(tmp_path, "Time (ms)\n250\n500\n") == [0.25, 0.5]
+    assert times(tmp_path, "file,time_s\nc.png,1\nd.png,2\n") == [1.0, 2.0]
+
+
+def test_a_table_that_does_not_go_with_the_frames_is_refused(tmp_path: Path) -> None:
+    for text, message in [
+        ("time_s\n1\n2\n3\n", "3 times for 2 frames"),
+        ("frame,when\na.png,1\n", "no column of times with its unit.*'frame', 'when'"),
+        ("time_s\n1\nx\n", r"times\.csv:3: time_s: 'x' is not a number"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            times(tmp_path, text)
+    with pytest.raises(InputError, match="--rate-hz"):
+        given_times(SCAN, Path("a.csv"), 4.0)
+
+
+VOLUMES = ImportOptions(axes="lateral,depth,frame")
+HEAD_BYTES = 600  # most faults are there
+
+
+def write_rle(path: Path) -> None:
+    dataset = write_dicom(path, FRAMES)
+    dataset.compress(RLELossless)
+    dataset.save_as(path)
+
+
+def write_thorlabs(path: Path) -> None:
+    with ZipFile(path, "w") as archive:
+        sizes = 'SizeZ="24" SizeX="40" SizeY="5" RangeZ="1" RangeX="2"'
+        archive.writestr("Header.xml", f"<O><DataFile {sizes}>data\\Intensity.data</DataFile></O>")
+        archive.writestr("data\\Intensity.data", FRAMES.astype("<f4").tobytes())
+
+
+def write_lone_bag(path: Path) -> None:
+    kind = {".db3": "sqlite", ".mcap": "mcap"}[path.suffix]
+    next(write_bag(path.parent / "bag", kind).glob(f"*{path.suffix}")).rename(path)
+
+
+WRITERS = {
+    "a.png": lambda path: cv2.imwrite(str(path), FRAMES[0]),
+    "a.tif": lambda path: tifffile.imwrite(path, FRAMES, photometric="minisblack", compression="zlib"),
+    "i.tif": lambda path: tifffile.imwrite(path, FRAMES, imagej=True, metadata={"axes": "TYX", "finterval": 1}),
+    "o.ome.tif": lambda path: tifffile.imwrite(path, FRAMES, metadata={"axes": "TYX", "PhysicalSizeX": 1.0}),
+    "a.dcm": lambda path: write_dicom(path, FRAMES, FrameTime=4.0, PixelSpacing=[1, 1]),
+    "r.dcm": write_rle,
+    "a.npy": lambda path: np.save(path, FRAMES),
+    "a.npz": lambda path: np.savez_compressed(path, FRAMES),
+    "a.nii": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
+    "a.nii.gz": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
+    "a.nrrd": lambda path: nrrd.write(str(path), FRAMES),
+    "a.mha": lambda path: metaimageio.write(path, FRAMES, CompressedData=True),
+    "a.bag": lambda path: write_bag(path, "ros1"),
+    "a.db3": write_lone_bag,
+    "a.mcap": write_lone_bag,
+    "a.oct": write_thorlabs,
+    "log.csv": write_log,
+}
+
+
+def damaged(data: bytes, rng: np.random.Generator, nth: int) -> bytes:
+    """Cut it off, or change up to seven bytes anywhere, or in its head."""
+    if nth % 3 == 0:
+        return data[: rng.integers(len(data))]
+    changed = bytearray(data)
+    for at in rng.integers(0, len(data) if nth % 3 == 1 else min(len(data), HEAD_BYTES), rng.integers(1, 8)):
+        changed[at] = rng.integers(256)
+    return bytes(changed)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
+    for name in WRITERS:
+        place = Path(mkdtemp(dir=tmp_path))
+        WRITERS[name](place / name)
+        data = (place / name).read_bytes()
+        np.save(place / "frames.npy", FRAMES)
+        sources = [place / name, *([place / "frames.npy"] if name == "log.csv" else [])]
+        named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
+        rng, said = np.random.default_rng(len(name)), []
+        for nth in range(15):
+            (place / name).write_bytes(damaged(data, rng, nth))
+            try:
+                for picture in gather(sources, VOLUMES if named else ImportOptions()).scan.pictures():
+                    assert picture.size
+            except InputError as fault:
+                said.append(str(fault))
+        assert said
+        assert all(name in line and "\n" not in line for line in said)
+        capfd.readouterr()  # codecs print what they think of it

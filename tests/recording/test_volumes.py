@@ -1,9 +1,10 @@
-"""NIfTI, NRRD and MetaImage."""
+"""NIfTI, NRRD, MetaImage and the .oct of Thorlabs."""
 
 import gzip
 import zlib
 from itertools import product
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scan import UnansweredError
+from scleraforce.recording.sources import read_scan, source_kind
+from scleraforce.recording.thorlabs import read_thorlabs
 from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd
 
 nibabel = pytest.importorskip("nibabel")
@@ -205,14 +208,6 @@ def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(tmp_path: Pa
             read(tmp_path / name, IJK)
 
 
-def test_a_damaged_file_is_named(tmp_path: Path) -> None:
-    for read, path in [(read_nifti, nifti(tmp_path / "a.nii")), (read_metaimage, mha(tmp_path / "a.mha")),
-                       (read_nrrd, nhdr(tmp_path / "a.nrrd"))]:  # fmt: skip
-        path.write_bytes(path.read_bytes()[:-100])
-        with pytest.raises(FrameError, match=f"{path.name}: damaged"):
-            pictures_of(read(path, IJK))
-
-
 def test_a_missing_package_is_named_with_its_installation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = nifti(tmp_path / "a.nii")
     monkeypatch.setitem(__import__("sys").modules, "nibabel", None)
@@ -328,3 +323,68 @@ def test_a_sequence_of_plus_with_other_frames_or_no_valid_one_is_refused(tmp_pat
         read_metaimage(mha(tmp_path / "a.mha", **fields), ("frame", "depth", "lateral"))
     with pytest.raises(FrameError, match=r"ImageStatus = INVALID for all 5 frames"):
         read_metaimage(mha(tmp_path / "a.mha", **plus_fields(range(COUNT), ["INVALID"] * COUNT)), IJK)
+
+
+# Thorlabs' .oct, as Thorlabs' own MATLAB functions read it: no real file could be had.
+INTENSITY = FRAMES.astype(np.float32) / 100.0 - 20.0  # dB
+
+
+def entry(name: str = "data\\Intensity.data", count: int = COUNT, rows: int = ROWS) -> str:
+    return (
+        f'<DataFile Type="Real" SizeZ="{rows}" SizeX="{COLUMNS}" SizeY="{count}" RangeZ="0.096" RangeX="0.6" '
+        f'RangeY="1" BytesPerPixel="4">{name}</DataFile>'
+    )
+
+
+def write_oct(path: Path, header: str, data: bytes, name: str = "data\\Intensity.data") -> Path:
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        archive.writestr("Header.xml", f'<?xml version="1.0"?><Ocity><DataFiles>{header}</DataFiles></Ocity>')
+        archive.writestr("data\\VideoImage.data", bytes(10))
+        archive.writestr(name, data)
+    return path
+
+
+def column_major(frames: np.ndarray) -> bytes:
+    """Depth fastest, then the A-scan, then the B-scan."""
+    return b"".join(np.asarray(frame, dtype="<f4").tobytes(order="F") for frame in frames)
+
+
+def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
+    single = entry(count=1).replace(' SizeY="1"', "")  # one B-scan has no third size
+    for name, header, frames in [
+        ("data\\Intensity.data", '<DataFile Type="Raw">data\\Spectral0.data</DataFile>' + entry(), INTENSITY),
+        ("data/Intensity.data", entry(), INTENSITY),
+        ("data/Intensity.data", single, INTENSITY[:1]),
+    ]:
+        path = write_oct(tmp_path / "a.oct", header, column_major(frames), name)
+        assert source_kind(path) == "thorlabs"
+        scan = read_scan(path, "thorlabs")
+        np.testing.assert_array_equal(pictures_of(scan), frames)
+        assert sizes_of(scan) == pytest.approx((4e-6, 15e-6))
+
+
+def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+    for header, message in [
+        (entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
+        (entry(rows=10**7), "a frame may have"),
+        (entry(count=0), "the header says 24 x 40 x 0 floats"),
+        (entry("data\\Spectral0.data"), "no processed intensity"),
+        (entry() + entry("data\\VideoImage.data").replace("VideoImage", "Intensity"), "2 files of intensity"),
+        (entry().replace(f'SizeZ="{ROWS}"', ""), "has no SizeZ"),
+        (entry().replace(f'SizeX="{COLUMNS}"', ""), "has no SizeX"),
+        (entry().replace('BytesPerPixel="4"', 'BytesPerPixel="2"'), "BytesPerPixel = 2"),
+        (
+            entry() + "<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>",
+            "SizeZ 0.192 mm, and RangeZ is 0.096 mm",
+        ),
+        ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
+    ]:
+        with pytest.raises(FrameError, match=message):
+            read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
+
+
+def test_the_refractive_index_of_a_header_is_noted(tmp_path: Path) -> None:
+    header = entry() + "<Image><SizeReal><SizeZ>0.096</SizeZ><SizeX>0.6</SizeX></SizeReal></Image>"
+    path = write_oct(tmp_path / "a.oct", f"{header}<RefractiveIndex>1.36</RefractiveIndex>", column_major(INTENSITY))
+    assert read_thorlabs(path).notes == (f"{path}: Header.xml states RefractiveIndex = 1.36",)

@@ -14,6 +14,7 @@ from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.tables import read_force_log
 from scleraforce.recording.writing import ForceWriter, PngBuffer, RecordingWriter
+from scleraforce.whole_files import folder_when_whole
 
 INFO = RecordingInfo(
     EyeInfo("eye", thickness_m=600e-6),
@@ -147,3 +148,14 @@ def test_the_stream_is_zlib_without_filters_and_a_frame_of_another_size_is_refus
     for shape in ((1, 10), (10,), (6, 1), (6, 11)):
         with pytest.raises(ValueError, match="a frame of"):
             PngBuffer(6, 10).encode(np.zeros(shape, dtype=np.uint16))
+
+
+def test_a_fault_leaves_nothing(tmp_path):
+    def half():
+        with folder_when_whole(tmp_path / "out") as part:
+            (part / "half").mkdir(parents=True)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        half()
+    assert list(tmp_path.iterdir()) == []
