@@ -12,7 +12,6 @@ from effects import less_than
 from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields, sizes_of
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording.scan import UnansweredError
 from scleraforce.recording.sources import read_scan, source_kind
 from scleraforce.recording.thorlabs import read_thorlabs
 from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd
@@ -83,16 +82,6 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform(tmp_path: Path) -> No
         read_nifti(nifti(tmp_path / "a.nii", sform=((0.015, 0.008, 0.1), 1)), IJK)
     with pytest.raises(FrameError, match="xyzt_units: 5 "):
         read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
-
-
-def test_axes_that_no_file_names_are_asked_for(tmp_path: Path) -> None:
-    nifti(tmp_path / "a.nii")
-    metaimageio.write(tmp_path / "a.mha", FRAMES)
-    nrrd.write(str(tmp_path / "a.nrrd"), VOLUME)
-    for read, ending in [(read_nifti, "nii"), (read_metaimage, "mha"), (read_nrrd, "nrrd")]:
-        question = rf"a\.{ending}: an array of 40 x 24 x 5: which axis is .* in the order.*; give --axes"
-        with pytest.raises(UnansweredError, match=question):
-            read(tmp_path / f"a.{ending}", None)
 
 
 def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
@@ -382,9 +371,3 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     ]:
         with pytest.raises(FrameError, match=message):
             read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
-
-
-def test_the_refractive_index_of_a_header_is_noted(tmp_path: Path) -> None:
-    header = entry() + "<Image><SizeReal><SizeZ>0.096</SizeZ><SizeX>0.6</SizeX></SizeReal></Image>"
-    path = write_oct(tmp_path / "a.oct", f"{header}<RefractiveIndex>1.36</RefractiveIndex>", column_major(INTENSITY))
-    assert read_thorlabs(path).notes == (f"{path}: Header.xml states RefractiveIndex = 1.36",)
