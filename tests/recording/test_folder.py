@@ -1,6 +1,7 @@
-"""Recording folders."""
+"""Recording folders, and their tables as editors, robots and spreadsheets write them."""
 
 import shutil
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ import tifffile
 
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.folder import Scanner, read_recording, read_scaled_frame
-from scleraforce.recording.tables import FORCE_COLUMNS
+from scleraforce.recording.tables import FORCE_COLUMNS, read_force_log, read_frame_list
 
 INFO = """[eye]
 id = "eye"
@@ -48,30 +49,18 @@ def change(path, old, new):
     path.write_text(text.replace(old, new, 1))
 
 
-def test_columns_may_come_in_any_order_and_a_recording_without_a_log_is_read(folder):
-    (folder / "frames.csv").write_text("file,time_s,pierced\na.png,0.2,0\nb.png,0.8,1\n")
-    (folder / "forces.csv").write_text("fz_n,time_s\n" + "".join(f"{k},{k / 200}\n" for k in range(50)))
-    recording = read_recording(folder)
-    assert [frame.pierced for frame in recording.frames] == [False, True]
-    assert recording.forces.force_n("fz")[-1] == 49.0
-    (folder / "forces.csv").unlink()
-    change(folder / "recording.toml", '[force]\naxis = "fz"\ncontact_sign = -1\n', "")
-    recording = read_recording(folder)
-    assert (recording.forces, recording.info.force) == (None, None)
-
-
-def test_recording_is_read_as_written(folder):
+def test_a_recording_with_and_without_a_log_is_read_as_written(folder):
     recording = read_recording(folder)
     assert recording.info.eye.thickness_m == 7e-4
     assert recording.info.eye.iop_pa is None
     assert recording.info.force.average_s == 2.0
-    assert [(frame.file, frame.time_s, frame.pierced) for frame in recording.frames] == [
-        ("a.png", 0.2, False),
-        ("b.png", 0.8, False),
-    ]
     assert recording.forces.sample_rate_hz == pytest.approx(100.0)
     assert recording.forces.force_n("fz") == pytest.approx(-np.arange(100) / 1000)
     assert (recording.frame(recording.frames[0]) == 7).all()
+    (folder / "forces.csv").unlink()
+    change(folder / "recording.toml", '[force]\naxis = "fz"\ncontact_sign = -1\n', "")
+    recording = read_recording(folder)
+    assert (recording.forces, recording.info.force) == (None, None)
 
 
 def test_faults_are_named_with_file_line_and_field(folder):
@@ -101,6 +90,16 @@ def test_faults_are_named_with_file_line_and_field(folder):
         ("frames.csv", "file,time_s", "file", r"frames.csv:1: column time_s is missing; found: file"),
         ("frames.csv", "a.png,0.2\nb.png,0.8\n", "", r"frames.csv: no frames"),
         ("frames.csv", "file,time_s\na.png,0.2\nb.png,0.8\n", "", r"frames.csv: empty; the first line names"),
+        *(
+            ("frames.csv", "0.2", time_s, f"frames.csv:2: time_s: '{time_s}' is not a finite number")
+            for time_s in ("1_0", "\u0661", "1e308")
+        ),
+        ("frames.csv", "a.png,0.2", "a.png,0,25", "frames.csv:2: 3 fields; .* separated by semicolons"),
+        ("frames.csv", "a.png", "a\0.png", r"frames.csv:2: file: 'a\\x00.png' is not a name below"),
+        ("frames.csv", "a.png", "a" * 200_000, "frames.csv:2: field larger than field limit"),
+        ("frames.csv", "b.png", '"b.png', "frames.csv:3: unexpected end of data"),
+        ("frames.csv", "a.png", "", "frames.csv:2: file: '' is not a name"),
+        ("frames.csv", ",0.8", ",", "frames.csv:3: 1 fields; the header has 2"),
         ("forces.csv", "fz_n", "fz", r"forces.csv:1: unknown column 'fz'"),
         ("forces.csv", "fy_n", "fz_n", r"forces.csv:1: two columns are named fz_n"),
         ("forces.csv", "0.02,", "0.01,", r"forces.csv:4: time_s: 0.01 does not come after 0.01"),
@@ -168,16 +167,13 @@ def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder
         read_recording(folder)
 
 
-def test_a_sealed_globe_may_have_a_rigidity(folder):
+def test_a_rigidity_wants_a_sealed_globe(folder):
+    text = (folder / "recording.toml").read_text()
     sealed = 'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\nrigidity_law = "logarithmic"\n[oct]'
-    change(folder / "recording.toml", "[oct]", sealed)
+    (folder / "recording.toml").write_text(text.replace("[oct]", sealed))
     eye = read_recording(folder).info.eye
     assert (eye.globe, eye.rigidity_law) == ("sealed", "logarithmic")
     assert eye.rigidity_pa13_per_m3 == pytest.approx(0.03 * 133.322387415 ** (1 / 3) * 1e9)
-
-
-def test_a_rigidity_wants_a_sealed_globe(folder):
-    text = (folder / "recording.toml").read_text()
     rigid = ["rigidity_mmhg13_per_ul = 0.03", 'rigidity_law = "cube-root"']
     for line, message in [
         *((f'{key}\nglobe = "open"', r'eye\.rigidity_\w+: of a sealed globe, globe is "open"') for key in rigid),
@@ -198,3 +194,67 @@ def test_options_take_precedence_over_recording_toml_and_that_over_the_file(fold
     (folder / "recording.toml").unlink()
     frame = read_scaled_frame(path, Scanner(), (Scanner(width_m=1e-3), "assumed"))
     assert (frame.width_m.value, frame.width_m.source) == (pytest.approx(32 * 1e-5), "file")
+
+
+FORCES = [("time_s", "fz_n"), *((f"{k / 100:.2f}", f"{-k / 1000:.3f}") for k in range(60))]
+FRAMES = [("file", "time_s", "pierced"), ("a.png", "0.2", "0"), ("b, c.png", "0.5", "1")]
+
+
+def joined(rows: list[tuple[str, ...]], separator: str, quote: bool = False, end: str = "\n") -> str:
+    mark = '"' if quote else ""
+    return "".join(separator.join(f"{mark}{field}{mark}" for field in row) + end for row in rows)
+
+
+COMMAS = str.maketrans(".", ",")
+FORMS = [
+    lambda rows: joined(rows, ",", quote=True).encode(),
+    lambda rows: joined(rows, ";").encode(),
+    lambda rows: joined(rows, ";").translate(COMMAS).replace(",png", ".png").encode(),
+    lambda rows: joined(rows, ";", quote=True).translate(COMMAS).replace(",png", ".png").encode(),
+    lambda rows: joined(rows, "\t").translate(COMMAS).replace(",png", ".png").encode(),
+    lambda rows: joined(rows, "\t", end="\r\n").encode(),
+    lambda rows: joined(rows, ";", end="\r").encode(),  # of old Macs
+    lambda rows: joined([*rows, ("",) * len(rows[0])], ";", end=";;\n").encode(),  # empty fields behind the last
+    lambda rows: joined([tuple(f"{field:>15}" for field in row) for row in rows], ";", end="  \n").encode(),
+    lambda rows: joined(rows, "\t").encode("utf-16"),
+    lambda rows: b"\xef\xbb\xbf" + joined(rows, ";").encode(),
+]
+
+
+def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
+    for form in FORMS:
+        (tmp_path / "forces.csv").write_bytes(form(FORCES))
+        log = read_force_log(tmp_path / "forces.csv", "fz")
+        np.testing.assert_allclose(log.time_s, np.arange(60) / 100)
+        np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
+        (tmp_path / "frames.csv").write_bytes(form(FRAMES))
+        frames = read_frame_list(tmp_path / "frames.csv")
+        assert [(frame.file, frame.time_s, frame.pierced) for frame in frames] == [
+            ("a.png", 0.2, False),
+            ("b, c.png", 0.5, True),
+        ]
+
+
+def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
+    for text, message in [
+        ("time_s,fz_n\n0,00;0,001\n", "forces.csv:2: 3 fields; the header has 2; with decimal commas, columns are"),
+        ("time_s,fz_n\n0,00,0,001\n0,01,0,001\n", "forces.csv:2: 4 fields; .* with decimal commas, columns are separ"),
+        (
+            "time_s;fz_n\n0,00;0.001\n0,01;0,001\n",
+            r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .* decimal points",
+        ),
+        ("time_s;fz_n\n0,00;1.000,5\n", r"forces.csv:2: fz_n: '1.000,5' is not a number"),
+        ('time_s,fz_n\n0.00,1\n0.01,"1\n', "forces.csv:3: unexpected end of data; each line is a row of its own"),
+        ("time_s,fz_n\n0.00,1\n0.01,1_000\n", "forces.csv:3: fz_n: '1_000' is not a number"),
+        ("time_s,fz_n\n0.00,1\n0.01,\u0663\n", "forces.csv:3: fz_n: '\u0663' is not a number"),
+        ("time_s,fz_n\n0.00,1\n0.01,0x10\n", "forces.csv:3: fz_n: '0x10' is not a number"),
+        ("time_s,fz_n\n0.00,1\n0.01,1e308\n", r"forces.csv:3: fz_n: 1e\+308 is beyond 1e\+06"),
+        ("time_s,fz_n\n0.00,1\n1e300,1\n", r"forces.csv:3: time_s: 1e\+300 is beyond 1e\+10"),
+        ("time_s,fz_n\n0.00,1\n0.01\n", "forces.csv:3: 1 fields; the header has 2"),
+        ("time_s,fz_n,\n0.00,1,\n0.01,1,7\n", "forces.csv:3: 3 fields; the header has 2"),
+        ("time_s,fz_n\n0,1\n5,1\n10,1\n", r"0.2 samples a second; .* \(times are in seconds\)"),
+    ]:
+        (tmp_path / "forces.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(RecordingError, match=message) as caught:
+            read_force_log(tmp_path / "forces.csv", "fz")
+        assert "\n" not in str(caught.value)

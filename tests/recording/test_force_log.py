@@ -339,12 +339,8 @@ def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
         log_of(tmp_path, "when,a,b\nyesterday,1,2\n", "time=when:iso", "fz=a:N")
 
 
-OURS = ["time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
-
-
 def test_a_header_that_names_units_answers_for_itself() -> None:
     for names, found in [
-        (OURS, {ours: ours.rpartition("_")[2] for ours in OURS}),
         (["Time (ms)", "Fx [N]", "Fz [mN]", "Tz (Nmm)"], {"time_s": "ms", "fx_n": "N", "fz_n": "mN", "tz_nm": "Nmm"}),
         (["Timestamp", "Fx", "Fy", "Fz"], {}),
         (["t / ms", "F_z(mN)"], {"time_s": "ms", "fz_n": "mN"}),
@@ -359,7 +355,7 @@ def test_a_header_that_names_units_answers_for_itself() -> None:
     assert columns_by_header(["host_time_s", "time_s", "Fz [N]"], {})[0].name == "host_time_s"
 
 
-def test_units_have_their_size_in_si() -> None:
+def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
     for text, factor in [
         *((f"fz=F:{unit}", size_n) for unit, size_n in
           (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("gf", 9.80665e-3), ("kgf", 9.80665), ("lbf", 4.4482216152605))),
@@ -367,9 +363,6 @@ def test_units_have_their_size_in_si() -> None:
         ("time=t:s", 1.0), ("time=t:ns", 1e-9), ("time=seq:500Hz", 0.002),
     ]:  # fmt: skip
         assert parse_column(text).factor == pytest.approx(factor, rel=1e-12)
-
-
-def test_a_column_is_stated_by_name_and_unit_or_refused() -> None:
     column = parse_column("fz=a=b:c:N")
     assert column == LogColumn("fz_n", "a=b:c", "N") == parse_column(column.answer())
     for text in ["fz=F", "fz:N", "f=F:N", "fz=F:Nm", "fz=F:iso", "time=t:N", "fz=:N", "time=t:0Hz"]:

@@ -1,18 +1,27 @@
-"""Recordings that are written frame by frame."""
+"""Recordings that are written frame by frame, and in the formats of other programs."""
 
 import csv
-import zlib
+import json
+from collections import Counter
 from dataclasses import replace
+from io import StringIO
+from pathlib import Path
 
 import cv2
 import matplotlib.image
 import numpy as np
 import pytest
+from foreign_files import sizes_of, with_log
+from small_recordings import COLUMNS, ROWS, write_small_recording
 
-from scleraforce.errors import RecordingError
+from scleraforce.cli.main import run
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.recording import export
+from scleraforce.recording.bags import read_bag
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.tables import read_force_log
+from scleraforce.recording.volumes import read_nrrd
 from scleraforce.recording.writing import ForceWriter, PngBuffer, RecordingWriter
 from scleraforce.whole_files import folder_when_whole
 
@@ -40,7 +49,7 @@ def test_a_recording_is_read_back_after_each_frame(tmp_path):
         RecordingWriter(tmp_path / "a" / "rec", INFO, "Another one.")
 
 
-def test_no_line_lies_across_two_pages(tmp_path):
+def test_no_line_lies_across_two_pages_or_is_padded(tmp_path):
     writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
     forces = [ForceWriter(tmp_path / "rec", ("fz_n",))]
     for columns in (("fx_n", "fy_n", "fz_n"), ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")):
@@ -55,23 +64,7 @@ def test_no_line_lies_across_two_pages(tmp_path):
         assert len(lines) == 301
         ends = np.cumsum([len(line) for line in lines])
         assert ((ends - 1) // 4096 == np.r_[0, ends[:-1]] // 4096).all()
-
-
-def test_the_tables_have_no_padding_for_any_csv_reader(tmp_path):
-    writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
-    log = ForceWriter(tmp_path / "rec", ("fx_n", "fz_n"))
-    for number in range(200):
-        writer.add(f"{number}.png", number / 3, FRAMES[0])
-        log.add(number * 0.01, [1e-5 * number, -0.25])
-    frames, forces = (
-        list(csv.DictReader((tmp_path / "rec" / name).read_text().splitlines()))
-        for name in ("frames.csv", "forces.csv")
-    )
-    assert [row["file"] for row in frames] == [f"{number}.png" for number in range(200)]
-    assert [float(row["time_s"]) for row in frames] == [round(number / 3, 6) for number in range(200)]
-    assert list(forces[0]) == ["time_s", "fx_n", "fz_n"]
-    assert all(field == field.strip() for row in forces for field in row.values())
-    assert [float(row["fx_n"]) for row in forces] == pytest.approx([1e-5 * number for number in range(200)])
+        assert all(field == field.strip() for row in csv.reader(path.read_text().splitlines()) for field in row)
 
 
 def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
@@ -137,17 +130,8 @@ def test_opencv_and_pillow_read_back_every_pixel_of_frame_after_frame(tmp_path):
             (tmp_path / "frame.png").write_bytes(data)
             assert (read_frame(tmp_path / "frame.png") == pixels).all()  # walks the chunks and their checksums
             assert (np.rint(matplotlib.image.imread(tmp_path / "frame.png") * 65535) == pixels).all()
-
-
-def test_the_stream_is_zlib_without_filters_and_a_frame_of_another_size_is_refused():
-    pixels = np.arange(60, dtype=np.uint16).reshape(6, 10) * 999
-    data = bytes(PngBuffer(6, 10).encode(pixels))
-    begin = data.index(b"IDAT") + 4
-    lines = zlib.decompress(data[begin : begin + int.from_bytes(data[begin - 8 : begin - 4], "big")])
-    assert lines == b"".join(b"\0" + row.astype(">u2").tobytes() for row in pixels)
-    for shape in ((1, 10), (10,), (6, 1), (6, 11)):
         with pytest.raises(ValueError, match="a frame of"):
-            PngBuffer(6, 10).encode(np.zeros(shape, dtype=np.uint16))
+            buffer.encode(np.zeros((1, shape[1]), dtype=np.uint16))
 
 
 def test_a_fault_leaves_nothing(tmp_path):
@@ -159,3 +143,131 @@ def test_a_fault_leaves_nothing(tmp_path):
     with pytest.raises(RuntimeError):
         half()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(tmp_path: Path) -> None:
+    rows = [{"file": f"{n}.png", "time_s": float(n), "target": 1} for n in range(3)]
+    answers = [
+        {"file": "/else/where/1.png", "predicted": 2, "target": 0, "time_s": 9.0},
+        {"file": "2.png", "recording": str(tmp_path / "other"), "predicted": 7},
+        {"file": "0.png", "recording": "old/place/r", "predicted": 0},
+    ]
+    joined = export.with_answers(rows, answers, tmp_path / "r")
+    assert [row.get("predicted") for row in joined] == [0, 2, None]
+    assert [row["target"] for row in joined] == [1, 0, 1]
+    assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
+    with pytest.raises(InputError, match="none of its frames is among the answers"):
+        export.with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
+    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]  # of one name in two folders
+    answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
+    assert [row.get("predicted") for row in export.with_answers(rows, answers, tmp_path)] == [None, 1, 2]
+
+
+def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
+    rows = [
+        {"file": "a, b.png", "usable": True, "interval_mn": [1.5, None], "needle": {"tip": {"x": 1}}},
+        {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark"},
+    ]
+    found = list(csv.DictReader(StringIO(export.csv_text(rows))))
+    assert found[0] | {"file": "a, b.png"} == {
+        "file": "a, b.png", "usable": "1", "interval_low_mn": "1.5", "interval_high_mn": "", "needle_tip_x": "1",
+        "reason": "",
+    }  # fmt: skip
+    assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
+
+
+def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
+    frames = ["3", '[{"a": 1}]', "[NaN]", '[{"file": 1}]', '[{"file": "x", "recording": 1}]']
+    for text in ["[]", "{}", "{", *(f'{{"frames": {each}}}' for each in frames)]:
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(InputError, match=r"a\.json: "):
+            export.read_answers(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text(json.dumps({"frames": [{"file": "x"}]}))
+    assert export.read_answers(tmp_path / "a.json") == [{"file": "x"}]
+
+
+def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
+    for text in ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']:
+        found = list(
+            csv.reader(StringIO(export.csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline=""))
+        )
+        assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
+    row = {"force_mn": -1.5, "count": -2, "flag": True, "file": "a=b -c.png", "note": "'quoted"}
+    assert export.csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
+
+
+def test_answers_of_a_command_become_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording = with_log(write_small_recording(tmp_path / "r", frames=3))
+    assert run(["evaluate", "default", str(recording), "--json"]) == 0
+    (tmp_path / "a.json").write_text(capsys.readouterr().out)
+    assert run(["export", str(recording), "--answers", str(tmp_path / "a.json"), "--out", str(tmp_path / "a.csv")]) == 0
+    columns = (tmp_path / "a.csv").read_text().partition("\n")[0].split(",")
+    assert {"time_s", "measured_force_mn", "predicted", "predicted_force_mn", "interval_low_mn"} <= {*columns}, columns
+
+
+def test_the_header_is_what_slicer_reads_as_a_sequence(tmp_path: Path) -> None:
+    nrrd = pytest.importorskip("nrrd")
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=4))
+    export.write_sequence(recording, tmp_path / "a.seq.nrrd")
+    array, header = nrrd.read(str(tmp_path / "a.seq.nrrd"), index_order="F")
+    assert array.shape == (COLUMNS, ROWS, 1, 4)
+    assert list(header["kinds"]) == ["domain", "domain", "domain", "list"]
+    assert header["axis 3 index type"] == "numeric"
+    assert header["axis 3 index values"] == "1.000000 1.010000 1.020000 1.030000"
+    np.testing.assert_allclose(header["space directions"][:3], np.diag([8.0 / COLUMNS, 3.0 / ROWS, 0.1]))
+    assert np.isnan(header["space directions"][3]).all()
+    text = (tmp_path / "a.seq.nrrd").read_bytes().partition(b"\n\n")[0].decode()
+    assert "axis 3 index values:=1.0" in text
+    assert "none" in text
+    np.testing.assert_array_equal(array[:, :, 0, 2].T, recording.frame(recording.frames[2]))
+
+
+def test_a_sequence_can_be_imported_again_with_scale_and_times(tmp_path: Path) -> None:
+    pytest.importorskip("nrrd")
+    for frames in [1, 4]:
+        recording = read_recording(write_small_recording(tmp_path / str(frames), frames=frames, log=False))
+        export.write_sequence(recording, tmp_path / "a.nrrd")
+        scan = read_nrrd(tmp_path / "a.nrrd", None)
+        for entry, picture in zip(recording.frames, scan.pictures(), strict=True):
+            np.testing.assert_array_equal(picture, recording.frame(entry))
+        assert sizes_of(scan) == pytest.approx((0.003 / ROWS, 0.008 / COLUMNS))
+        np.testing.assert_allclose(scan.times.time_s, [entry.time_s for entry in recording.frames])
+
+
+def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(tmp_path: Path) -> None:
+    highlevel, reader = pytest.importorskip("rosbags.highlevel"), pytest.importorskip("mcap.reader")
+    recording, origin_s = read_recording(write_small_recording(tmp_path / "r", frames=6)), 1_700_000_000.0
+    answer = {"predicted_force_mn": 3.0, "interval_mn": [2.0, 5.0], "predicted": 1, "usable": True}
+    rows = [{"file": entry.file, "target": None, **answer} for entry in recording.frames]
+    export.write_mcap(recording, rows, origin_s, tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        messages = reader.make_reader(file).iter_messages(log_time_order=False)
+        found = [(message.log_time, channel.topic) for _, channel, message in messages]
+    assert [time_ns for time_ns, _ in found] == sorted(time_ns for time_ns, _ in found)
+    counts = {export.IMAGE_TOPIC: 6, export.FORCE_TOPIC: len(recording.forces.time_s), export.ANSWER_TOPIC: 6}
+    assert Counter(topic for _, topic in found) == counts
+    with highlevel.AnyReader([tmp_path / "a.mcap"]) as bag:  # the answers have a definition that others read
+        connections = [each for each in bag.connections if each.topic == export.ANSWER_TOPIC]
+        answers = [bag.deserialize(data, each.msgtype) for each, _, data in bag.messages(connections)]
+    for entry, each in zip(recording.frames, answers, strict=True):
+        assert (each.file, each.predicted_force_mn, each.predicted, each.usable) == (entry.file, 3.0, 1, True)
+        assert (each.interval_low_mn, each.interval_high_mn, each.target) == (2.0, 5.0, -1)
+        assert np.isnan(each.measured_force_mn)
+    scan, log = read_bag(tmp_path / "a.mcap")
+    assert (scan.rows, scan.columns) == (ROWS, COLUMNS)
+    for entry, picture, time_s in zip(recording.frames, scan.pictures(), scan.times.time_s, strict=True):
+        np.testing.assert_array_equal(picture, recording.frame(entry))
+        assert time_s - origin_s == pytest.approx(entry.time_s, abs=1e-6)
+    np.testing.assert_allclose(log.wrench_sc, recording.forces.wrench_sc)
+    np.testing.assert_allclose(log.time_s - origin_s, recording.forces.time_s, atol=1e-6)
+
+
+def test_an_axis_that_was_not_logged_is_nan(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    folder = write_small_recording(tmp_path / "r", frames=3)
+    (folder / "forces.csv").write_text("time_s,fz_n\n1.0,0.5\n1.005,0.5\n1.01,0.5\n")
+    recording = read_recording(folder)
+    export.write_mcap(recording, [{"file": entry.file} for entry in recording.frames], 0.0, tmp_path / "a.mcap")
+    log = read_bag(tmp_path / "a.mcap")[1]
+    assert log.columns == ("fz_n",)
+    np.testing.assert_array_equal(log.wrench_sc, np.full((3, 1), 0.5))
