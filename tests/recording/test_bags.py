@@ -110,18 +110,17 @@ def test_encodings_become_grey(tmp_path: Path) -> None:
         assert scan.bits == (8 if expected.dtype == np.uint8 else None)
 
 
-def compressed(at_ns: int, pixels: np.ndarray, ending: str = ".png") -> object:
-    data = cv2.imencode(ending, pixels)[1].ravel()
-    return ROS2.types[COMPRESSED](header=HERE.header(at_ns), format=ending[1:], data=data)
-
-
 def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> None:
+    def sent(*images: np.ndarray, ending: str = ".png") -> Path:
+        packed = [{"format": ending[1:], "data": cv2.imencode(ending, image)[1].ravel()} for image in images]
+        kind = ROS2.types[COMPRESSED]
+        messages = [kind(header=HERE.header(START_NS + nth), **fields) for nth, fields in enumerate(packed)]
+        return bag_of(tmp_path, messages, COMPRESSED)
+
     grey = np.linspace(0, 255, ROWS * COLUMNS).reshape(ROWS, COLUMNS).astype(np.uint8)
     for ending, atol in [(".png", 0), (".jpg", 3)]:
-        scan, _ = read_bag(bag_of(tmp_path, [compressed(START_NS, grey, ending)], COMPRESSED))
-        np.testing.assert_allclose(pictures_of(scan)[0], grey, atol=atol)
-    messages = [compressed(START_NS + nth, pixels) for nth, pixels in enumerate((FRAMES[0], FRAMES[1], grey))]
-    scan, _ = read_bag(bag_of(tmp_path, messages, COMPRESSED))
+        np.testing.assert_allclose(pictures_of(read_bag(sent(grey, ending=ending))[0])[0], grey, atol=atol)
+    scan, _ = read_bag(sent(FRAMES[0], FRAMES[1], grey))
     with pytest.raises(FrameError, match=r"/t: images of .* uint16, and in message 2 of .* uint8"):
         pictures_of(scan)
 

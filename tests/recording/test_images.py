@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import mkdtemp
@@ -84,17 +85,13 @@ def animated(path: Path) -> None:
     frames[0].save(path, "PNG", save_all=True, append_images=frames[1:])
 
 
-def png_that_says(rows: int, columns: int) -> bytes:
-    header = b"IHDR" + struct.pack(">IIBBBBB", columns, rows, 16, 2, 0, 0, 0)
-    chunks = [header, b"IDAT" + zlib.compress(bytes(1000)), b"IEND"]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(map(png_chunk, chunks))
-
-
-def jpeg_that_says(rows: int, columns: int) -> bytes:
-    data = bytearray(cv2.imencode(".jpg", np.zeros((40, 60), np.uint8))[1].tobytes())
-    at = data.index(b"\xff\xc0") + 5
-    data[at : at + 4] = struct.pack(">HH", rows, columns)
-    return bytes(data)
+def large(path: Path, ending: str) -> None:
+    """Write a picture whose header says 48,000 x 48,000 pixels."""
+    data = bytearray(cv2.imencode(ending, BYTES)[1].tobytes())
+    at, kind = (16, ">II") if ending == ".png" else (data.index(b"\xff\xc0") + 5, ">HH")
+    struct.pack_into(kind, data, at, 48_000, 48_000)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29])) if ending == ".png" else data[29:33]
+    path.write_bytes(data)
 
 
 def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
@@ -111,8 +108,7 @@ def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
         (lambda path: write_dicom(path, np.stack([RAMP] * 6)), "6 frames in one file"),
         (animated, "an animated PNG; give a file for each frame"),
         (lambda path: path.write_bytes(with_exif(BYTES, ".jpg", 9, "<")), "EXIF Orientation 9"),
-        (lambda path: path.write_bytes(png_that_says(48_000, 48_000)), "48000 x 48000 pixels; a frame may have 64"),
-        (lambda path: path.write_bytes(jpeg_that_says(48_000, 48_000)), "48000 x 48000 pixels; a frame may have 64"),
+        *((partial(large, ending=ending), "48000 x 48000 pixels; a frame may have 64") for ending in (".png", ".jpg")),
     ]:
         path = Path(mkdtemp(dir=tmp_path)) / "a.img"
         write(path)
@@ -159,15 +155,6 @@ def test_frame_that_is_not_what_its_recording_says_is_an_error() -> None:
     ]:
         with pytest.raises(FrameError, match="^a.png: " + message):
             check_frame(pixels, 40, 60, 12, "a.png")
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not REAL.is_dir(), reason="no ../shared")
-def test_every_real_image_can_be_read() -> None:
-    files = [path for path in REAL.rglob("*") if path.suffix in (".tif", ".png", ".jpg", ".jpeg", ".dcm")]
-    assert len(files) == 35
-    shapes = {path.suffix: read_frame(path).shape for path in files}
-    assert shapes[".dcm"] == (1024, 512)
 
 
 def test_arrays_of_either_byte_order_and_any_number_come_back(tmp_path: Path) -> None:

@@ -97,13 +97,8 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
         trials = label_frames(recording_of(log_of(-force_n), 15.0, 30.0, average_s=average_s), CLASSES)
         assert [trial.measured_force_n for trial in trials] == pytest.approx([0.010, 0.025], abs=1e-5)
         assert [trial.target for trial in trials] == [1, 1]
-
-
-def test_sign_and_axis_of_contact_are_the_recordings():
-    log = log_of(step_and_hold(0.04))
-    flipped = replace(recording_of(log, 8.0), info=replace(LOGGED_INFO, force=ForceInfo("fz", 1)))
-    assert label_frames(flipped, CLASSES)[0].target == 2
-    assert replace(log, wrench_sc=np.roll(log.wrench_sc, 1, axis=1)).force_n("fx").max() == 0.0
+    flipped = replace(recording_of(log_of(force_n), 30.0), info=replace(LOGGED_INFO, force=ForceInfo("fz", 1)))
+    assert label_frames(flipped, CLASSES)[0].measured_force_n == pytest.approx(0.025, abs=1e-5)
 
 
 def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
@@ -196,10 +191,7 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     assert errors.std() < 0.7e-3
     assert np.abs(errors).max() < 2e-3
     assert all(trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs)
-
-
-def test_labels_of_a_perfect_sensor_are_the_truth():
-    none = fixed(0.0)
+    none = fixed(0.0)  # of a perfect sensor
     quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0, relaxation_fraction=none)
     for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
         assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)

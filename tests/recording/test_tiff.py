@@ -225,12 +225,13 @@ def ome(unit: str, size_t: int = COUNT) -> dict[str, object]:
     return {"description": text.encode(), "metadata": None, "photometric": "minisblack"}
 
 
-def test_the_unit_of_ome_is_read_however_xml_writes_it(tmp_path: Path) -> None:
+def test_ome_and_imagej_state_units_and_as_many_frames_as_there_are_pages(tmp_path: Path) -> None:
     for unit in ["&#181;m", "&#xb5;m", "&#956;m", "µm", "\u03bcm", "um", "micrometer"]:
         assert sizes_of(scan_of(tmp_path, FRAMES, **ome(unit))) == pytest.approx(SIZE)
-
-
-def test_frames_that_ome_or_imagej_state_and_pages_must_agree(tmp_path: Path) -> None:
+    for description in [ome("parsec"), {**ome(""), "description": b"ImageJ=1.53t\nunit=parsec\n"}]:
+        scan = scan_of(tmp_path, FRAMES, resolution=(1 / 15, 1 / 4), resolutionunit="NONE", **description)
+        assert sizes_of(scan) == (None, None)
+        assert any("parsec" in note for note in scan.notes)
     for stated in [3, 6]:
         with pytest.raises(FrameError, match=f"OME-XML states {stated} frames, the file has 5 pages"):
             scan_of(tmp_path, FRAMES, **ome("um", stated))
@@ -239,14 +240,7 @@ def test_frames_that_ome_or_imagej_state_and_pages_must_agree(tmp_path: Path) ->
             scan_of(tmp_path, FRAMES, description=f"ImageJ=1.53t\nimages={stated}\n", **options)
 
 
-def test_a_unit_that_is_not_known_is_named_and_gives_no_scale(tmp_path: Path) -> None:
-    for description in [ome("parsec"), {**ome(""), "description": b"ImageJ=1.53t\nunit=parsec\n"}]:
-        scan = scan_of(tmp_path, FRAMES, resolution=(1 / 15, 1 / 4), resolutionunit="NONE", **description)
-        assert sizes_of(scan) == (None, None)
-        assert any("parsec" in note for note in scan.notes)
-
-
-def test_ome_and_resolution_tags_that_differ_are_refused_unless_options_give_the_scale(tmp_path: Path) -> None:
+def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_give_the_scale(tmp_path: Path) -> None:
     tags, path = {"resolution": (1e4 / 10, 1e4 / 4), "resolutionunit": "CENTIMETER"}, tmp_path / "a.tif"
     tifffile.imwrite(path, RAMP, **ome("um", 1), **tags)
     with pytest.raises(
@@ -256,13 +250,10 @@ def test_ome_and_resolution_tags_that_differ_are_refused_unless_options_give_the
     frame = read_scaled_frame(path, Scanner(width_m=6e-3, depth_m=2e-3), (Scanner(), ""))
     assert (frame.width_m.value, frame.depth_m.value) == (6e-3, 2e-3)
     assert any("OME states" in note for note in frame.notes)
-
-
-def test_pages_of_several_scales_are_named(tmp_path: Path) -> None:
-    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
-        for size_um in (15, 10):
-            writer.write(RAMP, metadata=None, resolution=(1e4 / size_um, 1e4 / 4), resolutionunit="CENTIMETER")
-    fault = read_tiff(tmp_path / "a.tif").scale_fault
+    with tifffile.TiffWriter(path) as writer:
+        for options in (PER_CM, tags):
+            writer.write(RAMP, metadata=None, **options)
+    fault = read_tiff(path).scale_fault
     assert "0.004 x 0.015 mm" in fault
     assert "0.004 x 0.01 mm" in fault
 
@@ -323,10 +314,7 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             (tmp_path / "a.tif").write_bytes(data[: int(share * len(data))])
             with pytest.raises(FrameError, match=r"a\.tif: damaged"):
                 pictures_of(read_tiff(tmp_path / "a.tif"))
-
-
-def test_pages_that_were_written_one_by_one_are_a_stack_and_cut_off_between_two_damaged(tmp_path: Path) -> None:
-    path = pages_of(tmp_path, *FRAMES, contiguous=False)
+    path = pages_of(tmp_path, *FRAMES, contiguous=False)  # written one by one, and cut off between two
     np.testing.assert_array_equal(pictures_of(read_tiff(path)), FRAMES)
     with tifffile.TiffFile(path) as file:
         end = max(file.pages[2].offset, file.pages[2].dataoffsets[0] + file.pages[2].databytecounts[0])

@@ -37,8 +37,7 @@ SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; mai
 # Of the calls that name another host, or a file: what they were given is shown in full, descriptors with their paths.
 CALLS = "connect,bind,sendto,sendmsg,sendmmsg,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,symlink"
 ADDRESS = re.compile(r'sin6?_addr=inet_(?:addr|pton)\((?:AF_INET6, )?"([^"]+)"')
-OPENED = re.compile(r'\bopenat\(AT_FDCWD<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
-OPENED_IN = re.compile(r'\bopenat\(\d+<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
+OPENED = re.compile(r'\bopenat\((?:AT_FDCWD|\d+)<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
 
 
 @dataclass(frozen=True)
@@ -82,6 +81,6 @@ def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None
         lines.append(process.stderr.read())
     text = log.read_text()
     log.unlink()
-    files = {Path(base, name) for base, name, flags in [*OPENED.findall(text), *OPENED_IN.findall(text)]
+    files = {Path(base, name) for base, name, flags in OPENED.findall(text)
              if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))}  # fmt: skip
     return Traced(process.wait(), "".join(lines), frozenset(ADDRESS.findall(text)), frozenset(files))

@@ -27,19 +27,12 @@ NOT_READY, OK = Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet"), Stat
 
 
 class MonitorRule:
-    """Says OK after each image, until `decide` returns another STATUS for it; then that one, for ever.
-
-    Attributes:
-        decide: called with each event of a client's stream (None: it has gone); a STATUS is a withdrawal.
-        received: events that came, in order; of one thread at a time only in tests with one sender.
-        status: said with each answer, and with each heartbeat.
-        answers: False: it says nothing any more.
-    """
+    """Says OK after each image, until `decide` returns another STATUS for an event (None: a client has gone)."""
 
     def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
         self.decide = decide
-        self.received: list[Received | BadChecksum | Malformed | None] = []
-        self.answers, self.status = True, NOT_READY
+        self.received: list[Received | BadChecksum | Malformed | None] = []  # in order only with one sender
+        self.answers, self.status = True, NOT_READY  # False: it says nothing any more
         self._frames = 0
 
     def take(self, event: Received | BadChecksum | Malformed | None) -> list[tuple[str, Status | Text | Sensor]]:
@@ -67,15 +60,11 @@ class MonitorRule:
 
 
 class FakeMonitor(MonitorRule):
-    """The rule behind a socket.
-
-    Attributes:
-        reads: False: it reads nothing any more.
-    """
+    """The rule behind a socket."""
 
     def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
         super().__init__(decide)
-        self.reads = True
+        self.reads = True  # False: it reads nothing any more
         self._peers: dict[socket.socket, int] = {}
         self._lock = threading.RLock()
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -175,18 +164,13 @@ def fake_monitor(decide: Callable[[object], Status | None] = lambda _: None) -> 
 
 
 class ClockedClient:
-    """In place of a `ScannerClient`, beside a monitor that answers at once; a second is one that a test waits for.
-
-    Attributes:
-        now_s: the time; a test may move it on.
-        dropped: True: the monitor closes the connection.
-    """
+    """In place of a `ScannerClient`, beside a monitor that answers at once; a test may move its time `now_s` on."""
 
     address = "clocked"
 
     def __init__(self, monitor: MonitorRule, hear: Callable[[float, str, Message], object]) -> None:
         self.monitor, self._hear, self._decoder = monitor, hear, Decoder()
-        self.now_s, self.dropped = 1000.0, False
+        self.now_s, self.dropped = 1000.0, False  # True: the monitor closes the connection
         self._beat_s, self._scans = self.now_s, True
         self._said: list[tuple[str, Message]] = []
 

@@ -19,8 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 from analytic_library import analytic_library, solve_analytic
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+from foreign_files import write_dicom
 from small_models import rehash_model, rehash_store, write_fixed_reader
 from small_recordings import calibration_text, write_small_recording
 
@@ -62,7 +61,7 @@ def write_whole_ones(folder: Path) -> None:
     (folder / "frames").mkdir()
     for suffix in ("png", "tif", "jpg"):
         cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
-    _write_dicom(folder / "frames" / "frame.dcm", picture)
+    write_dicom(folder / "frames" / "frame.dcm", picture, PixelSpacing=[0.01, 0.01])
     group = DatasetGroup(images=20)
     study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
     write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
@@ -73,19 +72,6 @@ def write_whole_ones(folder: Path) -> None:
         store.write(unit, {SLICES: np.repeat(np.uint8(255) * rows[None], 20, axis=0)})
     store.finish()
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
-
-
-def _write_dicom(path: Path, picture: np.ndarray) -> None:
-    meta = FileMetaDataset()
-    meta.TransferSyntaxUID, meta.MediaStorageSOPClassUID = ExplicitVRLittleEndian, "1.2.840.10008.5.1.4.1.1.77.1.5.4"
-    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["hostile"])
-    dataset = FileDataset(str(path), {}, file_meta=meta, preamble=bytes(128))
-    dataset.Rows, dataset.Columns = picture.shape
-    dataset.BitsAllocated = dataset.BitsStored = 8
-    dataset.HighBit, dataset.SamplesPerPixel, dataset.PixelRepresentation = 7, 1, 0
-    dataset.PhotometricInterpretation, dataset.PixelSpacing = "MONOCHROME2", [0.01, 0.01]
-    dataset.PixelData = picture.tobytes()
-    dataset.save_as(path, enforce_file_format=True)
 
 
 def _read_recording(folder: Path) -> object:
@@ -101,13 +87,13 @@ def _read_calibration(folder: Path) -> object:
     return read_calibration(path), parse_calibration(open_calibration(path))
 
 
+def _read_dataset(folder: Path) -> object:
+    return [open_dataset(folder / "dataset").read(name) for name in ("slices", *DTYPES)]
+
+
 def _read_model(folder: Path) -> object:
     model = load_force_reader(folder / "model")
     return model.read_slices(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
-
-
-def _read_dataset(folder: Path) -> object:
-    return [open_dataset(folder / "dataset").read(name) for name in ("slices", *DTYPES)]
 
 
 # Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.

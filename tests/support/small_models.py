@@ -52,8 +52,6 @@ def write_fixed_reader(
     import onnx
     from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info, set_model_props
 
-    from scleraforce.models import write_folder
-
     study = fixed_study(len(shares))
     values = {
         "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
