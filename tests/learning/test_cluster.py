@@ -72,9 +72,9 @@ def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> No
     there = search_sizes(study, training, validation, progress=ticks.append, workers=workers)
     here = search_sizes(study, training, validation)
     assert ticks == [3] * 6
-    assert (there.candidates, there.study) == (here.candidates, here.study)
-    assert there.fitted.curves == here.fitted.curves
-    for one, other in zip(there.fitted.network.layers, here.fitted.network.layers, strict=True):
+    assert there[:2] == here[:2]
+    assert there[2].curves == here[2].curves
+    for one, other in zip(there[2].network.layers, here[2].network.layers, strict=True):
         np.testing.assert_array_equal(one.weight, other.weight)
         np.testing.assert_array_equal(one.bias, other.bias)
 

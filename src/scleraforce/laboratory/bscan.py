@@ -157,9 +157,6 @@ def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64])
     The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines. A
     curve (points, 2) that is open, with ends outside of the lines, bounds the region below it. Columns are evenly
     spaced; depths are sorted, and padded with inf.
-
-    >>> column_crossings(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([-0.5, 0.5, 1.5]))
-    array([[inf, 1.5, 2.5]], dtype=float32)
     """
     column, depth_m, turn = _curve_crossings(curve, columns_m)
     order = np.lexsort((depth_m, column))

@@ -20,13 +20,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory import pushes
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
-from scleraforce.laboratory.light import (
-    BscanOptics,
-    Pose,
-    sample_conjunctiva,
-    sample_needle,
-    sample_optics,
-)
+from scleraforce.laboratory.light import BscanOptics, Pose, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.virtual_eye import (
     EyeTurn,
     PhantomEye,
@@ -145,10 +139,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         rng = stream(eye, seed, FRAME, index)
         of_frame = sample_optics(phantom, study.oct, rng)
         optics = replace(
-            scanner,
-            snr_db=of_frame.snr_db,
-            reflection_db=of_frame.reflection_db,
-            shadows=of_frame.shadows,
+            scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
         )
         if optics.conjunctiva is not None:  # it has moved over the wall: its waves lie elsewhere
             phase_rad = float(stream(eye, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi))
@@ -157,8 +148,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = stream_key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    sensor = pushes.sample_sensor(phantom, stream(eye, seed, SENSOR))
-    return PhantomPlan(eye, _turning(eye, frames, study, seed), planned, sensor, seed)
+    return _with_turns(eye, frames, planned, study, seed)
 
 
 def plan_moving_phantom(
@@ -199,8 +189,7 @@ def plan_moving_phantom(
             zip(times_s, drift.tolist(), strict=True)
         )
     ]
-    sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
-    return PhantomPlan(eye, _turning(eye, frames, study, seed), path, sensor, seed)
+    return _with_turns(eye, frames, path, study, seed)
 
 
 def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
@@ -214,13 +203,16 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
         )
 
 
-def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed: int) -> tuple[PhantomFrame, ...]:
-    """Return frames with the eye's turns; unchanged if it keeps still."""
-    if farthest_turn_rad(study.phantom) == 0.0:
-        return tuple(frames)
-    times_s = np.array([frame.time_s for frame in frames])
-    turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
-    return tuple(replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True))
+def _with_turns(
+    eye: PhantomEye, frames: Sequence[PhantomFrame], motion: pushes.Motion, study: Study, seed: int
+) -> PhantomPlan:
+    """Return the plan of frames with a drawn sensor, and with the eye's turns unless it keeps still."""
+    if farthest_turn_rad(study.phantom) > 0.0:
+        times_s = np.array([frame.time_s for frame in frames])
+        turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
+        frames = [replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)]
+    sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
+    return PhantomPlan(eye, tuple(frames), motion, sensor, seed)
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:

@@ -127,8 +127,11 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     ranges["reflection_angle_rad"] = _range([angle])
     shadows = [shadow for frame in frames for shadow in frame.shadows]
     lines = [line for frame in frames for line in frame.lines]
-    ranges |= _of_things(shadows, ("loss_fraction", "width_m"), "shadow_", "no shadow is seen on the wall")
-    ranges |= _of_things(lines, ("depth_m", "level_db", "thickness_m"), "line_", "no line is seen above the tissue")
+    for name in MEASURED[OF_FRAMES:]:
+        thing, _, field = name.partition("_")
+        things, where = (shadows, "on the wall") if thing == "shadow" else (lines, "above the tissue")
+        seen_in: list[Measured] = [Estimate(value=getattr(each, field)) for each in things]
+        ranges[name] = _range(seen_in or [Unmeasured(f"no {thing} is seen {where}")])
     ranges = {name: _within_bounds(name, found) for name, found in ranges.items()}
     for name in ("display_floor_db", "display_range_db", "snr_db"):
         if isinstance(found := ranges[name], Unmeasured):
@@ -198,16 +201,6 @@ def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
     return MeasuredRange(median=float(np.median(values)), low=float(low), high=float(high), seen=len(known))
 
 
-def _of_things(
-    things: Sequence[Shadow | Line], names: tuple[str, ...], prefix: str, reason: str
-) -> dict[str, MeasuredRange | Unmeasured]:
-    """Return the ranges of the values of shadows or lines, over all of them."""
-    return {
-        prefix + name: _range([Estimate(value=getattr(thing, name)) for thing in things] or [Unmeasured(reason)])
-        for name in names
-    }
-
-
 def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRange | Unmeasured:
     """Return a range within the bounds of the study's key; one that lies outside is unmeasured."""
     if isinstance(found, Unmeasured) or name in NOT_DRAWN:
@@ -257,11 +250,7 @@ def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Gene
 
 
 def histogram_overlap(one: NDArray[np.generic], other: NDArray[np.generic], top: int) -> float:
-    """Return the share that two frames' histograms have in common: 1 where they are alike.
-
-    >>> histogram_overlap(np.zeros(4), np.array([0, 0, 255, 255]), 255)
-    0.5
-    """
+    """Return the share that two frames' histograms have in common: 1 where they are alike."""
     first, second = (np.histogram(counts, BINS, (0, top + 1))[0] / counts.size for counts in (one, other))
     return float(np.minimum(first, second).sum())
 

@@ -38,20 +38,12 @@ class Estimate:
     error: float = 0.0
     at_most: bool = False
 
-    def times(self, factor: float) -> "Estimate":
-        """Return the estimate in another unit."""
-        return replace(self, value=self.value * factor, error=self.error * factor)
-
 
 @dataclass(frozen=True)
 class Unmeasured:
     """The reason why a value could not be measured."""
 
     reason: str
-
-    def times(self, _: float) -> "Unmeasured":
-        """Return the reason."""
-        return self
 
 
 Measured = Estimate | Unmeasured

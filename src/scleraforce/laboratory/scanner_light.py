@@ -273,8 +273,8 @@ def resolutions(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Me
     speckle[chosen] -= speckle[chosen].mean()
     light = 10.0 ** (expected_db[chosen] / 10.0)
     share = float(np.mean((1.0 - 1.0 / np.maximum(light, 1.0)) ** 2))
-    down, across = (_width(curve, share, pixels) for curve in _autocorrelation(speckle, chosen))
-    return down.times(eye.scale.depth_m), across.times(eye.scale.lateral_m)
+    down, across = _autocorrelation(speckle, chosen)
+    return _width(down, share, pixels, eye.scale.depth_m), _width(across, share, pixels, eye.scale.lateral_m)
 
 
 def drawn_correlation(sigma: float, lags: int) -> Trace:
@@ -294,8 +294,8 @@ def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) ->
     return mean[:FAR, 0] / mean[0, 0], mean[0, :FAR] / mean[0, 0]
 
 
-def _width(correlation: Trace, share: float, pixels: int) -> Measured:
-    """Return the full width of the intensity's spread, in pixels, from the autocorrelation of the speckle in dB."""
+def _width(correlation: Trace, share: float, pixels: int, pixel_m: float) -> Measured:
+    """Return the full width of the intensity's spread, m, from the autocorrelation of the speckle in dB."""
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
         return Unmeasured("the wall's texture is coarser than speckle")
@@ -319,9 +319,10 @@ def _width(correlation: Trace, share: float, pixels: int) -> Measured:
     )  # fmt: skip
     sigma, per_sigma = float(value[0]), 1.0 / amplitude_sigma(1.0)
     if sigma <= least:
-        return Estimate(value=least * per_sigma, at_most=True)
+        return Estimate(value=least * per_sigma * pixel_m, at_most=True)
     misfit = float(np.std(seen - model(seen, *value))) / error
-    return Estimate(value=sigma * per_sigma, error=float(np.sqrt(covariance[0, 0])) * max(1.0, misfit) * per_sigma)
+    sigma_error = float(np.sqrt(covariance[0, 0])) * max(1.0, misfit)
+    return Estimate(value=sigma * per_sigma * pixel_m, error=sigma_error * per_sigma * pixel_m)
 
 
 def _of_logarithms(rho: Trace) -> Trace:

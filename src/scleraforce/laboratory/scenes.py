@@ -451,19 +451,16 @@ class Scene:
 
 
 def draw_scene(study: ScenesStudy, number: int) -> Scene:
-    """Draw a scene: the same for the same study and number.
-
-    >>> scene = draw_scene(ScenesStudy(), 3)
-    >>> scene.outer_row.shape == scene.frame.shape[1:]
-    True
-    """
+    """Draw a scene: the same for the same study and number."""
     rng = np.random.default_rng([study.seed, number])
     window = draw_window(study.window, rng)
     wall = draw_wall(study.eye, study.window, window, rng)
     picture = empty_picture(window)
     tissue = draw_tissue(study.tissue, wall, picture, rng)
     draw_over(study.over, tissue, wall.dent_m, picture, rng)
-    frame, imaged = scanned(study.scanner, picture, _apex(tissue), rng)
+    slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)
+    apex = float(slope.argmin()) if slope.min() <= LEVEL_RAD else None  # the column of a surface across the light
+    frame, imaged = scanned(study.scanner, picture, apex, rng)
     surface_row, outer, inner = (row - window.above - 0.5 for row in (tissue.surface, tissue.outer, tissue.inner))
     shown = imaged & (outer < window.rows - 1) & (inner > 0.0) & (inner > outer)
     outer_row, inner_row = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
@@ -471,9 +468,3 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
     scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.refractive_index)
     return Scene(frame, scale, outer_row, inner_row, judged)
-
-
-def _apex(tissue: Tissue) -> float | None:
-    """Return the column where the surface lies across the light, None if it does nowhere."""
-    slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)
-    return float(slope.argmin()) if slope.min() <= LEVEL_RAD else None

@@ -42,13 +42,7 @@ STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
 
 
 def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
-    """Return the plane of the B-scan, and with it the contact, in the turned eye's coordinates.
-
-    >>> plane = ScanPlane(Contact(polar_rad=0.6), gap_m=0.5e-3)
-    >>> to_the_needle = EyeTurn(about_x_rad=0.0, about_y_rad=0.05)
-    >>> round(turned_plane(plane, to_the_needle).contact.polar_rad, 6)
-    0.55
-    """
+    """Return the plane of the B-scan, and with it the contact, in the turned eye's coordinates."""
     back = Rotation.from_rotvec([-turn.about_x_rad, -turn.about_y_rad, 0.0])
     normal, lateral = back.apply(plane.contact.normal), back.apply(plane.lateral)
     contact = Contact(polar_rad=acos(min(normal[2], 1.0)), azimuth_rad=atan2(normal[1], normal[0]))
@@ -104,11 +98,7 @@ def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
 
 
 def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
-    """Return the weights of the knots at a turn, (knot,); they add up to 1.
-
-    >>> knot_weights(EyeTurn(about_x_rad=0.01, about_y_rad=-0.02), 0.04)
-    array([ 1.25,  0.25, -0.5 ])
-    """
+    """Return the weights of the knots at a turn, (knot,); they add up to 1."""
     x, y = turn.about_x_rad / reach_rad, turn.about_y_rad / reach_rad
     return np.array([1.0 - x - y, x, y])
 
@@ -175,19 +165,14 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
 
     For an eye that turns it is a `TurnedSections`. `progress` is called with the finished share of the load paths.
     """
-    eyes = turned_eyes(eye, study)
-    knots = []
+    eyes, report, knots = turned_eyes(eye, study), progress or (lambda _: None), []
     for number, (turned, own) in enumerate(eyes):
         if study.mechanics.kind == "linear":
             knots.append(linear_sections(turned, own))
         else:
-            share = None if progress is None else partial(_report, progress, number, len(eyes))
+            share = partial(lambda before, part: report((before + part) / len(eyes)), number)
             knots.append(BentSections(turned, own, share))
     return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(study.phantom))
-
-
-def _report(progress: Callable[[float], object], number: int, count: int, share: float) -> None:
-    progress((number + share) / count)
 
 
 def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
@@ -357,38 +342,24 @@ def simulate_eye(
     contact: Contact,
     progress: Callable[[float], object] | None = None,
 ) -> SimulatedEye:
-    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
-
-    `progress` is called with the finished share of a load path.
-
-    Raises:
-        InputError: the needle or the B-scan plane misses the wall, or linear mechanics does not support such an eye.
-        SolverError: the wall deforms too much to be cut, or no equilibrium was found.
-    """
-    if study.mechanics.kind == "linear":
-        return _bent_linearly(study, thickness_m, force_n, contact)
+    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle."""
     eye = study.eye
     modulus_pa, iop_pa = eye.youngs_modulus_pa, eye.iop_pa
-    bent = bend_eye(
-        study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, max_force_n=force_n,
-        progress=progress,
-    )  # fmt: skip
-    path = bent.path
-    states = path.displacement_nc(0.0), path.displacement_nc(force_n)
-    dents = path.travel_m(force_n), path.tip_m(force_n)
-    return _sliced(study, contact, force_n, bent.mesh, states, dents, path.pressure_pa(force_n))
-
-
-def _sliced(
-    study: Study,
-    contact: Contact,
-    force_n: float,
-    mesh: HexMesh,
-    states_nc: tuple[Floats, Floats],
-    dents_m: tuple[float, float],
-    pressure_pa: float,
-) -> SimulatedEye:
-    """Return an eye with its slice, from displacements (node, 3) without and with the needle, `tip_m` and `dent_m`."""
+    if study.mechanics.kind == "linear":
+        wall = linear_wall(study, "simulate", thickness_m, contact, modulus_pa)
+        unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
+        loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": iop_pa, "density_kg_m3": eye.density_kg_m3}
+        states_nc = wall.displacement(unit_nc, 0.0, **loads), wall.displacement(unit_nc, force_n, **loads)
+        mesh, pressure_pa = wall.mesh, iop_pa
+        tip_m = dent_m = tip_displacement(mesh, contact, states_nc[1] - states_nc[0])
+    else:
+        bent = bend_eye(
+            study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, max_force_n=force_n,
+            progress=progress,
+        )  # fmt: skip
+        mesh, path = bent.mesh, bent.path
+        states_nc = path.displacement_nc(0.0), path.displacement_nc(force_n)
+        tip_m, dent_m, pressure_pa = path.travel_m(force_n), path.tip_m(force_n), path.pressure_pa(force_n)
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     resting, loaded = cut_sections(mesh, [plane], np.stack(states_nc), np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
@@ -398,23 +369,12 @@ def _sliced(
         force_n=force_n,
         displacement_nc=states_nc[1],
         needle_nc=states_nc[1] - states_nc[0],
-        tip_m=dents_m[0],
-        dent_m=dents_m[1],
+        tip_m=tip_m,
+        dent_m=dent_m,
         pressure_pa=pressure_pa,
         slice=fill_section(loaded, window),
         window=window,
     )
-
-
-def _bent_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> SimulatedEye:
-    eye, wall = study.eye, linear_wall(study, "simulate", thickness_m, contact, study.eye.youngs_modulus_pa)
-    unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
-    loads = {
-        "youngs_modulus_pa": eye.youngs_modulus_pa, "iop_pa": eye.iop_pa, "density_kg_m3": eye.density_kg_m3,
-    }  # fmt: skip
-    states = wall.displacement(unit_nc, 0.0, **loads), wall.displacement(unit_nc, force_n, **loads)
-    tip_m = tip_displacement(wall.mesh, contact, states[1] - states[0])
-    return _sliced(study, contact, force_n, wall.mesh, states, (tip_m, tip_m), eye.iop_pa)
 
 
 CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}

@@ -55,9 +55,6 @@ def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: Clas
 
     In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under pressure
     and weight that scale alike, which bend the wall far less than the needle).
-
-    >>> classes_at_modulus(np.array([0.028]), 1.1, ClassesStudy()).tolist()
-    [2]
     """
     return np.array([classes.classify(force) for force in ratio * force_n], dtype=np.int64)
 
@@ -75,12 +72,7 @@ class Normalisation:
 
 
 def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
-    """Measure the mean of each pixel (as 0 to 1) over the training slices, and over their mirror images if asked.
-
-    >>> slices = np.array([[[0, 255]], [[0, 0]]], dtype=np.uint8)
-    >>> normalisation(Samples(slices, np.array([0, 1]))).mean.tolist()
-    [0.0, 0.5]
-    """
+    """Measure the mean of each pixel (as 0 to 1) over the training slices, and over their mirror images if asked."""
     wall, count = np.count_nonzero(training.slices, axis=0), len(training)
     if mirror:
         wall, count = wall + wall[:, ::-1], 2 * count
@@ -148,16 +140,12 @@ def build_network(inputs: int, study: NetworkStudy, classes: int) -> torch.nn.Se
     return torch.nn.Sequential(*modules[:-2])
 
 
-def linear_layers(network: torch.nn.Sequential) -> list[torch.nn.Linear]:
-    """Return the fully connected layers, in order."""
-    return [module for module in network if isinstance(module, torch.nn.Linear)]
-
-
 def trained_network(network: torch.nn.Sequential, norm: Normalisation) -> TrainedNetwork:
     """Return the weights as NumPy arrays, the first layer spread over all pixels (zero where a pixel never varied)."""
     layers = [
-        Layer(linear.weight.detach().numpy().copy(), linear.bias.detach().numpy().copy())
-        for linear in linear_layers(network)
+        Layer(module.weight.detach().numpy().copy(), module.bias.detach().numpy().copy())
+        for module in network
+        if isinstance(module, torch.nn.Linear)
     ]
     full = np.zeros((layers[0].weight.shape[0], norm.mean.size), dtype=np.float32)
     full[:, norm.varies] = layers[0].weight
@@ -323,32 +311,9 @@ class Candidate:
     validation_loss: float | None
 
 
-@dataclass(frozen=True)
-class Search:
-    """All candidates in the order of the grid, the study with the best sizes, and its network."""
-
-    candidates: tuple[Candidate, ...]
-    study: NetworkStudy
-    fitted: Fitted
-
-
 def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
-    """Return the sizes to try: hidden layers of one width each.
-
-    >>> grid(NetworkStudy(search_widths=(300, 600), search_depths=(1, 2)))
-    ((300,), (600,), (300, 300), (600, 600))
-    """
+    """Return the sizes to try: hidden layers of one width each."""
     return tuple((width,) * depth for depth, width in product(study.search_depths, study.search_widths))
-
-
-def weights(inputs: int, hidden: tuple[int, ...], classes: int) -> int:
-    """Return the number of weights and biases.
-
-    >>> weights(5600, (600, 600), 3)
-    3723003
-    """
-    sizes = (inputs, *hidden, classes)
-    return sum((sizes[layer] + 1) * sizes[layer + 1] for layer in range(len(sizes) - 1))
 
 
 def best(candidates: tuple[Candidate, ...]) -> int:
@@ -367,10 +332,11 @@ def search_sizes(
     classes: int = 3,
     progress: Callable[[int], object] | None = None,
     workers: int | None = None,
-) -> Search:
-    """Train every size of the grid and keep the best; whoever trains, the result is the same on one kind of processor.
+) -> tuple[tuple[Candidate, ...], NetworkStudy, Fitted]:
+    """Train every size of the grid; return all candidates, and the study with the best size and its network.
 
-    The validation set chooses, so the accuracy of the chosen size is slightly flattered.
+    Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the
+    chosen size is slightly flattered.
     """
     sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()
@@ -384,7 +350,7 @@ def search_sizes(
             progress(study.epochs)
         candidate = Candidate(
             hidden=hidden,
-            weights=weights(training.pixels.shape[1], hidden, classes),
+            weights=sum((a + 1) * b for a, b in pairwise((training.pixels.shape[1], *hidden, classes))),
             validation_accuracy=fitted.curves.validation_accuracy[-1] if fitted else None,
             validation_loss=fitted.curves.validation_loss[-1] if fitted else None,
         )
@@ -393,7 +359,7 @@ def search_sizes(
             kept = replace(study, hidden=hidden), fitted
     best(candidates)
     assert kept is not None
-    return Search(candidates, *kept)
+    return candidates, *kept
 
 
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from math import lcm
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,20 +219,11 @@ KIND = StoreKind(
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
+# NDArray[np.float64] is ndarray[shape, dtype[float64]].
 DTYPES = {
-    "force_n": "float64",
-    "target": "uint8",
-    "thickness_m": "float64",
-    "contact": "int32",
-    "polar_rad": "float64",
-    "azimuth_rad": "float64",
-    "gap_m": "float64",
-    "tilt_rad": "float64",
-    "direction_rad": "float64",
-    "framing_lateral_m": "float64",
-    "framing_depth_m": "float64",
-    "validation": "bool",
-    "seed": "uint32",
+    name: np.dtype(get_args(get_args(kind)[1])[0]).name
+    for name, kind in get_type_hints(DatasetPlan).items()
+    if name != "unit_images"
 }
 
 

@@ -73,12 +73,7 @@ def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: i
     """Yield numbered samples in order, drawn ahead by `workers` processes (or a cluster's) until closed; 0: here."""
     if not workers:
         return (draw(number) for number in numbers)
-    return work_in_order(partial(_itself, draw), numbers, workers, ahead=AHEAD * workers)
-
-
-def _itself(draw: Callable[[int], Drawn]) -> Callable[[int], Drawn]:
-    """Return the function of a worker, which needs no preparation."""
-    return draw
+    return work_in_order(partial(partial, draw), numbers, workers, ahead=AHEAD * workers)  # nothing is prepared
 
 
 def descend(
@@ -130,15 +125,8 @@ def trained(
 ) -> Fitted[Network]:
     """Train a new network on one thread, as others draw; the losses are of each draw.
 
-    Args:
-        build: makes the network.
-        losses_of: gives the mean losses of the batches in the samples of a draw, by its number, and their sizes.
-        drawn: the samples, in order; it is closed in the end.
-        study: rate, warm-up, decay of the weights and seed.
-        steps: number of batches.
-        section: of the study, for the message of a descent that diverges.
-        progress: called with 1 after each draw.
-        threads: of PyTorch; more sum in another order.
+    `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`
+    is closed in the end; `section` of the study is for messages; more `threads` sum in another order.
     """
     losses: list[float] = []
     with closing(drawn), repeatable(study.seed, threads):
@@ -160,12 +148,7 @@ def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimiz
 
 
 def learning_rate(study: Settings, step: int, steps: int) -> float:
-    """Return the rate of a step: a linear warm-up, then half a cosine down to zero.
-
-    >>> study = NetworkStudy(learning_rate=0.1, warmup=0.1)
-    >>> [round(learning_rate(study, step, 100), 4) for step in (0, 9, 55, 99)]
-    [0.01, 0.1, 0.05, 0.0]
-    """
+    """Return the rate of a step: a linear warm-up, then half a cosine down to zero."""
     warm = study.warmup * steps
     if step < warm:
         return study.learning_rate * min(1.0, (step + 1) / warm)

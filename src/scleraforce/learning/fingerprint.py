@@ -47,11 +47,7 @@ SLICES, CONTACTS = 24, 3  # of each of the first two groups
 
 
 def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
-    """Return an array as an entry of a fingerprint: the share of numbers, means of even parts, values at even places.
-
-    >>> item([1.0, 2.0])
-    {'tolerance': 1e-06, 'values': '1 1 2 1 2'}
-    """
+    """Return an array as an entry of a fingerprint: share of numbers, means of even parts, values at even places."""
     flat = np.asarray(values, dtype=np.float64).ravel()
     if not flat.size:
         return {"tolerance": tolerance, "values": "0"}

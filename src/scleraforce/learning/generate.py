@@ -179,20 +179,9 @@ def generate_dataset(
     The result is the same, byte for byte, for any number of workers and interruptions. The workers are spawned: a
     script that calls this keeps its own work under `if __name__ == "__main__"`.
 
-    Args:
-        study: the study.
-        out: path of the store; an incomplete store of the same study is completed.
-        youngs_modulus_pa: Young's modulus; by default that of `calibration`, else the study's.
-        calibration: source of the modulus, recorded in the store.
-        library: responses at finite strain to draw from; None: linear mechanics.
-        workers: processes of linear mechanics, or a cluster's workers (`cluster_workers`); by default a process for
-            each usable core. Drawing from a library is done by a cluster or here.
-        progress: called with the number of samples that are newly done (or found done, at the start).
-
-    Raises:
-        DatasetError: `out` holds something else, another run, or a complete data set; the library is of another eye.
-        StudyError: the study has keys that its mechanics does not use (`study.unused`).
-        ScleraforceError: the study cannot be simulated.
+    The modulus is by default that of `calibration`, else the study's. Without a library the mechanics is linear, by a
+    process for each usable core; a library is drawn from by a cluster or here. `progress` is called with the number of
+    samples that are newly done (or found done, at the start).
     """
     start = perf_counter()
     if workers is not None and workers < 1:

@@ -19,21 +19,8 @@ from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
-from scleraforce.learning.reader import (
-    ReaderNetwork,
-    ReadForces,
-    compared,
-    fit_reader,
-    reader_loss,
-    targets,
-)
-from scleraforce.learning.samples import (
-    Source,
-    concatenated,
-    draw_framed,
-    library_of_tissue,
-    validation_chunks,
-)
+from scleraforce.learning.reader import ReaderNetwork, ReadForces, compared, fit_reader, reader_loss, targets
+from scleraforce.learning.samples import Source, concatenated, draw_framed, library_of_tissue, validation_chunks
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
@@ -93,13 +80,7 @@ class RawReaderNetwork(torch.nn.Module):
 
 
 def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
-    """Return the weights (row of the slice, row of the window) of the means over a slice's rows.
-
-    >>> slice_rows(FrameWindow(rows=4, columns=2, row_m=5e-5, column_m=1e-4), SliceStudy(rows=8))[:3]
-    array([[0.5, 0.5, 0. , 0. ],
-           [0. , 0. , 0.5, 0.5],
-           [0. , 0. , 0. , 0. ]], dtype=float32)
-    """
+    """Return the weights (row of the slice, row of the window) of the means over a slice's rows."""
     edges = np.arange(window.rows + 1) * window.row_m
     pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
     covered: NDArray[np.float64] = np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
@@ -233,9 +214,10 @@ class RawSource:
         shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study, window)
         drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
         trained = read_by_fit(study.reader)
+        pairs = drawn.boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
         return RawSamples(
             drawn.frames,
-            pair_rows(drawn.boundary_rows, window),
+            np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32),
             given_inputs(eyes.stated, trained),
             eyes.force_n,
             given_modulus(eyes.stated, trained)[0],
@@ -246,13 +228,6 @@ class RawSource:
 def window_columns(window: FrameWindow) -> SliceStudy:
     """Return a slice with the columns of a window."""
     return SliceStudy(columns=window.columns, rows=window.rows, pixel_m=window.column_m)
-
-
-def pair_rows(boundary_rows: NDArray[np.floating], window: FrameWindow) -> Float:
-    """Return boundaries at every second column, between its neighbours, kept inside the window."""
-    pairs = boundary_rows.reshape(*boundary_rows.shape[:2], -1, 2).mean(axis=3)
-    kept: Float = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
-    return kept
 
 
 def fit_raw_reader(

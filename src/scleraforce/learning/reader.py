@@ -17,15 +17,7 @@ from numpy.typing import NDArray
 from scleraforce.learning.descent import READER_THREADS, Fitted, drawn_ahead, onnx_bytes, repeatable, torch, trained
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
-from scleraforce.reader.networks import (
-    CONTACT,
-    GIVEN,
-    GIVEN_INPUT,
-    HISTOGRAM,
-    SLICES,
-    force_distribution,
-    ratio_edges,
-)
+from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
 from scleraforce.study import ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
 

@@ -159,10 +159,9 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     stated_iop_pa = _stated(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng)
     stated_thickness_m = _stated(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng)
     stated_gap_m = _stated(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
-    calibrated = stated_sd < CALIBRATED_SD
-    stated_pa *= np.where(
-        calibrated, _calibration_factor(stated_thickness_m / thickness_m, stated_iop_pa / iop_pa), 1.0
-    )
+    # At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): a calibration keeps the product (NaN: missing).
+    t, p = (np.nan_to_num(factor, nan=1.0) for factor in (stated_thickness_m / thickness_m, stated_iop_pa / iop_pa))
+    stated_pa *= np.where(stated_sd < CALIBRATED_SD, 1.0 / (t**2 * np.cbrt(p)), 1.0)
     tilt_rad, rotation_rad = (
         np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
     )
@@ -243,15 +242,6 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
     missing = rng.random(count) < reader.modulus_missing_fraction
     own_pa = np.where(missing, middle_pa, middle_pa * (1.0 + sd * error))
     return np.where(missing, np.nan, middle_pa), np.where(missing, np.nan, sd), own_pa
-
-
-def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
-    """Return the factor by which wrong thicknesses and IOPs (as factors, NaN: missing) move a calibrated modulus.
-
-    At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md), so the product stays.
-    """
-    t, p = (np.nan_to_num(factor, nan=1.0) for factor in (thickness_factor, iop_factor))
-    return 1.0 / (t**2 * np.cbrt(p))
 
 
 def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) -> Floats:

@@ -55,8 +55,10 @@ def train_classifier(
     training, validation = split_samples(dataset, modulus_pa)
     candidates: tuple[classifier.Candidate, ...] = ()
     if search:
-        found = classifier.search_sizes(study.network, training, validation, classes, progress, workers)
-        study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
+        candidates, sizes, fitted = classifier.search_sizes(
+            study.network, training, validation, classes, progress, workers
+        )
+        study = replace(study, network=sizes)
     else:
         fitted = classifier.fit(study.network, training, validation, classes, progress)
     stored = classifier.with_half_weights(fitted.network)

@@ -113,15 +113,13 @@ def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first:
     drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
     frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
     at = [np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp) for scene in drawn]
-    boundaries = np.stack([_boundaries(*pair, study.rows) for pair in zip(drawn, at, strict=True)])
-    return SceneBatch(frames, boundaries, np.stack([scene.judged[own] for scene, own in zip(drawn, at, strict=True)]))
-
-
-def _boundaries(scene: Scene, at: NDArray[np.intp], rows: int) -> Float:
-    """Return the truth at columns in `rows` of the reduced frame, kept inside of it."""
-    truth = np.stack([scene.outer_row[at], scene.inner_row[at]])
-    reduced = (truth + 0.5) * rows / len(scene.frame) - 0.5
-    return np.clip(reduced, 0.0, rows - 1.0).astype(np.float32)
+    boundaries = []
+    for scene, own in zip(drawn, at, strict=True):  # in rows of the reduced frame, kept inside of it
+        truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
+        reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
+        boundaries.append(np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32))
+    judged = np.stack([scene.judged[own] for scene, own in zip(drawn, at, strict=True)])
+    return SceneBatch(frames, np.stack(boundaries), judged)
 
 
 def fit_wall_finder(
@@ -216,11 +214,7 @@ def scene_dice(found: NDArray[np.bool_], scene: Scene) -> float:
 
 
 def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
-    """Return twice the common area of two masks over the sum of theirs; 1 where both are empty.
-
-    >>> mask_dice(np.array([[True, True]]), np.array([[255, 0]], dtype=np.uint8))
-    0.6666666666666666
-    """
+    """Return twice the common area of two masks over the sum of theirs; 1 where both are empty."""
     wall = true > 0
     total = np.count_nonzero(found) + np.count_nonzero(wall)
     return float(2.0 * np.count_nonzero(found & wall) / total) if total else 1.0
