@@ -222,9 +222,7 @@ def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
     for pictures in (2, 3, 10, 49):
         assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
         assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
-
-
-def test_an_old_picture_between_live_ones_is_frozen_the_second_time_within_the_window() -> None:
+    # An old picture between live ones: the second time within the window.
     assert play(shown([0, 2, 0, 2]), watching()).cause is Cause.FROZEN
     assert play(shown([0, 2, *[0] * 47, 2]), watching()).cause is Cause.FROZEN
     assert play(shown([0, 2, *[0] * 50, 2, 0]), watching()).state is State.WATCHING

@@ -121,14 +121,6 @@ def comparable(events: Iterable[PeerEvent]) -> list[object]:
     ]
 
 
-def test_pixels_at_an_odd_place_are_aligned() -> None:
-    content = pack_image(Image(PIXELS[np.uint16]))
-    (event,) = Decoder().feed(raw("IMAGE", struct.pack(">HHII", 13, 0, 0, 0) + b"\0" + content, version=2))
-    assert isinstance(event, Received)
-    assert same(event.message, Image(PIXELS[np.uint16]))
-    assert event.message.pixels.flags.aligned
-
-
 def test_a_wrong_checksum_is_an_event_and_the_stream_continues() -> None:
     data = bytearray(encode(Text("force"), "peer"))
     data[-1] ^= 4

@@ -147,17 +147,6 @@ def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
     assert kinds == {"noise", "black"}
 
 
-def test_flood_comes_at_once_with_rising_ids(recording) -> None:
-    monitor, report = injected(recording, "flood", 1, WithdrawsAfter(4, 110))
-    ids = [int(event.header.time_s * 1e6) for event in images(monitor)]
-    assert len(ids) >= 34
-    assert all(b > a for a, b in pairwise(ids))
-    came_s = [event.header.time_s for event in images(monitor)]
-    assert came_s[33] - came_s[30] < 0.001
-    assert len(ids) < 230  # it stops when it is answered
-    assert report.expected
-
-
 @pytest.mark.parametrize("name", ["garbage", "disconnect"])
 def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, name: str) -> None:
     def decide(event):

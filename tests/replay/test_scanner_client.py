@@ -94,26 +94,19 @@ def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanw
         client.close()
 
 
-def test_a_connection_that_is_closed_is_an_error() -> None:
-    with connected(lambda *_: None) as (monitor, client):
-        wait_for_peer(monitor)
-        monitor.drop()
-        with pytest.raises(LinkError, match="the connection is lost"):
-            client.listen(time.monotonic() + FUSE_S)
-
-
-def wait_for_peer(monitor: FakeMonitor) -> None:
-    while not monitor._peers:
-        time.sleep(0.001)
-
-
-def test_a_peer_that_does_not_speak_openigtlink_is_an_error() -> None:
-    with connected(lambda *_: None) as (monitor, client):
-        monitor.answers = False
-        wait_for_peer(monitor)
-        monitor.say_bytes(b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30)
-        with pytest.raises(LinkError, match="does not send OpenIGTLink: header version"):
-            client.listen(time.monotonic() + FUSE_S)
+def test_a_peer_that_leaves_or_does_not_speak_openigtlink_is_an_error() -> None:
+    http = b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30
+    for act, words in (
+        (FakeMonitor.drop, "the connection is lost"),
+        (lambda monitor: monitor.say_bytes(http), "does not send OpenIGTLink: header version"),
+    ):
+        with connected(lambda *_: None) as (monitor, client):
+            monitor.answers = False
+            while not monitor._peers:
+                time.sleep(0.001)
+            act(monitor)
+            with pytest.raises(LinkError, match=words):
+                client.listen(time.monotonic() + FUSE_S)
 
 
 def reading(frame_id: int) -> Text:

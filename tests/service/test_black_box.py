@@ -108,11 +108,6 @@ class Monitor:
         self.box.run()
         self.close()
 
-    def keep_and_end(self):
-        self.box._withdrawals._writing.due_s = 0.0
-        self.wait_for(WithdrawalKept)
-        self.end()
-
     def close(self):
         self.channel.close()
         self.theirs.close()
@@ -226,7 +221,9 @@ def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tm
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
-    monitor.keep_and_end()
+    monitor.box._withdrawals._writing.due_s = 0.0
+    monitor.wait_for(WithdrawalKept)
+    monitor.end()
     (folder,) = monitor.withdrawals()
     assert read_recording(folder).forces is None
     lines = (folder / "robot_forces.csv").read_text().splitlines()

@@ -6,7 +6,6 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from itertools import count
 
 import numpy as np
 import pytest
@@ -20,14 +19,12 @@ from small_monitor import (
     TOKEN,
     UNUSABLE,
     FakeCompanion,
-    NoGuard,
     Peer,
     Running,
     TurnedClock,
     frame_of,
     serving,
     small_monitor,
-    small_server,
     verdict,
     wait_until,
 )
@@ -278,23 +275,6 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
         rude.sendall(rudeness)
         scanner.watch()
     scanner.watch()
-
-
-def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(monkeypatch) -> None:
-    server, port = small_server(NoGuard(), Companions({}))
-    heard, now_s, hear = [], count(10.0, 1.1e-3), server._hear
-    monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
-    monkeypatch.setattr(server, "_hear", lambda client: (heard.append(client.number), hear(client)))
-    with ExitStack() as stack:
-        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
-        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 5)
-        for _ in range(3):
-            for peer in peers:
-                peer.say(Query("STATUS"))
-            server._turn(0.1)
-        assert len(heard) == 3  # each takes two looks at this clock, 2.2 ms
-        assert len(set(heard)) == 3
-        server.close()
 
 
 def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:

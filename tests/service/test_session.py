@@ -178,14 +178,6 @@ def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
     assert (len(waiting), waiting.take().number) == (MOST_FRAMES, 7)
 
 
-def test_a_long_pause_counts_as_a_silence_in_the_interval() -> None:
-    paused = FramePace(0.1)
-    for n in range(1, 101):
-        paused.arrived(1e-2 * n)
-    paused.arrived(60.0)
-    assert paused.arrived(60.01) == pytest.approx((99 * 0.01 + 0.1) / 100)
-
-
 def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers() -> None:
     """They may come in one bunch, or after a pause of the scanner, so that their arrivals tell nothing."""
     fast, slow, paused, mixed, wrong, counted = (FramePace(0.1) for _ in range(6))
@@ -197,16 +189,6 @@ def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers()
     assert [mixed.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 2e-3, 2e-3, 2e-3, 3e-3, 2e-3])
     assert [wrong.arrived(5.0, at) for at in (7.0, 7.0, 6.0)] == [0.01] * 3
     assert [counted.arrived(5.0, 1e-6 * n) for n in range(3)] == pytest.approx([0.01, 1e-3, 1e-3])
-
-
-def test_arrivals_tell_the_interval_of_all_later_frames_whatever_their_headers_say() -> None:
-    stated, unstated = FramePace(0.1), FramePace(0.1)
-    for n in range(101):
-        assert stated.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(0.05 if n > 1 else 0.01)
-        assert unstated.arrived(2e-3 * n) == pytest.approx(2e-3 if n > 10 else 0.01)
-    for n in range(101, 500):
-        assert stated.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(2e-3)
-    assert len(stated._sent_gaps_s) < 120  # a session may last for days
 
 
 def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:
