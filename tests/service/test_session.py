@@ -75,6 +75,7 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     take(session, clock, 10_003, 4)
     entry = session.entry("frame", clock.now_s)
     assert (entry.cause, entry.present_cause, entry.present) == ("SILENCE", None, "")
+    assert (entry.frame, entry.verdict) == (None, None)  # of an event that is not a frame
 
 
 def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
