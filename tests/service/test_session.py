@@ -190,6 +190,9 @@ def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers()
     assert [mixed.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 2e-3, 2e-3, 2e-3, 3e-3, 2e-3])
     assert [wrong.arrived(5.0, at) for at in (7.0, 7.0, 6.0)] == [0.01] * 3
     assert [counted.arrived(5.0, 1e-6 * n) for n in range(3)] == pytest.approx([0.01, 1e-3, 1e-3])
+    later = FramePace(0.1)
+    arrived_s = [later.arrived(at_s) for at_s in (*(0.01 * n for n in range(1, 101)), 60.0, 60.01)]
+    assert arrived_s[-1] == pytest.approx((99 * 0.01 + 0.1) / 100)  # a pause counts as a silence
 
 
 def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:
