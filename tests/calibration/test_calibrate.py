@@ -106,6 +106,18 @@ def test_a_continued_calibration_equals_an_uninterrupted_one(
     assert resumed.sd_pa == pytest.approx(whole.sd_pa, rel=1e-9)
 
 
+def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
+    content = json.loads(json.dumps(calibration_as_json(calibration), allow_nan=False))
+    entry = content["eyes"]["virtual"]
+    assert entry["updates"] == 5
+    assert [frame["file"] for frame in entry["frames"]] == [f"000{number}.png" for number in range(2, 7)]
+    assert len({frame["sha256"] for frame in entry["frames"]}) == 5
+    assert content["population"]["sd_mpa"] is None
+    assert content["population"]["mean_mpa"] == entry["mean_mpa"]
+    assert content["study_sha256"] == "hash"
+    assert len(entry["recordings"][0]["sha256"]) == 64
+
+
 def test_the_population_is_the_mean_of_the_sound_eyes_and_can_leave_one_out(calibration: Calibration) -> None:
     sound = calibration.eyes["virtual"]
     diverged = replace(sound, frames=(*sound.frames[:-1], replace(sound.frames[-1], status="E has run away")))

@@ -35,6 +35,7 @@ from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlob
 from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library
 from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.plan import stiffening_place
 from scleraforce.library.prediction import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, prior_of
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
@@ -118,6 +119,19 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
     np.testing.assert_allclose(found, near.x, atol=1e-4)
     assert regression(read, known, found[:2] + place_of(known)).loss == pytest.approx(loss(found), rel=1e-6)
     assert regression(read, known, place_of(known)).loss > loss(found)
+
+
+def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
+    """The scatter is the part that the four do not explain, over the expected one of each frame."""
+    known = filtered(OPEN)
+    agreeing = frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known)
+    for read in ([], agreeing):
+        assert regression(read, known, place_of(known)).scatter == 1.0
+    shifts = zip(agreeing, (0.05, -0.05, 0.04), strict=True)
+    scattered = [replace(frame, force_n=frame.force_n * np.exp(shift)) for frame, shift in shifts]
+    expected = np.sqrt((5.0 + squares(scattered, found_off(scattered, known)[0]) / 0.17) / 8.0)
+    assert regression(scattered, known, place_of(known)).scatter == pytest.approx(expected)
+    assert expected > 2.0
 
 
 STUDY = replace(Study(), calibration=replace(Study().calibration, surface_smoothing_m=0.0))
@@ -316,6 +330,17 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
     result = search(MADE_UP, lambda library: poor if library.stiffening == STIFFENINGS[2] else lost)
     assert result is not None
     assert result[1] == "poor"  # better than any that diverged
+
+
+def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour() -> None:
+    """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
+    halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
+    for forces, refused, least in (
+        (bowl(20.0, 1.6), lambda place: place < 0.5, 1.55), (bowl(30.0, 1.9), lambda place: place > 3.0, 1.85),
+    ):  # fmt: skip
+        found, tried = sought(forces, refused=refused)
+        assert found == pytest.approx(least, abs=0.2)
+        assert stiffening_place(np.array(tried[5])) == pytest.approx(halfway)
 
 
 # Whole calibrations: the trials, the result, and the counted steps.

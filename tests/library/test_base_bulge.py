@@ -11,7 +11,7 @@ from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_bulge, base_push, pole_direction
+from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.responses import Library
@@ -39,6 +39,14 @@ def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis() -> None:
     moved = base_bulge(motion, ANGLES, places(np.random.default_rng(3), 50), np.array([[-0.3, 0.4]]))
     expected = 1e-4 * np.array([-0.3, 0.4, 1.0 - np.sqrt(1.0 - 0.25)])
     np.testing.assert_allclose(moved, np.broadcast_to(expected, moved.shape), atol=1e-12)
+
+
+def test_the_motion_counts_from_the_sphere_at_rest() -> None:
+    grown = 1e-4
+    radii = RADIUS_M - np.array([0.0, 0.6e-3])[:, None] + grown
+    undented = np.stack([radii * np.sin(ANGLES), RADIUS_M - radii * np.cos(ANGLES)], axis=-1)[None]
+    expected = np.broadcast_to(grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2))
+    np.testing.assert_allclose(undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])

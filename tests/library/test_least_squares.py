@@ -93,3 +93,12 @@ def test_a_short_step_because_of_damping_does_not_end_the_fit() -> None:
     stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
     for start in ((-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)):
         assert gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
+
+
+def test_columns_that_share_an_error_count_as_one() -> None:
+    columns = observed(np.full(len(LATERAL_M), 2 * SD_M))
+    shared = Columns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
+    placed = Parabola(columns).depth(TRUE)
+    assert shared.loss(placed) == pytest.approx(columns.loss(placed) / 4)
+    for one, all_of_them in zip(shared.normal_equations(placed), columns.normal_equations(placed), strict=True):
+        np.testing.assert_allclose(4 * one, all_of_them)

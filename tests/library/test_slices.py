@@ -5,7 +5,7 @@ import pytest
 from analytic_library import curves
 
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.library.slices import Framing, column_laterals, draw_slices, wall_boundaries
+from scleraforce.library.slices import Framing, column_laterals, draw_slices, fill_boundaries, wall_boundaries
 from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.slices import fill_section
 from scleraforce.study import SliceStudy
@@ -74,3 +74,10 @@ def test_a_wall_that_hangs_over_is_drawn_by_its_contour(turn_rad):
             and lateral[k : k + 2].min() <= column <= lateral[k : k + 2].max()
         ]
         assert found == pytest.approx(min(crossings), abs=3e-6)
+
+
+def test_boundaries_that_cross_enclose_the_wall_all_the_same():
+    depth = np.array([[[1.0e-3], [1.4e-3]], [[1.4e-3], [1.0e-3]]])
+    image = fill_boundaries(depth, SliceStudy(columns=8))
+    assert np.array_equal(image[0], image[1])
+    assert image[0, :, 0].nonzero()[0].tolist() == [10, 11, 12, 13]

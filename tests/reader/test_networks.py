@@ -146,6 +146,12 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
     assert (turned["pole along"], turned["pole across"]) == (0.0, 0.0)
 
 
+def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
+    for stiffening, wanted in ((0.0, 0.0), (30.0, 1.0), (np.sqrt(31.0) - 1.0, 0.5)):
+        assert given(stiffening=stiffening)["stiffening"] == pytest.approx(wanted, abs=1e-6)
+    assert networks.given_eye(Known(stiffening=5.0)).stiffening.tolist() == [5.0]
+
+
 pytest.importorskip("torch")
 
 SHARES = (0.0, 0.0, 0.25, 0.5, 0.25, 0.0, 0.0, 0.0)
