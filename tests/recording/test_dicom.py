@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 from effects import less_than
-from foreign_files import FRAMES, pictures_of, sizes_of, write_dicom
+from foreign_files import COUNT, FRAMES, pictures_of, sizes_of, write_dicom
 from pydicom import uid
 from pydicom.dataset import Dataset
-from pydicom.encaps import encapsulate
+from pydicom.encaps import encapsulate, generate_frames
 from pydicom.sequence import Sequence
 
 from scleraforce.errors import FrameError
@@ -65,11 +65,11 @@ def test_palettes_and_colours_become_grey(tmp_path: Path) -> None:
         assert "colour became grey" in notes
 
 
+RLE_BOMB = np.array([1, 64, *[0] * 14], "<u4").tobytes() + bytes([129, 0]) * 400_000
+
+
 def rle_bomb(path: Path) -> None:
-    header = np.zeros(16, "<u4")
-    header[:2] = 1, 64
-    packed = header.tobytes() + bytes([129, 0]) * 400_000
-    write_dicom(path, BYTES, TransferSyntaxUID=uid.RLELossless, PixelData=encapsulate([packed]))
+    write_dicom(path, BYTES, TransferSyntaxUID=uid.RLELossless, PixelData=encapsulate([RLE_BOMB]))
 
 
 def large_jpeg(path: Path) -> None:
@@ -335,11 +335,16 @@ def test_steps_of_time_are_added_up_and_contradictions_named(tmp_path: Path) -> 
         assert found in scan.times_fault
 
 
-def test_frames_packed_as_rle_are_read(tmp_path: Path) -> None:
+def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Path) -> None:
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     dataset.compress(uid.RLELossless)
     dataset.save_as(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "a.dcm")), FRAMES)
+    fitting = next(generate_frames(dataset.PixelData, number_of_frames=COUNT))
+    dataset.PixelData = encapsulate([fitting, RLE_BOMB, *[fitting] * (COUNT - 2)])
+    dataset.save_as(tmp_path / "a.dcm")
+    with pytest.raises(FrameError, match="damaged: more is packed in it"):
+        read_dicom(tmp_path / "a.dcm")
 
 
 def test_a_scanner_that_writes_a_scans_along_rows_is_turned(tmp_path: Path) -> None:

@@ -319,9 +319,7 @@ def test_samples_without_a_number_are_gaps_and_counted(tmp_path: Path) -> None:
 def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
     wide, row = ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))]), ",1" + ",0" * 47
     for text, message in [
-        ("time_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:3: fz_n: 'x' is not a number"),
         ("  time_s   fz_n\n  0.0   -1\n  0.1   high\n", r"log\.csv:3: fz_n: 'high' is not a number"),
-        ("time_s,fz_n\n0.0,1\n0.1\n", r"log\.csv:3: 1 fields; the header has 2 names"),
         ("time_s,fz_n,fx_n,n\n0.00,-1.25,0,1\n0.01,-1.25,0,2\n0.02,-1\n", r"log\.csv:4: 2 fields; the header has 4"),
         (f"{wide}\n0.00{row}\n0.01{row}\n", r"log\.csv:2: 49 fields; the header above has 47 names"),
         (f"{wide}\n0.00{row[:-4]}\n0.01{row[:-4]}\n0.02{row}\n", r"log\.csv:4: 49 fields; the header has 47 names"),
