@@ -166,7 +166,7 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(t
 def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     rows = [
         {"file": "a, b.png", "usable": True, "interval_mn": [1.5, None], "needle": {"tip": {"x": 1}}},
-        {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark"},
+        {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark", "needle": None},
     ]
     found = list(csv.DictReader(StringIO(export.csv_text(rows))))
     assert found[0] | {"file": "a, b.png"} == {
