@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import InputError
-from scleraforce.monitor.decision import Decision, decide
+from scleraforce.monitor.decision import Decision, decide, risen_force
 from scleraforce.monitor.events import (
     TRANSITIONS,
     Cause,
@@ -30,7 +30,6 @@ from scleraforce.monitor.events import (
     transition_diagram,
 )
 from scleraforce.monitor.limits import MonitorLimits, of_scale
-from scleraforce.monitor.rate import risen_force
 from scleraforce.monitor.state import MonitorState
 
 LIMITS = MonitorLimits()

@@ -225,13 +225,7 @@ def _eye_words(known: "Known") -> str:
 
 
 def globe_words(known: "Known", reads_force: bool) -> str:
-    """Return the globe with which a model reads an eye, and the cost of an unknown one.
-
-    >>> from scleraforce.known import Known
-    >>> from scleraforce.known import SEALED
-    >>> globe_words(Known(globe=SEALED), reads_force=True)
-    'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
-    """
+    """Return the globe with which a model reads an eye, and the cost of an unknown one."""
     from scleraforce.known import UNKNOWN
 
     globe = UNKNOWN if known.globe is None else known.globe

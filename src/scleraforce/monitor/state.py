@@ -5,8 +5,8 @@ from math import isfinite
 
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
 from scleraforce.monitor.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
-from scleraforce.monitor.rate import NOISE_WINDOWS
 
+NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 LAGS, QUICKEST = 20, 3  # of the last frames, the third quickest counts: no frame alone decides what is late

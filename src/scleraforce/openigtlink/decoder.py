@@ -79,14 +79,6 @@ class Decoder:
     """An incremental decoder of one peer's bytes; it holds at most one message.
 
     A header that states more than `max_body_bytes` breaks the stream; the limit may be changed for later headers.
-
-    >>> from scleraforce.openigtlink.messages import Status, encode
-    >>> decoder = Decoder()
-    >>> data = encode(Status(1, message="watching"), "ForceMonitor")
-    >>> decoder.feed(data[:70])
-    ()
-    >>> decoder.feed(data[70:])[0].message
-    Status(code=1, subcode=0, name='', message='watching')
     """
 
     def __init__(self, max_body_bytes: int = MAX_BODY_BYTES) -> None:

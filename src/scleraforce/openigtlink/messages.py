@@ -157,9 +157,6 @@ def encode(
 
     Raises:
         ProtocolError: something does not fit into the message.
-
-    >>> len(encode(Status(1, message="watching"), "ForceMonitor"))
-    97
     """
     name, content = _pack(message)
     body = wrap_body(content, version, message_id, metadata)

@@ -46,11 +46,7 @@ class LogPart:
 
 
 def format_line(record: Mapping[str, Any]) -> bytes:
-    r"""Return a line of a log.
-
-    >>> format_line({"kind": "note", "text": "hello"})
-    b'{"kind": "note", "text": "hello", "crc32": "a9112c38"}\n'
-    """
+    """Return a line of a log."""
     body = json.dumps(record).encode()[:-1]
     return b'%s, "crc32": "%08x"}\n' % (body, zlib.crc32(body))
 
