@@ -76,6 +76,9 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
         assert source_kind(place / name) == kind
         if kind in ("picture", "tiff", "dicom", "bag"):  # by its content
             assert source_kind((place / name).rename(place / "a")) == kind
+    write_dicom(tmp_path / "d", FRAMES)
+    (tmp_path / "d").write_bytes(b"II*\0".ljust(128, b"\0") + (tmp_path / "d").read_bytes()[128:])  # as a TIFF begins
+    assert source_kind(tmp_path / "d") == "dicom"
     (tmp_path / "film").write_bytes(b"\0\0\0\x18ftypmp42")
     (tmp_path / "log.lvm").write_text("LabVIEW Measurement\t\n")
     assert [source_kind(tmp_path / name) for name in ("film", "log.lvm")] == ["film", "log"]
