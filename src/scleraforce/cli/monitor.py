@@ -225,7 +225,12 @@ def _eye_words(known: "Known") -> str:
 
 
 def globe_words(known: "Known", reads_force: bool) -> str:
-    """Return the globe with which a model reads an eye, and the cost of an unknown one."""
+    """Return the globe with which a model reads an eye, and the cost of an unknown one.
+
+    >>> from scleraforce.known import SEALED, Known
+    >>> globe_words(Known(globe=SEALED), reads_force=True)
+    'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
+    """
     from scleraforce.known import UNKNOWN
 
     globe = UNKNOWN if known.globe is None else known.globe

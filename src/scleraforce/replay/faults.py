@@ -283,10 +283,6 @@ def _silence(stage: _Stage) -> list[Act]:
     return [()] * stage.count
 
 
-def _frozen(stage: _Stage) -> list[Act]:
-    return stage.shown([stage.pixels(-1)] * stage.count)
-
-
 def _double_buffer(stage: _Stage) -> list[Act]:
     buffers = int(stage.rng.integers(2, min(MOST_BUFFERS, stage.first) + 1))
     old = [stage.pixels(back - buffers) for back in range(buffers)]
@@ -433,14 +429,6 @@ def _half(stage: _Stage) -> list[Act]:
     return [(Sending(bytes(data[: len(data) // 2])),), *_silence(stage)]
 
 
-def _garbage(stage: _Stage) -> list[Act]:
-    return [(Sending(b"\xff" + stage.rng.bytes(4095)),), *_silence(stage)]
-
-
-def _disconnect(stage: _Stage) -> list[Act]:
-    return [None, *_silence(stage)]
-
-
 @dataclass(frozen=True)
 class Fault:
     """A kind of fault: a line that describes it, its acts, and the causes that a monitor should give."""
@@ -454,7 +442,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
         "unusable": Fault("frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)),
         "silence": Fault("no more frames; the connection stays", _silence, (Cause.SILENCE,)),
-        "frozen": Fault("the same picture again and again, with new numbers and times", _frozen),
+        "frozen": Fault("the same picture again and again, with new numbers and times",
+                        lambda stage: stage.shown([stage.pixels(-1)] * stage.count)),
         "double-buffer": Fault("the last 2 to 10 pictures in turns, with new numbers and times", _double_buffer),
         "burned-in-clock": Fault("the same picture, in which a clock or one pixel changes", _burned_in_clock),
         "dark-level": Fault("the same picture, one count brighter with each frame", _dark_level),
@@ -476,7 +465,9 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "dangerous": Fault("a frame of class 2 out of nothing (needs a recording that has one)", _dangerous,
                            (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
         "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
-        "garbage": Fault("bytes that are not OpenIGTLink", _garbage, (Cause.BAD_IMAGE,)),
-        "disconnect": Fault("the connection is closed", _disconnect, (Cause.SILENCE,)),
+        "garbage": Fault("bytes that are not OpenIGTLink",
+                         lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *_silence(stage)],
+                         (Cause.BAD_IMAGE,)),
+        "disconnect": Fault("the connection is closed", lambda stage: [None, *_silence(stage)], (Cause.SILENCE,)),
     }
 )  # fmt: skip

@@ -299,21 +299,6 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
 
 
 Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings
-CompanionMessage = (
-    Decided
-    | ForceHeard
-    | Note
-    | MonitorEnds
-    | Outline
-    | Rates
-    | ResetAsked
-    | ResetAnswered
-    | ListensAt
-    | WrongTokens
-    | OpinionAsked
-    | OpinionGiven
-    | Alive
-    | SelfReport
-    | WithdrawalKept
-    | Settings
-)
+ToCompanion = Decided | ForceHeard | Note | MonitorEnds | Outline | Rates | ResetAnswered | OpinionAsked | Settings
+ToMonitor = ResetAsked | ListensAt | WrongTokens | OpinionGiven | Alive | SelfReport | WithdrawalKept
+CompanionMessage = ToCompanion | ToMonitor

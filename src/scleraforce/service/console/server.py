@@ -199,12 +199,9 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         )
     )
     hub.listen()
-    hub.send(ListensAt(url=_url(settings.host, listener.getsockname()[1])))
+    host = f"[{settings.host}]" if ":" in settings.host else settings.host
+    hub.send(ListensAt(url=f"http://{host}:{listener.getsockname()[1]}/"))
     await server.serve([listener])
-
-
-def _url(host: str, port: int) -> str:
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
 if __name__ == "__main__":
