@@ -332,6 +332,18 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
     assert result[1] == "poor"  # better than any that diverged
 
 
+def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
+    found, tried = sought(lambda place: 20.0 * place)
+    assert (found, tried[:3], max(tried)) == (0.0, STIFFENINGS[:3].tolist(), STIFFENINGS[2])
+    found, tried = sought(lambda place: 0.4 * place)  # with the prior 11.6 at most: less than enough
+    assert found == 0.0
+    assert set(STIFFENINGS.tolist()) <= set(tried)
+    # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
+    lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
+    found, _ = sought(boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place)
+    assert found == pytest.approx(PLACES[3], abs=0.3)
+
+
 def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour() -> None:
     """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
     halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())

@@ -120,6 +120,21 @@ def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prio
     assert filter_step(params, prior, valley, y, noise).status.startswith("diverged")  # does not find the way
 
 
+def test_a_start_is_taken_only_if_it_explains_more_and_never_moves_a_linear_posterior() -> None:
+    rng = np.random.default_rng(12)
+    H, y = rng.normal(size=(5, 2)), 5.0 * rng.normal(size=5)
+    params, prior = FilterParams(sigma_points("simplex", 2), iterations=8), initial_posterior(np.zeros(2), np.eye(2))
+    best = np.linalg.solve(np.eye(2) + H.T @ H, H.T @ y)
+    none, far, near = (
+        filter_step(params, prior, lambda x: x @ H.T, y, np.eye(5), start=at)
+        for at in (None, np.full(2, 50.0), best + 0.1)
+    )
+    assert far.iterations == none.iterations
+    np.testing.assert_array_equal(far.posterior.mean, none.posterior.mean)
+    np.testing.assert_allclose(near.posterior.mean, none.posterior.mean, rtol=1e-9)
+    np.testing.assert_allclose(near.posterior.covariance, none.posterior.covariance, rtol=1e-9)
+
+
 def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it() -> None:
     rng = np.random.default_rng(8)
     H, prior = rng.normal(size=(10, 2)), initial_posterior(np.zeros(2), 25 * np.eye(2))

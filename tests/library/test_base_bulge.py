@@ -49,6 +49,14 @@ def test_the_motion_counts_from_the_sphere_at_rest() -> None:
     np.testing.assert_allclose(undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12)
 
 
+def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
+    contact = Contact(polar_rad=0.6, azimuth_rad=1.1)
+    for direction in (0.0, 0.7, -2.0):
+        plane = ScanPlane(contact, gap_m=0.0, direction_rad=direction)
+        expected = np.array([0.0, 0.0, 1.0]) @ np.stack([plane.lateral, plane.offset], axis=1)
+        np.testing.assert_allclose(pole_direction(0.6, direction), expected, atol=1e-15)
+
+
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])
 def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(polar_deg: float) -> None:
     contact, force_ratio = Contact(polar_rad=float(np.radians(polar_deg))), 1e-7

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from scleraforce.library.placement import Columns, Placed, Places, Stopping, gauss_newton
+from scleraforce.library.placement import CAUCHY, Columns, Placed, Places, Stopping, gauss_newton
 
 SD_M = 5e-6
 LATERAL_M = np.linspace(-2e-3, 2e-3, 200)
@@ -93,6 +93,18 @@ def test_a_short_step_because_of_damping_does_not_end_the_fit() -> None:
     stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
     for start in ((-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)):
         assert gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
+
+
+def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies() -> None:
+    columns = observed(np.zeros(len(LATERAL_M)))
+    placed = Parabola(columns).depth(TRUE)
+    seen = np.ones(len(LATERAL_M), dtype=bool)
+    seen[:10] = False
+    unseen = Placed(placed.depth_m + np.where(seen, 0.0, 1.0), placed.slope, placed.jacobian, seen)
+    assert columns.loss(placed) == pytest.approx(0.0, abs=1e-12)
+    assert columns.loss(unseen) == pytest.approx(10 * CAUCHY**2 * 3.0)
+    nothing = Placed(unseen.depth_m, unseen.slope, unseen.jacobian, ~np.isfinite(seen))
+    assert not columns.normal_equations(nothing)[0].any()
 
 
 def test_columns_that_share_an_error_count_as_one() -> None:

@@ -15,25 +15,9 @@ from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial
-from scleraforce.report.files import CLASS_COLOURS, write_figure
-from scleraforce.report.frame_figures import dice, draw_read_forces, draw_trial_forces, laid_on_surface
+from scleraforce.report.files import write_figure
+from scleraforce.report.frame_figures import dice, draw_read_forces, laid_on_surface
 from scleraforce.report.recording_figures import draw_log
-
-
-def test_a_trial_has_the_colour_of_its_answer_and_a_misread_one_is_ringed() -> None:
-    frames = [
-        frame_answer(eye="eye 1", file="0.png", measured_force_n=0.010),
-        frame_answer(eye="eye 1", file="1.png", predicted=2, probabilities=(0.0, 0.3, 0.7)),
-        refused_frame(eye="eye 2", file="2.png", measured_force_n=0.050, target=2),
-    ]
-    axes = draw_trial_forces(evaluation_of(frames)).axes[0]
-    points = [line for line in axes.lines if line.get_marker() in ("o", "s", "^") and line.get_color() != "none"]
-    colours = {(line.get_xdata()[0], line.get_ydata()[0]): line.get_color() for line in points}
-    assert colours == {(1, 10.0): CLASS_COLOURS[1], (2, 20.0): CLASS_COLOURS[2], (3, 50.0): "white"}
-    texts = [text.get_text() for text in axes.texts]
-    ringed = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if line.get_label() == "misread"]
-    assert ringed == [(2, 20.0)]
-    assert {"eye 1", "eye 2", "class 0", "class 1", "class 2"} <= set(texts)
 
 
 def test_a_read_force_is_drawn_over_the_measured_one_with_its_interval() -> None:
