@@ -308,12 +308,6 @@ def test_each_hazard_cites_requirements_and_each_requirement_belongs_to_one() ->
     assert [one["id"] for one in REQUIREMENTS] == [f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)]
 
 
-def test_research_use_is_stated_first() -> None:
-    for page in ("hazards.md", "requirements.md"):
-        text = (ROOT / "docs" / page).read_text(encoding="utf-8").split("\n\n", 2)[1]
-        assert text.startswith("**Research use only: not a medical device, not for use on patients.**")
-
-
 def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(tmp_path: Path) -> None:
     page = trace_page()
     assert (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8") == page, "run `make trace`"

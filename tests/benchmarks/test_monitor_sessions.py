@@ -1,11 +1,7 @@
 """The sessions before the monitor: which eyes a reader meets, what its tables count."""
 
-import numpy as np
-import pytest
-
 from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS, may_meet
-from monitor_sessions.forces import moving_forces, ramp_forces
 from monitor_sessions.play import Outcome, Ramp
 from monitor_sessions.table import ramp_table
 from scleraforce.study import Study, parse_study, preset_toml
@@ -18,15 +14,6 @@ def cells(table: str) -> list[list[str]]:
 def test_a_readers_study_decides_which_eyes_it_meets() -> None:
     for study, met in ((Study(), ["open", "sealed"]), (parse_study(preset_toml("living")), ["living"])):
         assert [kind for kind in KINDS if may_meet(kind, study.reader)] == met
-
-
-def test_forces_stay_below_the_highest_and_ramps_end_there() -> None:
-    forces_n, names = moving_forces(2000, 20e-3, np.random.default_rng(0))
-    assert forces_n.max() <= 20e-3
-    assert len(forces_n) == len(names) == 2000
-    ramp_n, _ = ramp_forces(50e-3, 40e-3, np.random.default_rng(0))
-    assert ramp_n[0] == 0.0
-    assert ramp_n[-1] == pytest.approx(40e-3, abs=1e-3)
 
 
 def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp() -> None:

@@ -56,16 +56,6 @@ def test_it_writes_a_study_and_its_picture_and_reports_what_it_measured(frames, 
     assert cv2.imread(str(tmp_path / "study.png")).shape[1] > 1000
 
 
-@pytest.mark.slow
-def test_a_second_run_writes_the_same_bytes(frames, tmp_path: Path, shell) -> None:
-    written = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        assert "snr_db = " in shell.text("scanner", *frames, *SCALE, "--out", tmp_path / name / "study.toml")
-        written.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
-    assert written[0] == written[1]
-
-
 def test_a_study_or_picture_that_is_there_stays(frames, tmp_path: Path, refused) -> None:
     for name in ("study.toml", "study.png"):
         (tmp_path / name).write_text("mine")

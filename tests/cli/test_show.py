@@ -146,6 +146,10 @@ def test_a_log_has_each_withdrawal_once_and_the_number_of_its_torn_parts(things:
     assert shell.json("show", tmp_path)["torn"] == 1
     os.mkfifo(tmp_path / "log" / "decisions-000002.jsonl")  # which is not waited for
     assert "decisions-000002.jsonl: not a regular file" in shell.refused("show", tmp_path)
+    wrong = DecisionLog(tmp_path / "wrong")
+    wrong.append({"kind": "entry", "entry": {"class": 1}})  # whole, and no decision
+    wrong.close()
+    assert "decisions-000001.jsonl: byte" in shell.refused("show", tmp_path / "wrong")
 
 
 REFUSED = {
@@ -173,15 +177,6 @@ def test_wrong_input_is_one_line_and_writes_nothing(here: Path, shell) -> None:
     for arguments, words in REFUSED.items():
         assert words in shell.refused("show", *arguments.split())
     assert contents(here) == before
-
-
-def test_a_whole_record_that_is_not_a_decision_is_named_with_its_place(tmp_path: Path, shell) -> None:
-    for name, more in {"wrong": {"entry": {"class": 1}}, "none": {}}.items():
-        log = DecisionLog(tmp_path / name)
-        log.append({"kind": "note", "text": "here"})
-        log.append({"kind": "entry", **more})
-        log.close()
-        assert "decisions-000001.jsonl: byte" in shell.refused("show", tmp_path / name)
 
 
 @pytest.mark.slow

@@ -208,14 +208,6 @@ def test_when_the_monitor_goes_the_order_to_withdraw_stays(node: FakeNode, monit
     assert orders[-1].data is True
 
 
-def test_what_is_published_is_of_the_types_of_ros(node: FakeNode) -> None:
-    node.subscriptions_["image"](image(1))
-    wait_for(lambda: len(node.published["~/force"]) == 1)
-    (message,) = node.published["~/force"]
-    serialised(message)
-    assert node.timer[0] <= 0.05
-
-
 @pytest.mark.parametrize(
     ("message", "said"),
     [(image(1, encoding="rgb8"), "encoding 'rgb8'; give one of mono8"), (image(1), "bytes for")],

@@ -116,12 +116,6 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
     assert latest.wait() is None
 
 
-def test_a_withdrawal_and_a_frame_without_a_force_are_said() -> None:
-    unread = {"force_mn": None, "interval_mn": None, "reason": "no wall was found"}
-    assert bridge.words(unread, "WITHDRAW: no wall") == "no force: no wall was found\nWITHDRAW: no wall"
-    assert bridge.bar(unread).matrix[8] == bridge.FLAT
-
-
 def test_when_the_monitor_goes_the_scanners_connection_ends() -> None:
     with (
         fake_monitor() as monitor,
@@ -188,13 +182,3 @@ def test_the_module_connects_as_a_client_and_shows_what_comes(slicer: SimpleName
     assert bar.SetAndObservePolyData.call_count == 1  # one bar, however often it is updated
     corner = slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
     assert corner.SetText.call_args[0][1] == "12.0 mN"
-
-
-def test_the_module_ends_its_connection(slicer: SimpleNamespace) -> None:
-    logic = slicer.module.ForceMonitorLogic()
-    logic.disconnect()  # of nothing
-    logic.connect("lab", 18947)
-    connector = logic.connector
-    logic.disconnect()
-    connector.Stop.assert_called_once_with()
-    assert (logic.connector, slicer.scene.nodes) == (None, {})

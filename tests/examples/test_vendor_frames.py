@@ -74,6 +74,7 @@ def test_frames_of_bioptigen_are_one_volume_turned_so_that_rows_are_depth(monkey
     assert vendor_frames.main(["a.OCT", "--out", "out"]) == 0
     np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
     assert "3 frames of 20 x 28" in capsys.readouterr().out
+    assert vendor_frames.main(["a.OCT", "--out", "out"]) == 2  # the folder is there
 
 
 def test_the_size_of_raw_bytes_is_asked_for_and_that_of_others_is_not_taken(monkeypatch, capsys) -> None:
@@ -129,14 +130,6 @@ def test_what_cannot_be_taken_over_whole_is_refused_in_one_line(
     assert words in refused(capsys, file, "--out", "out")
 
 
-def test_a_folder_that_is_there_stays(monkeypatch, capsys) -> None:
-    installed(monkeypatch, "FDA", volume)
-    Path("out").mkdir()
-    assert vendor_frames.main(["a.fda", "--out", "out"]) == 2
-    assert "out" in capsys.readouterr().err
-    assert list(Path("out").iterdir()) == []
-
-
 def bioptigen(scans: int = FRAMES) -> bytes:
     """A file of one scan after another, by OCT-Converter's description of the format."""
 
@@ -170,12 +163,3 @@ def test_oct_converter_reads_a_bioptigen_file_unless_it_is_cut(capsys) -> None:
     Path("a.OCT").write_bytes(bioptigen())
     assert vendor_frames.main(["a.OCT", "--out", "out"]) == 0, capsys.readouterr().err
     np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
-
-
-def test_oct_converter_reads_raw_bytes_of_a_given_size(capsys) -> None:
-    pytest.importorskip("oct_converter")
-    frames = VOLUME.astype(np.uint8)
-    Path("a.img").write_bytes(b"".join(frame.T.tobytes() for frame in frames))
-    size = ["--rows", str(ROWS), "--columns", str(COLUMNS)]
-    assert vendor_frames.main(["a.img", "--out", "out", *size]) == 0, capsys.readouterr().err
-    np.testing.assert_array_equal(np.load("out/a-1.npy"), frames)

@@ -1,7 +1,9 @@
 """Known inputs of a frame and its eye are used, or refused with one line."""
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
 from small_models import force_reader
@@ -9,10 +11,14 @@ from small_models import force_reader
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
 from scleraforce.known import REFERENCE_RIGIDITY
+from scleraforce.models import SHIPPED_READER
+from scleraforce.notebook import counting_for
 from scleraforce.notebook.calibrating import calibrate
 from scleraforce.notebook.frames import evaluate, read, segment
-from scleraforce.notebook.training import train
+from scleraforce.notebook.training import library_for, train
+from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Reading
+from scleraforce.study import Study
 
 FRAME = image(wall_section(tip_of(0.020)))
 SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
@@ -92,3 +98,22 @@ def test_wrong_input_of_a_calibration_or_a_training_is_one_clear_line() -> None:
         calibrate([])
     with pytest.raises(InputError, match="source: found str"):
         train("slices", "model")  # type: ignore[arg-type]  # the mistake
+
+
+def test_progress_counts_its_own_work_alone() -> None:
+    counted: list[int] = []
+    for title in ("library", "frames"):
+        with counting_for(counted.append, "frames")(title, 3) as advance:
+            advance(2)
+    assert counted == [2]
+
+
+def test_linear_mechanics_needs_no_library_and_the_papers_is_the_bundled_readers(tmp_path: Path, monkeypatch) -> None:
+    assert library_for(Study(), "linear", counting_for(None, "library")) is None
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    ticks: list[int] = []
+    found = library_for(Study(), "finite-strain", counting_for(ticks.append, "library"))
+    assert found is not None
+    np.testing.assert_array_equal(found.curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc)
+    assert not ticks
+    assert not list(tmp_path.iterdir())

@@ -1,7 +1,6 @@
 """`sf.import_recording` writes the same as `scleraforce import`, from SI values, with errors that name arguments."""
 
 import inspect
-import json
 from dataclasses import fields
 from math import radians
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 from effects import contents
-from foreign_files import COUNT, FRAMES, write_log
+from foreign_files import FRAMES, write_log
 
 import scleraforce as sf
 from scleraforce.cli.main import run
@@ -94,18 +93,6 @@ def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(sources: 
     columns = ["time=when:s", "fz=pull:mN"]
     recording = sf.import_recording(sources, tmp_path / "r", **TOLD, **FORCE, columns=columns)
     assert recording.forces.force_n("fz")[100] == pytest.approx(-10e-3)
-
-
-def test_precedence_is_arguments_then_the_sources_then_another_recording(sources: list[Path], tmp_path: Path) -> None:
-    seen: list[int] = []
-    first = sf.import_recording(sources, str(tmp_path / "r"), **TOLD, **FORCE, progress=seen.append)
-    assert seen == [1] * COUNT
-    like = {"like": first.path, "eye": "eye-2", "rate_hz": 2.0, "clock_offset_s": 0.0}
-    second = sf.import_recording([str(path) for path in sources], tmp_path / "s", **like, width_m=9e-3)
-    assert (second.info.oct.width_m, second.info.oct.depth_m) == (9e-3, 4e-3)
-    assert (second.info.force, second.info.needle) == (first.info.force, first.info.needle)
-    values = json.loads((tmp_path / "s" / "import.json").read_text())["values"]
-    assert (values["width_mm"], values["depth_mm"]) == ("option", f"like {first.path}")
 
 
 def test_a_missing_source_is_one_line(tmp_path: Path) -> None:

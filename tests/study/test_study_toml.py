@@ -11,10 +11,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study import (
     PAPER_STUDY_TOML,
     Choice,
-    DatasetGroup,
-    DatasetStudy,
     NetworkStudy,
-    OctStudy,
     Range,
     Study,
     fixed,
@@ -23,7 +20,6 @@ from scleraforce.study import (
     study_hash,
 )
 from scleraforce.study.fields import Unit, field_key, field_unit
-from scleraforce.study.toml import _format_value
 
 
 def human_number(unit: Unit) -> st.SearchStrategy[float]:
@@ -128,13 +124,6 @@ def test_values_are_si_inside_and_exact() -> None:
     assert globe.rigidity_pa13_per_m3 == pytest.approx(0.02 * 133.322387415 ** (1 / 3) * 1e9)
 
 
-def test_groups_are_read_in_order_and_other_keys_have_their_defaults() -> None:
-    text = "[[dataset.group]]\nthickness_um = 400\n[[dataset.group]]\nthickness_um = 800\nimages = 7"
-    groups = (DatasetGroup(thickness_m=4e-4), DatasetGroup(thickness_m=8e-4, images=7))
-    assert parse_study(text).dataset == DatasetStudy(group=groups)
-    assert parse_study("[oct]\nbits = 8").oct == OctStudy(bits=8)
-
-
 BAD = [
     ("[eye]\nradius_mm = 12.0\niris = 3", 3, "eye.iris: unknown key; known here: radius_mm"),
     ("[lens]\nx = 1", 1, "lens: unknown key; known here: eye, mesh"),
@@ -185,7 +174,3 @@ def test_faults_are_named_with_their_line() -> None:
     for text in ["a = " + "[" * 100_000, "a = " + "9" * 5000]:  # which tomllib does not refuse itself
         with pytest.raises(StudyError, match=r"my\.toml: not TOML"):
             parse_study(text, "my.toml")
-
-
-def test_a_text_with_quotes_and_backslashes_is_escaped() -> None:
-    assert _format_value('a"b\\c') == '"a\\"b\\\\c"'
