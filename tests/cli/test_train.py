@@ -11,10 +11,10 @@ import pytest
 from small_recordings import calibration_text
 
 from scleraforce.cli.output import count_bar
+from scleraforce.learning import generate
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import build as library_build
 from scleraforce.library.store import open_library
-from scleraforce.notebook import training
 from scleraforce.notebook.training import library_for
 from scleraforce.study import parse_study
 
@@ -63,7 +63,7 @@ def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(study, tmp
         progress(7)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(training, "generate_dataset", interrupted)
+    monkeypatch.setattr(generate, "generate_dataset", interrupted)
     monkeypatch.setattr(library_build, "build_library", interrupted)
     for command, kept in (("generate", "7 of 20 images"), ("library", "7 of 208 load paths")):
         said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[1]

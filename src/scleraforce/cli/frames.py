@@ -92,11 +92,7 @@ def segment(
 
 
 def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
-    """Return the mask of each frame of files and recording folders.
-
-    Raises:
-        InputError: nothing is there, or two masks would have one name, or a mask would replace a frame.
-    """
+    """Return the mask of each frame of files and recording folders."""
     found = [pair for path in given for pair in _frames_of(path)]
     recordings = {recording.resolve() for _, recording in found if recording is not None}
     frames, masks, taken = {frame.resolve() for frame, _ in found}, dict[Path, Path](), dict[Path, Path]()
@@ -234,7 +230,7 @@ def read(
 
     for path in filter(os.path.isdir, frames):
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
-    known = given_eye(**{name: given.pop(name) for name in EYE})
+    known = given_eye({name: given.pop(name) for name in EYE})
     size = Scanner(**given)
     check_calibrated(known, calibration is not None, eye)
     loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))

@@ -138,7 +138,7 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
     from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
     from scleraforce.notebook.frames import check_calibrated, given_eye
 
-    known = given_eye(**given)
+    known = given_eye(given)
     if calibration is None:
         return known, None
     check_calibrated(known, True, eye)

@@ -63,11 +63,7 @@ def in_si(unit: HumanUnit) -> Callable[[click.Context, click.Parameter, float | 
 
 
 def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
-    """Check, before the work begins, that a file to write does not exist: the callback of an option.
-
-    Raises:
-        InputError: it exists.
-    """
+    """Check, before the work begins, that a file to write does not exist: the callback of an option."""
     if path is not None and path.exists():
         raise InputError(f"{path}: exists already; remove it or choose another name")
     return path
@@ -139,13 +135,9 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
 def options(
     *names: str, default: str = "", required: tuple[str, ...] = (), **words: str
 ) -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds options of the tables, in this order.
+    """Return a decorator that adds options of `TABLE` and `EYE` by their arguments' names, in this order.
 
-    Args:
-        names: arguments, keys of `TABLE` or `EYE`.
-        default: the value of an eye's quantities without their option, in the words of their help.
-        required: options without a default.
-        words: another help, or another default of an eye's quantity.
+    `default` is that of an eye's quantities, in the words of their help; `words` have another default, or other help.
     """
     made = []
     for name in names:
@@ -171,12 +163,7 @@ def added(made: Sequence[Callable[[Any], Any]]) -> Callable[[Decorated], Decorat
 
 
 def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
-    """Return the processes, or the workers of the scheduler; None by default.
-
-    Raises:
-        UsageError: both are given.
-        InputError: Dask is not installed, or no scheduler answers.
-    """
+    """Return the processes, or the workers of the scheduler; None by default."""
     if scheduler is None:
         return workers
     if workers is not None:

@@ -13,8 +13,8 @@ from tqdm import tqdm
 from scleraforce.cli.main import fail
 from scleraforce.cli.options import STUDY_FILE
 from scleraforce.errors import InputError
+from scleraforce.notebook import by_percent
 from scleraforce.plain_json import finite
-from scleraforce.units import from_si
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -152,10 +152,5 @@ def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Ca
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None]]:
     """Show a bar in per cent; yield a function of the share of the work that is done."""
-    bar: tqdm[None]
-    with progress_bar((), title, total=100) as bar:
-
-        def reach(share: float) -> None:
-            bar.update(max(int(from_si(share, "percent")) - bar.n, 0))
-
-        yield reach
+    with count_bar(title, 100) as advance:
+        yield by_percent(advance)

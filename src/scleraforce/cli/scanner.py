@@ -81,11 +81,7 @@ def scanner(
 def _imaged(
     frames: Sequence[Path], size: "Scanner", transpose: bool, bits: int | None, finder: Path | None
 ) -> "Iterator[ImagedEye]":
-    """Read frame after frame and find its wall.
-
-    Raises:
-        InputError: a frame cannot be read or used, or is not of the size of the first.
-    """
+    """Read frame after frame and find its wall."""
     from scleraforce.notebook.frames import finder_of, scaled
     from scleraforce.recording.folder import Scanner
 

@@ -1,8 +1,7 @@
 """`scleraforce library`, `generate` and `train`: from a study to a model."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +59,8 @@ def generate(
     The data set does not depend on the number of workers.
     """
     from scleraforce.learning.dataset import read_population_modulus
-    from scleraforce.notebook.training import simulate_slices
+    from scleraforce.learning.generate import generate_dataset
+    from scleraforce.notebook.training import library_for
     from scleraforce.study.unused import refuse_unused
 
     kind = mechanics or study.mechanics.kind
@@ -68,11 +68,10 @@ def generate(
     modulus = read_population_modulus(calibration) if calibration else None
     if modulus and modulus.mechanics != kind:
         say(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
-
-    def bar(title: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
-        return resumable_bar(out, "images", title, total) if title == "generate" else count_bar(title, total)
-
-    made = simulate_slices(study, out, bar, mechanics, chosen_workers(scheduler, workers), calibration=modulus)
+    workers = chosen_workers(scheduler, workers)
+    library = library_for(study, kind, count_bar, workers)
+    with resumable_bar(out, "images", "generate", sum(group.images for group in study.dataset.group)) as advance:
+        made = generate_dataset(study, out, calibration=modulus, library=library, workers=workers, progress=advance)
     return Report(
         {"images": made.images, "seconds": made.seconds, "images_per_second": made.images_per_second},
         [f"{out}: {made.images} images, {made.seconds:.1f} s, {made.images_per_second:.0f} images/s"],

@@ -28,13 +28,13 @@ from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
 from scleraforce.study import Study, study_hash
+from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.reader.intervals import Stretch
 
 MECHANICS = ("finite-strain", "linear")
-LEAST_WALL_M, LARGEST_WALL_M = 100e-6, 3e-3  # as in a recording.toml
 PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
@@ -90,8 +90,8 @@ def calibrate(
         raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
-    if thickness_m is not None and not LEAST_WALL_M <= thickness_m <= LARGEST_WALL_M:
-        raise InputError(f"thickness_m: {thickness_m:g}; give between {LEAST_WALL_M:g} and {LARGEST_WALL_M:g} m")
+    if thickness_m is not None:
+        check_quantity("thickness_m", thickness_m)
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
     study, counting = study or Study(), counting or counting_for(progress, "frames")
@@ -148,9 +148,6 @@ def recalibrate_intervals(
 
     Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.
     Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
-
-    Raises:
-        InputError: the model is not a reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
     from scleraforce.reader.evaluate import recording_scores
     from scleraforce.reader.intervals import intervals_record, stretched, stretches

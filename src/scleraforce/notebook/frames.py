@@ -4,7 +4,7 @@ It imports the small runtime alone (NumPy, OpenCV, ONNX Runtime), unless a calib
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite
@@ -26,7 +26,7 @@ from scleraforce.known.calibration_file import (
     summary_of,
 )
 from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.notebook import Counting, counting_for
+from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
@@ -203,17 +203,11 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
-    given = given_eye(
-        youngs_modulus_pa=youngs_modulus_pa,
-        iop_pa=iop_pa,
-        thickness_m=thickness_m,
-        gap_m=gap_m,
-        polar_angle_rad=polar_angle_rad,
-        plane_direction_rad=plane_direction_rad,
-        stiffening=stiffening,
-        globe=globe,
-        rigidity_pa13_per_m3=rigidity_pa13_per_m3,
-    )
+    given = given_eye({
+        "youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m,
+        "polar_angle_rad": polar_angle_rad, "plane_direction_rad": plane_direction_rad, "stiffening": stiffening,
+        "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
+    })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
     one = reading(model, frame, given, size, calibration, eye, transpose)
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
@@ -285,52 +279,30 @@ def reading(
     return Reading(answer, seen, given, stated, known, tuple(notes))
 
 
-def given_eye(
-    *,
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    thickness_m: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float | None = None,
-    plane_direction_rad: float | None = None,
-    stiffening: float | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
-) -> Known:
-    """Return the known inputs of an eye, checked; arguments as of `read`.
-
-    Raises:
-        InputError: a value that is not possible, or a rigidity of a globe that is not sealed.
-    """
-    quantities = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m}
-    for key, value in (*quantities.items(), ("polar_angle_rad", polar_angle_rad)):
-        if value is not None:
-            check_quantity(key, value)
-    for key, value in (("plane_direction_rad", plane_direction_rad), ("stiffening", stiffening)):
-        if value is not None and not isfinite(value):
-            raise InputError(f"{key}: {value} is not a finite number; leave it out if it is not known")
+def given_eye(given: Mapping[str, Any]) -> Known:
+    """Return the known inputs of an eye, checked; `given` has all arguments of `read` that state one."""
+    for key in ("youngs_modulus_pa", "iop_pa", "thickness_m", "gap_m", "polar_angle_rad"):
+        if given[key] is not None:
+            check_quantity(key, given[key])
+    for key in ("plane_direction_rad", "stiffening"):
+        if given[key] is not None and not isfinite(given[key]):
+            raise InputError(f"{key}: {given[key]} is not a finite number; leave it out if it is not known")
+    modulus_pa, stiffening, globe = (given[key] for key in ("youngs_modulus_pa", "stiffening", "globe"))
     if stiffening is not None and stiffening < 0.0:
         raise InputError(f"stiffening: {stiffening:g}; give at least 0")
-    if rigidity_pa13_per_m3 is not None and globe != "sealed":
-        raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
+    check_rigidity(globe, given["rigidity_pa13_per_m3"])
     return Known(
-        modulus=None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa),
-        iop_pa=iop_pa,
-        thickness_m=thickness_m,
-        gap_m=gap_m,
-        polar_rad=polar_angle_rad,
-        direction_rad=plane_direction_rad,
-        globe=None if globe is None else known_globe(globe, rigidity_pa13_per_m3),
+        modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
+        polar_rad=given["polar_angle_rad"],
+        direction_rad=given["plane_direction_rad"],
+        globe=None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"]),
         stiffening=stiffening,
+        **{key: given[key] for key in ("iop_pa", "thickness_m", "gap_m")},
     )
 
 
 def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
-    """Check that a calibration and the given values do not state the same quantity.
-
-    Raises:
-        InputError: they do, or the name of an eye is given without a calibration.
-    """
+    """Check that a calibration and the given values do not state the same quantity."""
     if not calibrated:
         if eye is not None:
             raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
@@ -341,18 +313,7 @@ def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
 
 
 def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False) -> ScaledFrame:
-    """Return a frame with its scale.
-
-    Args:
-        frame: a file, or an array.
-        given: its size, which takes precedence over the recording's and the file's.
-        assumed: its size by default.
-        source: the source of the default.
-        transpose: the depth runs along the rows of the file or array.
-
-    Raises:
-        FrameError: the frame cannot be read, or its size is not known.
-    """
+    """Return a frame with its scale: given, else the recording's or the file's, else assumed, of a named source."""
     if isinstance(frame, str | PathLike):
         return read_scaled_frame(Path(frame), given, (assumed, source), transpose)
     pixels: Any = np.asarray(frame)  # the reader checks its type
@@ -381,21 +342,13 @@ def _place(frame: Frame) -> str:
 
 
 def check_model(model: object) -> None:
-    """Check that a model was loaded.
-
-    Raises:
-        InputError: it is a path.
-    """
+    """Raise an InputError for the path of a model that was not loaded."""
     if isinstance(model, str | PathLike):
         raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
 
 
 def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummary:
-    """Return the summary of a calibration, or of its file, that models read.
-
-    Raises:
-        CalibrationError: the file cannot be used.
-    """
+    """Return the summary of a calibration, or of its file, that models read."""
     if isinstance(calibration, CalibrationSummary):
         return calibration
     if isinstance(calibration, str | PathLike):
@@ -417,11 +370,7 @@ def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:
 
 
 def opened(given: Given | Sequence[Given]) -> list[Recording]:
-    """Return recordings; read folders.
-
-    Raises:
-        InputError: the list is empty, or a recording cannot be read.
-    """
+    """Return recordings; read folders."""
     each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
     if not each:
         raise InputError("recordings: none; give at least one")

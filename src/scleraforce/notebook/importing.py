@@ -162,17 +162,8 @@ def write_imported(
 ) -> Import:
     """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
 
-    Args:
-        sources: files and folders.
-        out: the folder to make.
-        answers: the given options.
-        origins: who gave each option.
-        counting: how the work is counted.
-        asker: who is asked for missing values; without one, they are an error.
-        model: the folder or name of the one whose limits are noted.
-
-    Raises:
-        InputError: as of `import_recording`, with the names of options.
+    `origins` says who gave each option; missing ones are an error without an asker. The limits of `model` are noted.
+    Errors are those of `import_recording`, with the names of options.
     """
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")

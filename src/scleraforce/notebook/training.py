@@ -5,8 +5,8 @@ from os import PathLike
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.learning.dataset import CalibratedModulus, Dataset, open_dataset
-from scleraforce.learning.generate import Generation, generate_dataset
+from scleraforce.learning.dataset import Dataset, open_dataset
+from scleraforce.learning.generate import generate_dataset
 from scleraforce.library import Library
 from scleraforce.library.build import build_library, cached_library
 from scleraforce.library.plan import plan_library
@@ -97,28 +97,13 @@ def generate(
     >>> slices.images
     200
     """
-    counting = counting_for(progress, "generate")
-    simulate_slices(study or Study(), Path(out), counting, mechanics, workers, youngs_modulus_pa=youngs_modulus_pa)
-    return open_dataset(out)
-
-
-def simulate_slices(
-    study: Study,
-    out: Path,
-    counting: Counting,
-    mechanics: str | None,
-    workers: int | None,
-    *,
-    youngs_modulus_pa: float | None = None,
-    calibration: CalibratedModulus | None = None,
-) -> Generation:
-    """Simulate a data set as `generate` does: counts "library", if finite strain needs one, and "generate"."""
+    study = study or Study()
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
-    library = library_for(study, kind, counting, workers)
-    with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
-        return generate_dataset(study, out, youngs_modulus_pa=youngs_modulus_pa, calibration=calibration,
-                                library=library, workers=workers, progress=advance)  # fmt: skip
+    library = library_for(study, kind, counting_for(None, ""), workers)
+    generate_dataset(study, Path(out), youngs_modulus_pa=youngs_modulus_pa, library=library, workers=workers,
+                     progress=progress)  # fmt: skip
+    return open_dataset(out)
 
 
 def train(

@@ -11,12 +11,11 @@ from scleraforce.errors import InputError
 from scleraforce.laboratory.phantom import Acquisition, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulate_eye, study_sections
 from scleraforce.mechanics.contact import Contact
-from scleraforce.notebook import Counting, counting_for
+from scleraforce.notebook import Counting, by_percent, check_rigidity, counting_for
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import from_si
 
 
 def simulate(
@@ -155,7 +154,7 @@ def phantom(
     seed = study.phantom.seed if seed is None else seed
     plan = Acquisition(tuple(forces_n), study, seed, rate_hz=rate_hz, **moves).plan(pushed)
     with counting("load path", 100) as advance:
-        sections_at = study_sections(pushed, study, _percent(advance))
+        sections_at = study_sections(pushed, study, by_percent(advance))
         sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames are quick then
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
@@ -165,32 +164,14 @@ def phantom(
 def declared(
     study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None
 ) -> Study:
-    """Return a study, by default the paper's, with the mechanics and the globe that are given.
-
-    Raises:
-        InputError: a rigidity of a globe that is not sealed.
-    """
+    """Return a study, by default the paper's, with the mechanics and the globe that are given."""
     study = study or Study()
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
-    if rigidity_pa13_per_m3 is not None and (globe or study.globe.kind) != "sealed":
-        raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
+    check_rigidity(globe or study.globe.kind, rigidity_pa13_per_m3)
     return replace(study, globe=study.globe.with_known(globe, rigidity_pa13_per_m3))
 
 
 def given(**values: Any) -> dict[str, Any]:
     """Return the values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _percent(advance: Callable[[int], None]) -> Callable[[float], None]:
-    """Return a function of the completed share of the work; it counts steps of one per cent."""
-    done = 0
-
-    def reach(share: float) -> None:
-        nonlocal done
-        newly = max(int(from_si(share, "percent")) - done, 0)
-        done += newly
-        advance(newly)
-
-    return reach
