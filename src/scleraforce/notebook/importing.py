@@ -172,8 +172,7 @@ def write_imported(
         scan = gathered.scan
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
-        done = importing.complete(gathered, greys, answers, origins, asker)
-        done = importing.with_thickness(done, answers, origins, asker, partial(_wall_um, scan, greys))
+        done = importing.complete(gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys))
         done = done.with_notes(limit_notes(model, done.info))
         comment = f"imported by scleraforce {__version__}; import.json names the sources"
         with counting("frames", len(scan.names)) as advance, closing(RecordingWriter(part, done.info, comment)) as to:

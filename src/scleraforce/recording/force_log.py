@@ -394,5 +394,5 @@ def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
         f"{time.name}: times of day; the day in {name!r} ({day}) is not used: clocks that count from 1970 do not go "
         "with it (--clock-offset-s)"
         for name, day in zip(text.names, text.fields(0), strict=False)
-        if log_text.is_day(day)
+        if log_text.DAY.fullmatch(day)
     )

@@ -130,11 +130,17 @@ Known = dict[str, tuple[Any, str]]  # values by the name of their option, each w
 
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker | None
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    asker: Asker | None,
+    measured_um: Callable[[OctInfo], float | None],
 ) -> Import:
     """Combine the options, the sources' own values and another recording's, and ask for the rest.
 
-    `origins` says who gave each option; the sources take precedence over another recording.
+    `origins` says who gave each option; the sources take precedence over another recording. `measured_um` returns the
+    thickness that the frames show at the recording's scale; the consequence is noted if the thickness stays open.
     """
     _check_used(gathered, origins)
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
@@ -159,31 +165,19 @@ def complete(
     while True:
         answered = {} if asker is None else {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
         try:
-            return _completed(gathered, greys, answers, times, known | answered)
+            done = _completed(gathered, greys, answers, times, known | answered)
+            break
         except InputError as wrong:
             if asker is None or not questions:
                 raise
             asker.again(wrong)
-
-
-def with_thickness(
-    done: Import,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
-    asker: Asker | None,
-    measured: Callable[[OctInfo], float | None],
-) -> Import:
-    """Ask for the wall's thickness if it was not given; note the consequence if it stays open.
-
-    `measured` returns the thickness that the frames show, um, at the recording's scale.
-    """
     name, value = "thickness_um", answers.thickness_um
     if value is not None:
         return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
     found: list[float | None] = []
 
     def offered() -> float | None:
-        found.append(measured(done.info.oct))
+        found.append(measured_um(done.info.oct))
         return found[-1]
 
     if asker is not None:

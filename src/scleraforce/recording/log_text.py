@@ -58,11 +58,6 @@ def clock_of(text: str) -> str | None:
     return MONTH_FIRST if int(found["middle"]) > 12 else ""
 
 
-def is_day(text: str) -> bool:
-    """Return whether a text is a date without a time."""
-    return DAY.fullmatch(text) is not None
-
-
 def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
     """Return dates and times in s since 1970, or times of day in s since the first midnight; the default zone is UTC.
 
