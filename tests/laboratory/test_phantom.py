@@ -16,6 +16,7 @@ from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import (
     Acquisition,
     acquire_all,
+    is_recorded,
     phantom_truth,
     plan_moving_phantom,
     plan_phantom,
@@ -117,6 +118,17 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, 
         write_phantom(tmp_path / name, plan_phantom(eye, FORCES_N, STUDY, seed), dented_sections, STUDY)
         assert (contents(tmp_path / name) == contents(written)) is same
         assert ((tmp_path / name / "forces.csv").read_bytes() == (written / "forces.csv").read_bytes()) is same
+
+
+def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
+    study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=fixed(140e-6)))
+    with_layer, bare = (
+        [frame.optics for frame in plan_phantom(EYE, FORCES_N, each, 3).frames] for each in (study, STUDY)
+    )
+    layers = [optics.conjunctiva for optics in with_layer]
+    assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
+    assert len({replace(layer, phase_rad=0.0) for layer in layers}) == 1
+    assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
 
 
 def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_path):
@@ -361,6 +373,17 @@ def test_eyes_are_drawn_from_the_studys_ranges() -> None:
         shares = (np.array([getattr(eye, name) for eye in eyes]) - low) / (high - low)
         assert 0.0 <= shares.min() < 0.05 < 0.95 < shares.max() <= 1.0
     assert {(eye.youngs_modulus_pa, eye.iop_pa) for eye in eyes} == {(0.25e6, MANY_STUDY.eye.iop_pa)}
+
+
+def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
+    first, second, *_ = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
+    assert is_recorded(here / "pig-1", ACQUISITION.plan(first), MANY_STUDY)
+    assert not is_recorded(here / "pig-1", ACQUISITION.plan(second), MANY_STUDY)
+    assert not is_recorded(here / "pig-1", Acquisition((0.002, 0.011), MANY_STUDY, 3).plan(first), MANY_STUDY)
+    assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
+    for content in ("[]", "{", '{"frames": 7}', '{"frames": [7]}', "{}"):
+        (tmp_path / "truth.json").write_text(content)
+        assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
 
 
 @pytest.mark.slow
