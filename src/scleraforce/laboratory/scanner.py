@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.laboratory import scanner_light
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, Line, Shadow, sample_optics
 from scleraforce.laboratory.scanner_display import (
@@ -26,17 +27,6 @@ from scleraforce.laboratory.scanner_display import (
     find_lines,
     fit_display,
     spread_slope,
-)
-from scleraforce.laboratory.scanner_light import (
-    SurfaceLight,
-    WallLight,
-    find_shadows,
-    layer_below,
-    light_in_wall,
-    reflections,
-    resolutions,
-    roll_off,
-    surface_light,
 )
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
@@ -118,7 +108,7 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     slopes = [spread_slope(eye) for eye in seen]
     kind = display_kind(slopes)
     measured = [_measure(eye, kind, slope) for eye, slope in zip(seen, slopes, strict=True)]
-    strengths, angle = reflections([surface for _, surface in measured])
+    strengths, angle = scanner_light.reflections([surface for _, surface in measured])
     frames = tuple(
         replace(frame, values={**frame.values, "reflection_db": strength, "reflection_angle_rad": angle})
         for (frame, _), strength in zip(measured, strengths, strict=True)
@@ -140,16 +130,16 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     return MeasuredScanner(kind, ranges, dict(zip(COUNTS, counts, strict=True)), frames)
 
 
-def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, SurfaceLight]:
+def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, scanner_light.SurfaceLight]:
     """Measure one frame, except its reflection, which is fitted to all frames together."""
     display = fit_display(eye, kind)
-    tissue = light_in_wall(eye, display)
+    tissue = scanner_light.light_in_wall(eye, display)
     spread, skew = _speckle_spread(tissue, display)
     if kind is LOGARITHMIC and spread > AVERAGED:
         display = display_of_speckle(eye, display, spread)
-        tissue = light_in_wall(eye, display)
-    axial, lateral = resolutions(eye, display, tissue)
-    level, attenuation, thickness = layer_below(eye, display, tissue)
+        tissue = scanner_light.light_in_wall(eye, display)
+    axial, lateral = scanner_light.resolutions(eye, display, tissue)
+    level, attenuation, thickness = scanner_light.layer_below(eye, display, tissue)
     values: dict[str, Measured] = {
         "snr_db": tissue.snr_db,
         "axial_resolution_m": axial,
@@ -161,17 +151,17 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[Measur
         "choroid_level_db": level,
         "choroid_attenuation_per_m": attenuation,
         "choroid_thickness_m": thickness,
-        "roll_off_db_per_m": roll_off(eye, tissue),
+        "roll_off_db_per_m": scanner_light.roll_off(eye, tissue),
         "noise_looks": Estimate(value=display.looks),
         "noise_misfit_db": Estimate(value=display.misfit_db),
         "speckle_skew": skew,
         "spread_slope": slope,
     }
-    frame = MeasuredFrame(eye, display, values, find_shadows(eye, tissue), find_lines(eye, display))
-    return frame, surface_light(eye, display, tissue, axial)
+    frame = MeasuredFrame(eye, display, values, scanner_light.find_shadows(eye, tissue), find_lines(eye, display))
+    return frame, scanner_light.surface_light(eye, display, tissue, axial)
 
 
-def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Measured]:
+def _speckle_spread(tissue: scanner_light.WallLight, display: Display) -> tuple[float, Measured]:
     """Return the spread of the wall's speckle over that of one look on the noise's scale (1 if unknown), and its skew.
 
     The skew is an octile skew: -0.20 for one look, in dB.

@@ -25,16 +25,8 @@ from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, ne
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
 from scleraforce.models import NETWORK_FILE, network_session
+from scleraforce.reader import networks
 from scleraforce.reader.intervals import Score
-from scleraforce.reader.networks import (
-    CONTACT,
-    GIVEN,
-    GIVEN_INPUT,
-    HISTOGRAM,
-    ForceNetwork,
-    given_inputs,
-    given_modulus,
-)
 from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
@@ -110,8 +102,11 @@ class _Reads(torch.nn.Module):
 def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
     """Return the network as an ONNX model; `reader.networks` describes its inputs and outputs."""
     sees = network.sees_wall
-    inputs = {FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns), GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
-    return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+    inputs = {
+        FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns),
+        networks.GIVEN_INPUT: torch.zeros(2, len(networks.GIVEN)),
+    }
+    return onnx_bytes(_Reads(network).eval(), inputs, [networks.HISTOGRAM, networks.CONTACT], provenance)
 
 
 def largest_needle_gap(raw: RawReaderStudy) -> float:
@@ -218,9 +213,9 @@ class RawSource:
         return RawSamples(
             drawn.frames,
             np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32),
-            given_inputs(eyes.stated, trained),
+            networks.given_inputs(eyes.stated, trained),
             eyes.force_n,
-            given_modulus(eyes.stated, trained)[0],
+            networks.given_modulus(eyes.stated, trained)[0],
             framing.lateral_m,
         )
 
@@ -291,7 +286,7 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
 
 def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return the function that scores an eye, for a process; `network`: of the frames, as ONNX."""
-    reads_frames = ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
+    reads_frames = networks.ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
 
     def scores(number: int, eye: VirtualEye, known: Known, _: object, rng: np.random.Generator) -> list[Score]:
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)

@@ -21,15 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
-from scleraforce.library.splines import (
-    SUPPORT,
-    CubicSpline,
-    SplineWeights,
-    first_crossing,
-    tensor_coefficients,
-    values_and_slopes,
-)
 from scleraforce.library.states import Responses, SplineTables, curves_of, values_at
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.mechanics.material import burst_tension
@@ -44,10 +37,10 @@ def weight_products(
     first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
 ) -> tuple[NDArray[np.intp], Floats]:
     """Return rows (sample, 16) of a table over two axes, the second of length `seconds`, and weights there."""
-    support = np.arange(SUPPORT)
+    support = np.arange(splines.SUPPORT)
     rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
     weights = of_first[:, :, None] * of_second[:, None]
-    return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
+    return rows.reshape(len(first), splines.SUPPORT**2), weights.reshape(len(first), splines.SUPPORT**2)
 
 
 def check_inside(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
@@ -87,9 +80,9 @@ def check_arrays(library: "Library") -> None:
     """Raise `InputError`, which names the array, if shapes or values of a library do not fit together."""
     shape = (len(library.thickness_m), len(library.tension), len(library.tip_m))
     polar_rad = library.polar_rad
-    if min(*shape, len(polar_rad)) < SUPPORT:
+    if min(*shape, len(polar_rad)) < splines.SUPPORT:
         raise InputError(f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
-                         f"least {SUPPORT} of each")  # fmt: skip
+                         f"least {splines.SUPPORT} of each")  # fmt: skip
     shapes = {
         "force_ratio_tpd": shape,
         "displaced_tpd": shape,
@@ -157,13 +150,13 @@ class Library:
     contact_polar_rad: float
     stiffening: float = 0.0
     stiffened: StiffenedWalls | None = None
-    weights: InitVar[SplineWeights | None] = None  # of its walls, where another library has them already
-    _weights: SplineWeights = field(init=False, repr=False, compare=False)
+    weights: InitVar[splines.SplineWeights | None] = None  # of its walls, where another library has them already
+    _weights: splines.SplineWeights = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
 
-    def __post_init__(self, weights: SplineWeights | None) -> None:
+    def __post_init__(self, weights: splines.SplineWeights | None) -> None:
         check_arrays(self)
-        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
+        own = splines.SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if weights is None else weights)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -226,7 +219,7 @@ class Library:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
         walls = self._walls(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
-        tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
+        tips = splines.first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
@@ -245,7 +238,9 @@ class Library:
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
         thickness, tension, force = (value[known] for value in values)
         ratio = tension * thickness / self.radius_m
-        known[known] = np.isfinite(first_crossing(self.tip_m, *self._paths(self._walls(thickness, ratio)), force))
+        known[known] = np.isfinite(
+            splines.first_crossing(self.tip_m, *self._paths(self._walls(thickness, ratio)), force)
+        )
         return known
 
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -321,7 +316,7 @@ class Library:
     @cached_property
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
-        spline = CubicSpline(self.polar_rad)
+        spline = splines.CubicSpline(self.polar_rad)
         (shares,) = spline.shares(inside_ends(np.array([self.contact_polar_rad]), self.polar_rad))
         return self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
 
@@ -341,22 +336,22 @@ class Library:
     @cached_property
     def _force_coefficients(self) -> Floats:
         """Spline weights over thickness and tension of the force and of its slope at the tips (t p, 2 d)."""
-        return values_and_slopes(self._weights.splines, self._contact_forces, axis=2)
+        return splines.values_and_slopes(self._weights.splines, self._contact_forces, axis=2)
 
     @cached_property
     def _state_coefficients(self) -> Floats:
         """Spline weights of the force (t p d,)."""
-        return tensor_coefficients(self._weights.splines, self._contact_forces).reshape(-1)
+        return splines.tensor_coefficients(self._weights.splines, self._contact_forces).reshape(-1)
 
     @cached_property
     def _volume_coefficients(self) -> Floats:
         """Spline weights of the displaced volume (t p d,)."""
-        return tensor_coefficients(self._weights.splines, self._contact_volumes).reshape(-1)
+        return splines.tensor_coefficients(self._weights.splines, self._contact_volumes).reshape(-1)
 
     @cached_property
     def _volumes_along_pressure(self) -> Floats:
         """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        return values_and_slopes(self._weights.splines, self._contact_volumes, axis=1)
+        return splines.values_and_slopes(self._weights.splines, self._contact_volumes, axis=1)
 
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for walls, each (sample, d)."""

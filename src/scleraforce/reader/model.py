@@ -8,24 +8,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce import models
 from scleraforce.errors import InputError, ModelError
 from scleraforce.known import Known
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.models import (
-    LIBRARY_FILE,
-    NETWORK_FILE,
-    RECORD_FILE,
-    SHIPPED_WALL_FINDER,
-    WALL_FINDER,
-    ModelFolder,
-    check_provenance,
-    folder_session,
-    folder_study,
-    network_metadata,
-    network_session,
-    read_folder,
-)
 from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
 from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader, TrainedModel
@@ -41,16 +28,16 @@ Finder = str | PathLike[str] | None
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
-    folder = read_folder(Path(path))
-    if folder.record["kind"] != WALL_FINDER:
-        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {WALL_FINDER} is needed here")
-    session, place = folder_session(folder, threads), str(folder.path / NETWORK_FILE)
-    finder = WallFinder(session, folder_study(folder).wall_finder, place)
-    check_provenance(folder, network_metadata(session, place))
+    folder = models.read_folder(Path(path))
+    if folder.record["kind"] != models.WALL_FINDER:
+        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {models.WALL_FINDER} is needed here")
+    session, place = models.folder_session(folder, threads), str(folder.path / models.NETWORK_FILE)
+    finder = WallFinder(session, models.folder_study(folder).wall_finder, place)
+    models.check_provenance(folder, models.network_metadata(session, place))
     return finder
 
 
-def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Reader:
+def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER) -> Reader:
     """Load a model folder of any kind that reads forces.
 
     `path` is the folder that `scleraforce train` wrote, or the name of a bundled one ("default"); `threads` are ONNX
@@ -58,42 +45,46 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = SHI
     checks the walls it reads, None: nothing checks them. A file that is missing, was changed, or does not fit the study
     beside it raises `ModelError`.
     """
-    folder = read_folder(Path(path))
+    folder = models.read_folder(Path(path))
     kind = folder.record["kind"]
     if kind not in KINDS:
         wanted = f"{', '.join(KINDS[:-1])} or {KINDS[-1]}"
         raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
-    study, session = folder_study(folder), folder_session(folder, threads)
+    study, session = models.folder_study(folder), models.folder_session(folder, threads)
     walls = None if finder is None else load_wall_finder(finder, threads)
-    place = str(folder.path / NETWORK_FILE)
-    trained = TrainedModel(folder.path, study, folder.record, network_metadata(session, place), walls)
+    place = str(folder.path / models.NETWORK_FILE)
+    trained = TrainedModel(folder.path, study, folder.record, models.network_metadata(session, place), walls)
     model: Reader
     if kind == CLASSIFIER:
         model = Classifier(trained, session)
     else:
-        factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
+        factors = parse_factors(folder.record, str(folder.path / models.RECORD_FILE))
         network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
         if kind == RAW_READER:
             model = RawReader(trained, network)
         else:
             model = ForceReader(trained, network, _library(folder), _default(folder), factors)
-    check_provenance(folder, trained.provenance)
+    models.check_provenance(folder, trained.provenance)
     return model
 
 
-def load_classifier(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> Classifier:
+def load_classifier(
+    path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER
+) -> Classifier:
     """Load a model folder of kind "classifier"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), Classifier)
 
 
-def load_force_reader(path: str | PathLike[str], threads: int = 1, finder: Finder = SHIPPED_WALL_FINDER) -> ForceReader:
+def load_force_reader(
+    path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER
+) -> ForceReader:
     """Load a model folder of kind "reader"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), ForceReader)
 
 
-def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> ForceNetwork:
+def slice_network(network: bytes, study: Study, place: str = models.NETWORK_FILE) -> ForceNetwork:
     """Return a reader's network from its bytes, without factors for its intervals; raises `ModelError`."""
-    return ForceNetwork(network_session(network, place, 1), study, place)
+    return ForceNetwork(models.network_session(network, place, 1), study, place)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
@@ -102,10 +93,10 @@ def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
     return model
 
 
-def _library(folder: ModelFolder) -> Library:
+def _library(folder: models.ModelFolder) -> Library:
     """Read the library and prepare the arrays that its first evaluation would otherwise wait for."""
     try:
-        library = load_library(folder.path / LIBRARY_FILE, folder.files[LIBRARY_FILE])
+        library = load_library(folder.path / models.LIBRARY_FILE, folder.files[models.LIBRARY_FILE])
     except InputError as fault:
         raise ModelError(str(fault)) from fault
     thickness_m = library.thickness_m[:1]
@@ -113,10 +104,10 @@ def _library(folder: ModelFolder) -> Library:
     return library
 
 
-def _default(folder: ModelFolder) -> str:
+def _default(folder: models.ModelFolder) -> str:
     default = folder.record.get("default")
     if default not in METHODS:
-        place = folder.path / RECORD_FILE
+        place = folder.path / models.RECORD_FILE
         raise ModelError(f"{place}: default: found {reprlib.repr(default)}, expected {' or '.join(METHODS)}")
     return str(default)
 

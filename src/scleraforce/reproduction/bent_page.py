@@ -14,32 +14,13 @@ from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import model_name
-from scleraforce.reader import load_model
+from scleraforce.reader import load_model, metrics
 from scleraforce.reader.evaluate import Evaluation
-from scleraforce.reader.metrics import (
-    SHARED_ERROR,
-    ForceTrial,
-    band_of,
-    coverage,
-    coverage_by_eye,
-    held_by_eye,
-    mean_absolute_error,
-)
 from scleraforce.recording.folder import Recording
+from scleraforce.report import html
 from scleraforce.report.evaluation_page import read_forces_figure
 from scleraforce.report.frame_figures import draw_computed_walls
 from scleraforce.report.frames import AnsweredFrame, look_at_all
-from scleraforce.report.html import (
-    NOTHING,
-    Html,
-    confusion_table,
-    figure,
-    frame_table,
-    paragraph,
-    section,
-    share,
-    table,
-)
 from scleraforce.reproduction.readings import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.run import Run
 from scleraforce.study import Study
@@ -48,7 +29,7 @@ from scleraforce.units import from_si
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
 
 
-def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[html.Html], html.Html]) -> html.Html:
     """Return the comparison of the paper's method and the force reader on the same frames; `drawn` counts figures."""
     forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
     words = (
@@ -58,15 +39,15 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
         "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
         f"found on three pushes of {forces} mN before the trials, which do not count. {reader_words(run)}"
     )
-    return section(
+    return html.section(
         "Walls that bend: the paper's method and the force reader",
-        paragraph(words),
+        html.paragraph(words),
         _comparison(paper, reader),
         *_coverage_words(reader),
         _moduli(run),
         drawn(read_forces_figure(reader)),
-        confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
-        confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
+        html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
+        html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
         *_misread(paper, "the paper's method"),
         *_misread(reader, "the force reader"),
         drawn(_walls_figure(run, reader)),
@@ -84,18 +65,18 @@ def reader_words(run: Run) -> str:
     )
 
 
-def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
+def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
     both, true = (paper, reader), reader.true_forces
     rows: list[list[object]] = [
-        ["trials read right", *(share(one.accuracy) for one in both)],
-        ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
-        ["dangerous forces seen (recall of class 2)", *(share(one.recall[-1]) for one in both)],
+        ["trials read right", *(html.share(one.accuracy) for one in both)],
+        ["the same, of the usable ones", *(html.share(one.usable.accuracy) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(html.share(one.recall[-1]) for one in both)],
         ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
         ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],
-        ["the same against the true force", NOTHING, _number(from_si(mean_absolute_error(true), "mn"))],
+        ["the same against the true force", html.NOTHING, _number(from_si(metrics.mean_absolute_error(true), "mn"))],
         ["labels that agree with their 90 % interval", *(_held(one.forces) for one in both)],
-        ["true forces within their 90 % interval", NOTHING, _held(true)],
+        ["true forces within their 90 % interval", html.NOTHING, _held(true)],
     ]
     caption = (
         f"The same {len(reader.scored)} trials, read with the two methods; in brackets the 95 % Wilson interval, for "
@@ -103,16 +84,16 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
         "are noisy and drift over the minutes of a recording; that error counts where labels are compared with "
         "intervals. The true forces of virtual eyes are known, too."
     )
-    return table(["", "the paper's method", "the force reader"], rows, caption)
+    return html.table(["", "the paper's method", "the force reader"], rows, caption)
 
 
-def _held(trials: Sequence[ForceTrial]) -> str:
+def _held(trials: Sequence[metrics.ForceTrial]) -> str:
     """Return the share of forces in their intervals, with its band over other such eyes."""
-    band = band_of(trials)
-    return NOTHING if band is None else f"{coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
+    band = metrics.band_of(trials)
+    return html.NOTHING if band is None else f"{metrics.coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
 
 
-def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
+def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
     """Explain the difference between the shares of labels and of true forces within the intervals."""
     logged, true = reader.forces, reader.true_forces
     if not logged:
@@ -123,17 +104,18 @@ def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
         "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
         f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
         "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
-        f"{reach_mn:.2f} mN to either side in the median. They agree with {coverage(logged).value:.2f} of the labels, "
-        f"whose own error counts ({from_si(reader.label_sd_n, 'mn'):.2f} mN, median standard deviation), and hold "
-        f"{coverage(true).value:.2f} of the true forces: {held_by_eye(true)}. {SHARED_ERROR} {_worst_eye(reader)}"
+        f"{reach_mn:.2f} mN to either side in the median. They agree with {metrics.coverage(logged).value:.2f} of the "
+        f"labels, whose own error counts ({from_si(reader.label_sd_n, 'mn'):.2f} mN, median standard deviation), and "
+        f"hold {metrics.coverage(true).value:.2f} of the true forces: {metrics.held_by_eye(true)}. "
+        f"{metrics.SHARED_ERROR} {_worst_eye(reader)}"
         "The paper's method reads no force, so it has no intervals."
     )
-    return (paragraph(words),)
+    return (html.paragraph(words),)
 
 
 def _worst_eye(reader: Evaluation) -> str:
     """Return the mean relative error, and the calibration's labels, of the eye with least coverage; '' if all hold."""
-    shares = coverage_by_eye(reader.true_forces)
+    shares = metrics.coverage_by_eye(reader.true_forces)
     worst = min(shares, key=lambda eye: shares[eye].value)
     if shares[worst].hits == shares[worst].total:
         return ""
@@ -148,7 +130,7 @@ def _worst_eye(reader: Evaluation) -> str:
     return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
-def _moduli(run: Run) -> Html:
+def _moduli(run: Run) -> html.Html:
     """Return the modulus of each eye by each mechanics, beside the true one."""
     linear, finite = (read_calibration(path).eyes for path in (run.bent_linear, run.bent_finite_strain))
     eyes = {eye.id: eye.youngs_modulus_pa for eye, _ in bent_trials(run.study)}
@@ -161,25 +143,25 @@ def _moduli(run: Run) -> Html:
     ]
     rows: list[list[object]] = [
         ["true", *(f"{from_si(true_pa, 'mpa'):.3f}" for true_pa in eyes.values())],
-        ["linear, all frames", *(posteriors[0].get(name, NOTHING) for name in eyes)],
-        ["finite strain, three frames", *(posteriors[1].get(name, NOTHING) for name in eyes)],
-        ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else NOTHING for name in eyes)],
+        ["linear, all frames", *(posteriors[0].get(name, html.NOTHING) for name in eyes)],
+        ["finite strain, three frames", *(posteriors[1].get(name, html.NOTHING) for name in eyes)],
+        ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else html.NOTHING for name in eyes)],
     ]
     caption = (
         "Young's modulus in MPa: mean and standard deviation of the posterior. An error of 1.6 standard deviations or "
         "more is one of ten; all readings of its eye share it."
     )
-    return table(["", *eyes], rows, caption)
+    return html.table(["", *eyes], rows, caption)
 
 
-def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
+def _misread(evaluation: Evaluation, name: str) -> tuple[html.Html, ...]:
     misread = [frame for frame in evaluation.scored if frame.misread]
     if not misread:
-        return (paragraph(f"No trial was misread by {name}."),)
-    return (frame_table(evaluation, misread, f"Trials misread by {name}."),)
+        return (html.paragraph(f"No trial was misread by {name}."),)
+    return (html.frame_table(evaluation, misread, f"Trials misread by {name}."),)
 
 
-def _walls_figure(run: Run, reader: Evaluation) -> Html:
+def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
     """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
     first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
     nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
@@ -195,7 +177,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> Html:
         "modulus that it found for this eye. Only their place in the frame is fitted."
     )
     drawn = draw_computed_walls(looks, computed)
-    return figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
+    return html.figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
 
 
 def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
@@ -216,7 +198,7 @@ def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float
 
 
 def _number(value: float) -> str:
-    return NOTHING if isnan(value) else f"{value:.2f}"
+    return html.NOTHING if isnan(value) else f"{value:.2f}"
 
 
 def eye_of(recording: Recording, study: Study) -> PhantomEye:
