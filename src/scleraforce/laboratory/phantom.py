@@ -257,7 +257,12 @@ def write_phantom(
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
             found_pa = pressures_pa(plan.eye, sections_at, plan.forces_n, plan.turns)
-            _write_log_and_truth(partial, plan, study, found_pa)
+            axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
+            stop_s = pushes.motion_end_s(plan.motion) + TAIL_S
+            log = pushes.sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
+            (partial / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
+            truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
+            (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
             for frame, section in zip(plan.frames, plan_sections(plan, sections_at), strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
                 if progress is not None:
@@ -267,15 +272,6 @@ def write_phantom(
         raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-
-
-def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
-    axis = ("fx", "fy", "fz").index(AXIS)
-    noise = stream(plan.eye, plan.seed, NOISE)
-    log = pushes.sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, pushes.motion_end_s(plan.motion) + TAIL_S, noise)
-    (folder / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
-    truth = json.dumps(phantom_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
-    (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:

@@ -76,9 +76,6 @@ def plan_dataset(study: Study) -> DatasetPlan:
     at least one, is kept for validation; the polar angle is drawn from the needle's range (uniform in angle), the
     azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own force,
     uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
-
-    >>> plan_dataset(Study()).images
-    19200
     """
     draft = draft_plan(study)
     return draft.samples(slice(0, draft.images))

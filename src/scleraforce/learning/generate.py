@@ -110,23 +110,18 @@ def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, li
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
     `library` is a `near_library` of the whole plan.
     """
-    bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
-    return np.concatenate([_drawn(study, youngs_modulus_pa, plan, slice(*part), library) for part in pairwise(bounds)])
-
-
-def _drawn(
-    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, samples: slice, library: Library
-) -> NDArray[np.uint8]:
-    """Return the slices of consecutive samples of one contact (sample, row, column), 255 = wall."""
-    library = library.for_contact(float(plan.polar_rad[samples.start]))
-    thickness_m, gap_m, tilt_rad = plan.thickness_m[samples], plan.gap_m[samples], plan.tilt_rad[samples]
-    iop_ratio = np.full(len(thickness_m), study.eye.iop_pa / youngs_modulus_pa)
-    resting = library.at_tip(thickness_m, iop_ratio, np.zeros(len(thickness_m)))
-    top_m = highest_depths(resting.curves_sbnc[:, OUTER], gap_m, tilt_rad)
-    depth_m = study.slice.margin_m + plan.framing_depth_m[samples] - top_m
-    framing = Framing.upright(plan.framing_lateral_m[samples], depth_m)
-    loaded = library.curves(thickness_m, iop_ratio, plan.force_n[samples] / youngs_modulus_pa)
-    return draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice)
+    slices, bounds = [], [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
+    for samples in (slice(*part) for part in pairwise(bounds)):  # of one contact
+        beside = library.for_contact(float(plan.polar_rad[samples.start]))
+        thickness_m, gap_m, tilt_rad = plan.thickness_m[samples], plan.gap_m[samples], plan.tilt_rad[samples]
+        iop_ratio = np.full(len(thickness_m), study.eye.iop_pa / youngs_modulus_pa)
+        resting = beside.at_tip(thickness_m, iop_ratio, np.zeros(len(thickness_m)))
+        top_m = highest_depths(resting.curves_sbnc[:, OUTER], gap_m, tilt_rad)
+        depth_m = study.slice.margin_m + plan.framing_depth_m[samples] - top_m
+        framing = Framing.upright(plan.framing_lateral_m[samples], depth_m)
+        loaded = beside.curves(thickness_m, iop_ratio, plan.force_n[samples] / youngs_modulus_pa)
+        slices.append(draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice))
+    return np.concatenate(slices)
 
 
 def check_library(library: Library, study: Study) -> None:
