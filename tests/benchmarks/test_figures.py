@@ -126,7 +126,7 @@ def test_eyes_of_each_group_fill_its_ranges():
 @pytest.mark.slow
 def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imaged_there(tmp_path):
     drawn = draw_eyes("moving", 1, STUDY)[0]
-    mesh = replace(drawn.study.mesh, core=2, rings=4)
+    mesh = replace(drawn.study.mesh, core=2, rings=6)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh), shares=(0.1, 0.2))
     folder = FiguresFolder(tmp_path)
     for eye, paths in ((drawn, 3), (drawn.held_still(), 1)):
