@@ -12,18 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import (
-    PARAMETERS,
-    RIGIDITY,
-    EyeSession,
-    FrameStep,
-    Skipped,
-    begin,
-    known_after,
-    known_globe_after,
-    moments,
-    step,
-)
+from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
@@ -65,7 +54,7 @@ class _StepCount:
 
 class _SeenFrame(NamedTuple):
     sha256: str
-    wall: Boundaries | Skipped
+    wall: Boundaries | assimilation.Skipped
 
 
 Look = Callable[[int], _SeenFrame | None]
@@ -81,7 +70,9 @@ def _seen_once(recording: Recording, finder: WallFinder | None, used: frozenset[
         if sha256 in used:
             return None
         found = find_wall(pixels, scale, info.eye.thickness_m, finder)
-        wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
+        wall = (
+            segmented_boundaries(found, scale) if found.usable else assimilation.Skipped(f"not usable: {found.reason}")
+        )
         return _SeenFrame(sha256, wall)
 
     return look
@@ -253,14 +244,14 @@ def calibrate_eye(
         seen = look(index) if left > 0 and included[index] else None
         if seen is not None:
             force_n = float(forces.force_n[index])
-            if isinstance(seen.wall, Skipped):
-                found: FrameStep | Skipped | None = seen.wall
+            if isinstance(seen.wall, assimilation.Skipped):
+                found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
             else:
                 shown[index] = dent(seen.wall)
-                session = step(session, seen.wall, force_n, float(forces.since_start_s[index]))
+                session = assimilation.step(session, seen.wall, force_n, float(forces.since_start_s[index]))
                 found = session.last
-                refused += force_n > least_n and isinstance(found, Skipped)
-                if isinstance(found, FrameStep):
+                refused += force_n > least_n and isinstance(found, assimilation.Skipped)
+                if isinstance(found, assimilation.FrameStep):
                     taken[len(records)] = seen.wall
                     steps.append(found)
                     left -= 1
@@ -287,14 +278,14 @@ def calibrate_eye(
             f"takes frames with a wall in view and more than {from_si(least_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
-    means, sds = moments(session.filter, session.state)
+    means, sds = assimilation.moments(session.filter, session.state)
     eye = EyeCalibration(
         id=recording.info.eye.id,
         names=session.filter.space.names,
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
         stated_thickness_m=session.filter.model.constants.thickness_m,
-        globe=known_globe_after(session.filter, session.state),
+        globe=assimilation.known_globe_after(session.filter, session.state),
         state=session.state,
         recordings=_recordings(recording, forces, earlier, doubts),
         frames=tuple(records),
@@ -304,7 +295,7 @@ def calibrate_eye(
     )
     if library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
-    return _settled(eye, known_after(session), taken, refused, library, study)
+    return _settled(eye, assimilation.known_after(session), taken, refused, library, study)
 
 
 def frame_order(
@@ -374,12 +365,14 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 
 def _begin(
     recording: Recording, settings: _Settings, forces: FrameForces, earlier: EyeCalibration | None
-) -> EyeSession:
+) -> assimilation.EyeSession:
     """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
     constants = eye_constants(recording, settings.study)
     if settings.library is None:
         constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
-    session = begin(settings.study, constants, settings.library, settings.parameters, forces.zero_covariance)
+    session = assimilation.begin(
+        settings.study, constants, settings.library, settings.parameters, forces.zero_covariance
+    )
     if earlier is None:
         return session
     names = session.filter.space.names
@@ -389,8 +382,8 @@ def _begin(
             f"{', '.join(names)}; begin anew or name the same"
         )
     with np.errstate(over="ignore", invalid="ignore"):
-        means, sds = moments(session.filter, earlier.state)
-    same = abs(means[names.index(PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
+        means, sds = assimilation.moments(session.filter, earlier.state)
+    same = abs(means[names.index(assimilation.PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
     if not (same and np.isfinite((means, sds)).all()):
         raise CalibrationError(
             f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
@@ -401,8 +394,8 @@ def _begin(
     return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
 
 
-def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
-    if isinstance(found, Skipped):
+def _recorded(record: FrameRecord, found: assimilation.FrameStep | assimilation.Skipped) -> FrameRecord:
+    if isinstance(found, assimilation.Skipped):
         return replace(record, skipped=found.reason)
     result = found.result
     return replace(
@@ -440,7 +433,10 @@ def _settled(
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
     modulus, globe = own(after.known)
-    now = {PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa), RIGIDITY: (globe.mean, globe.sd)}
+    now = {
+        assimilation.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
+        assimilation.RIGIDITY: (globe.mean, globe.sd),
+    }
     estimates = zip(eye.names, eye.means, eye.sds, strict=True)
     means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
     discrepancy = after.known.discrepancy

@@ -13,14 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
-from scleraforce.learning.dataset import (
-    SLICES,
-    CalibratedModulus,
-    DatasetPlan,
-    create_dataset,
-    draft_plan,
-    plan_dataset,
-)
+from scleraforce.learning import dataset
 from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
@@ -49,12 +42,12 @@ class SampleSimulator:
         self._study, self._youngs_modulus_pa = study, youngs_modulus_pa
         self._wall: LinearWall | None = None
 
-    def slices(self, plan: DatasetPlan) -> NDArray[np.uint8]:
+    def slices(self, plan: dataset.DatasetPlan) -> NDArray[np.uint8]:
         """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
         return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(plan.images), walls)])
 
-    def _of_one_wall(self, plan: DatasetPlan, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
+    def _of_one_wall(self, plan: dataset.DatasetPlan, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Slices of samples of one thickness."""
         thickness_m = float(plan.thickness_m[samples[0]])
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
@@ -68,7 +61,7 @@ class SampleSimulator:
         return np.concatenate(images)
 
     def _of_one_contact(
-        self, wall: LinearWall, plan: DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
+        self, wall: LinearWall, plan: dataset.DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
     ) -> NDArray[np.uint8]:
         """Slices of the samples of one contact; samples that share their plane are cut together."""
         eye = self._study.eye
@@ -89,7 +82,7 @@ class SampleSimulator:
         return fill_sections(loaded, windows)
 
 
-def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
+def _plane(plan: dataset.DatasetPlan, sample: int) -> ScanPlane:
     return ScanPlane(
         Contact(polar_rad=float(plan.polar_rad[sample]), azimuth_rad=float(plan.azimuth_rad[sample])),
         gap_m=float(plan.gap_m[sample]),
@@ -103,7 +96,9 @@ def _weights(forces_pf: Floats) -> Floats:
     return np.stack([np.ones_like(forces_pf), forces_pf], axis=-1)
 
 
-def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> NDArray[np.uint8]:
+def library_slices(
+    study: Study, youngs_modulus_pa: float, plan: dataset.DatasetPlan, library: Library
+) -> NDArray[np.uint8]:
     """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
@@ -136,7 +131,7 @@ def check_library(library: Library, study: Study) -> None:
             raise DatasetError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
 
 
-def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
+def near_library(study: Study, plan: dataset.DatasetPlan, library: Library) -> Library:
     """Return the part of a library that all slices of a plan together may show."""
     check_library(library, study)
     lateral_m = 0.5 * study.slice.columns * study.slice.pixel_m + np.abs(plan.framing_lateral_m).max()
@@ -164,7 +159,7 @@ def generate_dataset(
     out: Path,
     *,
     youngs_modulus_pa: float | None = None,
-    calibration: CalibratedModulus | None = None,
+    calibration: dataset.CalibratedModulus | None = None,
     library: Library | None = None,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -186,8 +181,8 @@ def generate_dataset(
     modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
-    plan = plan_dataset(study)
-    store = create_dataset(out, study, modulus, calibration, plan, mechanics)
+    plan = dataset.plan_dataset(study)
+    store = dataset.create_dataset(out, study, modulus, calibration, plan, mechanics)
     todo = store.missing()
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
@@ -203,7 +198,7 @@ def generate_dataset(
             results = ((unit, draw(unit)) for unit in todo)
     with closing(results):
         for unit, images in results:
-            store.write(unit, {SLICES: images})
+            store.write(unit, {dataset.SLICES: images})
             report(len(images))
     store.finish()
     return Generation(plan.images, missing, perf_counter() - start)
@@ -211,11 +206,11 @@ def generate_dataset(
 
 def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
     """Return the worker's function from a unit's number to its simulated slices."""
-    draft, simulator = draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
+    draft, simulator = dataset.draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
     return lambda unit: simulator.slices(draft.unit(unit))
 
 
 def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
     """Return the worker's function from a unit's number to its slices, drawn from the library."""
-    draft = draft_plan(study)
+    draft = dataset.draft_plan(study)
     return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)

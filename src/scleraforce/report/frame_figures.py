@@ -214,13 +214,8 @@ def draw_scanner(real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top
 
 
 MOST_NAMES, NAME_LENGTH = 60, 14  # trials that carry their frame's name, and last characters of a name
-RING: dict[str, Any] = {
-    "marker": "o",
-    "linestyle": "",
-    "color": "none",
-    "markeredgecolor": style.BLACK,
-    "label": "misread",
-}
+RING: dict[str, Any] = {"marker": "o", "linestyle": "", "color": "none", "markeredgecolor": style.BLACK,
+                        "label": "misread"}  # fmt: skip
 
 
 @style.styled
