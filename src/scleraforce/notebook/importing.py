@@ -163,7 +163,7 @@ def write_imported(
     """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
 
     `origins` says who gave each option; missing ones are an error without an asker. The limits of `model` are noted.
-    Errors are those of `import_recording`, with the names of options.
+    It raises the errors of `import_recording`, with the names of options.
     """
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
