@@ -503,6 +503,14 @@ def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
     assert play(events[:-30], limits=OPINED).state is State.WATCHING
 
 
+def test_what_waits_for_an_opinion_does_not_grow_and_keeps_the_oldest() -> None:
+    state = MonitorState()
+    for n in range(1, 500):
+        state, _ = decide(state, frame(n), OPINED)
+        assert len(state.unanswered) <= 128
+    assert state.unanswered[0][0] == 1
+
+
 def test_a_reset_needs_the_second_opinion_too() -> None:
     state = play([*both(*range(1, 6)), Fault(0.056, Cause.CHECKSUM, "CRC")], limits=OPINED)
     alone: list[MonitorEvent] = [frame(n) for n in range(6, 16)]

@@ -187,6 +187,18 @@ def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(tm
     assert lines[-1].endswith(f"after it was sent: {said}")
 
 
+def test_with_preload_every_frame_is_read_before_the_first_goes_out(tmp_path, capsys, monkeypatch) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=60, log=False)
+    sent, read = [], Player._read  # frames sent, before each is read
+    monkeypatch.setattr(
+        Player, "_read", lambda self, *which: (sent.append(self.log.frames_sent), read(self, *which))[1]
+    )
+    played(path, capsys, "--preload", "--speed", "10")
+    assert sent == [0] * 60
+    played(path, capsys, "--speed", "10")
+    assert max(sent[60:]) > 0
+
+
 def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:
     path = write_small_recording(tmp_path / "rec", frames=10, log=False)
     (path / "frames" / "0006.png").write_bytes(b"no png")

@@ -166,3 +166,13 @@ def test_what_answers_no_frame_is_not_taken_for_an_answer() -> None:
     assert log.answered is None
     assert [(change.code, change.frame) for change in log.changes] == [(13, None)]
     assert log.first_doubt(9.5) is None
+
+
+def test_the_oldest_frames_that_are_never_answered_are_forgotten() -> None:
+    log = AnswerLog()
+    for number in range(3000):
+        log.sent(number, number, 10.0)
+    log.hear(10.1, "ForceMonitor", Status(1))
+    for number in (0, 1999, 2000, 2999):
+        log.hear(10.1, "ForceReading", reading(number))
+    assert len(log.answers) == 2

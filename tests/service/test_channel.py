@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 from typing import get_args
@@ -78,6 +79,15 @@ def test_each_message_arrives_as_it_was_sent() -> None:
     assert {type(message) for message in MESSAGES} == set(get_args(messages.CompanionMessage))
     for message in MESSAGES:
         assert decode_message(encode_message(message)) == message
+
+
+@pytest.mark.parametrize(
+    ("field", "ring", "info"),
+    [("info.oct", replace(RING, rows=32, columns=24), INFO), ("info.force", RING, replace(INFO, force=None))],
+)
+def test_settings_of_the_black_box_that_contradict_each_other_are_refused(field, ring, info):
+    with pytest.raises(ValueError, match=field):
+        messages.BlackBoxSettings(folder=Path("box"), ring=ring, info=info, record=None, keep_s=10.0)
 
 
 def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:

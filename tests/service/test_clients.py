@@ -122,6 +122,25 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
         assert heard <= peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
+def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(
+    clients: tuple[Clients, list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, _ = clients
+    now_s, rests = [10.0], list[float]()
+
+    def pass_time(for_s: float) -> None:
+        now_s[0] += for_s
+
+    monkeypatch.setattr("scleraforce.service.clients.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
+    monkeypatch.setattr(served.selector, "select", lambda within_s: pass_time(within_s) or [])
+    served._waited_s = 10.0
+    for within_s in (0.0, 0.002):
+        for _ in range(31):
+            served.wait(within_s, lambda: now_s[0])
+            pass_time(0.004)
+        assert rests == [0.001] * 10  # after each three turns of 4 ms; none is added by turns that wait
+
+
 def test_without_a_free_descriptor_the_operator_still_connects(
     listener: socket.socket, clients: tuple[Clients, list[str]]
 ) -> None:

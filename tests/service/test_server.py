@@ -6,6 +6,7 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import count
 
 import numpy as np
 import pytest
@@ -19,12 +20,14 @@ from small_monitor import (
     TOKEN,
     UNUSABLE,
     FakeCompanion,
+    NoGuard,
     Peer,
     Running,
     TurnedClock,
     frame_of,
     serving,
     small_monitor,
+    small_server,
     verdict,
     wait_until,
 )
@@ -45,6 +48,7 @@ from scleraforce.service.messages import (
 )
 from scleraforce.service.reset import ask_reset
 from scleraforce.service.server import HEARTBEAT_S
+from scleraforce.service.session import Frame, Session
 
 
 @pytest.fixture
@@ -221,6 +225,22 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, caus
     assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 2, 0)
 
 
+def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    order, read_frame = list[int](), Session._read_frame
+
+    def read(session: Session, frame: Frame) -> object:
+        order.append(frame.number)
+        if frame.number == 15:
+            scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
+        return read_frame(session, frame)
+
+    scanner.watch()
+    monkeypatch.setattr(Session, "_read_frame", read)
+    send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
+    wait_until(lambda: len(order) == 4)
+    assert order == [15, 16, 13, 14]
+
+
 def test_a_bunch_is_caught_up_with_and_no_cause(scanner: Peer) -> None:
     scanner.watch()
     send_together(scanner, [10_000 + n for n in range(4)])
@@ -275,6 +295,24 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
         rude.sendall(rudeness)
         scanner.watch()
     scanner.watch()
+
+
+def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    server, port = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
+    heard, now_s, hear = list[int](), count(10.0, 1.1e-3), server._hear
+    monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
+    monkeypatch.setattr(server, "_hear", lambda client: (heard.append(client.number), hear(client)))
+    with ExitStack() as stack:
+        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
+        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 5)
+        for _ in range(3):
+            for peer in peers:
+                peer.say(Query("STATUS"))
+            server._turn(0.1)
+        assert len(heard) == len(set(heard)) == 3  # each takes two looks at this clock, 2.2 ms
+        server.close()
 
 
 def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:
