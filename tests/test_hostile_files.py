@@ -1,9 +1,10 @@
 """Damaged and hostile files end in one clear error: never a traceback, a hang, a lot of memory or something written.
 
-A fault is named with its kind and seed: `python tests/support/hostile.py` (see there) repeats it.
+A fault is named with its kind and seed: `PYTHONPATH=benchmarks python tests/support/hostile.py` (see there) repeats it.
 """
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from hostile import KINDS, SPECIAL, write_whole_ones
 
 pytest.importorskip("torch")
 
+ROOT = Path(__file__).parents[1]
 SEEDS = 300  # of each kind in `make slow`; fewer of slow kinds
 SLOW = {"model record": 60, "network": 60, "npz": 60, "dataset": 40, "library": 15}
 
@@ -35,7 +37,7 @@ def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path) -> None:
 def check(whole: Path, kind: str, seeds: int) -> None:
     program = Path(__file__).parent / "support" / "hostile.py"
     done = subprocess.run([sys.executable, program, whole, kind, "0", str(seeds)], capture_output=True, text=True,
-                          check=False)  # fmt: skip
+                          env=os.environ | {"PYTHONPATH": "benchmarks"}, cwd=ROOT, check=False)  # fmt: skip
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert [line for line in lines if line[1]] == []
     assert done.returncode == 0, (lines[-1:], done.stderr[-2000:])

@@ -1,7 +1,8 @@
 """Damaged and hostile files: a whole file of each kind, seeded mutations, and a judge of the reading.
 
-Started as `python hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every seed and every fault. Reading may
-end well or in an `InputError`, within some seconds and some memory, and writes nothing.
+Started as `PYTHONPATH=benchmarks python tests/support/hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every
+seed and every fault. Reading may end well or in an `InputError`, within some seconds and some memory, and writes
+nothing.
 """
 
 import json
