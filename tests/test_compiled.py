@@ -58,6 +58,11 @@ def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is
     after_loading, _, notice = call(tmp_path, "late")
     assert notice.count("compiling, once") == 1
     assert (after_loading, [], "") == call(tmp_path, "late")
+    copy = tmp_path / "copy"  # of the same sources, at another place and time
+    copy.mkdir()
+    (copy / "loops.py").write_text(LOOPS)
+    (copy / "cache").symlink_to(tmp_path / "cache")
+    assert call(copy, "late") == (after_loading, [], "")
     codes = list((tmp_path / "cache").rglob("*.nbc"))
     assert codes
     for code in codes:
