@@ -46,8 +46,8 @@ EYE = PhantomEye(
 RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 LARGEST_MN, DEEPEST_MM = 60.0, 2.6
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
-TOLD = "declared sealed, E and k found on three frames"
-UNTOLD = "no globe declared, E known to 3 %"
+DECLARED = "declared sealed, E and k found on three frames"
+UNDECLARED = "no globe declared, E known to 3 %"
 AS_OPEN = "declared open, E known to 3 %"
 TEXT: Final[dict[str, Any]] = {"fontsize": 7, "textcoords": "offset points"}
 OF_KNOWN_FORCE: Final[dict[str, Any]] = {
@@ -56,7 +56,7 @@ OF_KNOWN_FORCE: Final[dict[str, Any]] = {
     "markersize": 4,
     "label": "the three frames of known force",
 }
-LOOKS = {TOLD: (BLUE, "o"), UNTOLD: (AMBER, "s"), AS_OPEN: (RED, "^")}
+LOOKS = {DECLARED: (BLUE, "o"), UNDECLARED: (AMBER, "s"), AS_OPEN: (RED, "^")}
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
     ]
     modulus = Modulus.stated(EYE.youngs_modulus_pa)
     return {
-        TOLD: calibrated(replace(stated, globe=SEALED), labelled, reader),
-        UNTOLD: known_of_constants(stated, modulus),
+        DECLARED: calibrated(replace(stated, globe=SEALED), labelled, reader),
+        UNDECLARED: known_of_constants(stated, modulus),
         AS_OPEN: known_of_constants(replace(stated, globe=OPEN), modulus),
     }
 
@@ -125,8 +125,8 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
     figure = Figure(figsize=inches(170, 88))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, names, title in (
-        (left, [TOLD], "Declared sealed"),
-        (right, [UNTOLD, AS_OPEN], "The same frames, not declared or declared open"),
+        (left, [DECLARED], "Declared sealed"),
+        (right, [UNDECLARED, AS_OPEN], "The same frames, not declared or declared open"),
     ):
         draw_curves(axes, opened, sealed)
         for name in names:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 from effects import contents
-from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_dicom, write_log
+from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, options_of, with_log, write_dicom, write_log
 from small_recordings import write_small_recording
 
 from scleraforce.cli.main import run
@@ -56,7 +56,7 @@ def tiff(tmp_path: Path) -> Path:
 
 def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(imported, tiff, tmp_path: Path) -> None:
     force_n = write_log(tmp_path / "log.csv")
-    options = told("--bits", 13, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    options = options_of("--bits", 13, "--clock-offset-s", 0.5, "--contact-sign", -1)
     entry, recording = imported(tiff, tmp_path / "log.csv", *options)
     for frame, pixels in zip(recording.frames, FRAMES, strict=True):
         np.testing.assert_array_equal(recording.frame(frame), pixels)
@@ -88,13 +88,13 @@ def test_without_a_terminal_all_missing_metadata_is_named_at_once(refused, tmp_p
     asked = [question for name, question in importing.QUESTIONS.items() if name != "axis"]
     assert [f"({question.options})" in error for question in asked] == [not question.optional for question in asked]
     for given, missing in (("--width-mm", "--depth-mm"), ("--depth-mm", "--width-mm")):
-        error = refused(tmp_path / "0.png", *told("--bits", 16), given, 3)
+        error = refused(tmp_path / "0.png", *options_of("--bits", 16), given, 3)
         assert f"({missing})" in error
         assert f"({given})" not in error
 
 
 def test_precedence_is_options_then_the_file_then_another_recording(imported, tiff, tmp_path: Path) -> None:
-    first, _ = imported(tiff, *told("--bits", 16), "--width-mm", 9, "--depth-mm", 8)
+    first, _ = imported(tiff, *options_of("--bits", 16), "--width-mm", 9, "--depth-mm", 8)
     assert (first["width_mm"], first["values"]["width_mm"]) == (9.0, "option")
     like = ["--like", tmp_path / "r", "--eye", "eye-2"]
     second, _ = imported(tiff, *like, out="s")
@@ -135,34 +135,34 @@ def test_the_columns_of_a_log_are_given_once(imported, refused, tiff, tmp_path: 
     lines = [f"{n},{n / 200},{-0.001 * n}" for n in range(400)]
     (tmp_path / "log.csv").write_text("\n".join(["n,when,pull", *lines]) + "\n")
     sources = [tiff, tmp_path / "log.csv", "--clock-offset-s", 0]
-    error = refused(*sources, *told("--bits", 16))
+    error = refused(*sources, *options_of("--bits", 16))
     assert "There are 'n', 'when', 'pull'; give --column" in error
     columns = ["--column", "time=when:s", "--column", "fz=pull:mN", "--contact-sign", "-1"]
-    for out, options in (("r", [*told("--bits", 16), *columns]), ("s", ["--like", tmp_path / "r", "--eye", "b"])):
+    for out, options in (("r", [*options_of("--bits", 16), *columns]), ("s", ["--like", tmp_path / "r", "--eye", "b"])):
         _, recording = imported(*sources, *options, out=out)
         assert recording.forces.force_n("fz")[100] == pytest.approx(-0.1e-3)
 
 
 def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES[0], PixelSpacing=[1.0, 5.0])
-    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in refused(tmp_path / "a.dcm", *told())
-    assert "--bits says 8" in refused(tiff, *told("--bits", 8))
+    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in refused(tmp_path / "a.dcm", *options_of())
+    assert "--bits says 8" in refused(tiff, *options_of("--bits", 8))
     for option, value in (("--thickness-um", 0.65), ("--iop-mmhg", -1)):
-        assert f"Invalid value for '{option}'" in refused(tiff, *told("--bits", 16, option, value))
+        assert f"Invalid value for '{option}'" in refused(tiff, *options_of("--bits", 16, option, value))
 
 
 def test_a_scale_that_contradicts_the_file_is_noted(imported, tiff) -> None:
     width_mm = COLUMNS * LATERAL_M * 1e3
-    same, _ = imported(tiff, *told("--bits", 16, "--width-mm", width_mm))
+    same, _ = imported(tiff, *options_of("--bits", 16, "--width-mm", width_mm))
     assert not any("states" in note for note in same["notes"])
-    other, _ = imported(tiff, *told("--bits", 16, "--width-mm", 2 * width_mm), out="s")
+    other, _ = imported(tiff, *options_of("--bits", 16, "--width-mm", 2 * width_mm), out="s")
     stated = f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states {width_mm:g} mm"
     assert other["notes"][0] == stated
 
 
 def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(imported, refused, tiff, tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv")
-    sources = (tiff, tmp_path / "log.csv", *told("--bits", 16, "--contact-sign", -1), "--clock-offset-s")
+    sources = (tiff, tmp_path / "log.csv", *options_of("--bits", 16, "--contact-sign", -1), "--clock-offset-s")
     error = refused(*sources, 1000)
     assert "the clocks do not overlap: frames at 1000.000 to" in error
     assert "--clock-offset-s brings both to one clock" in error
@@ -175,7 +175,7 @@ def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
 ) -> None:
     rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
     log = tmp_path / "log.csv"
-    options = told("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column")
+    options = options_of("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column")
     for force_n, noise_n in ((28_780.0, 0.0), (4.0, 0.0), (0.03, 2.0)):
         pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(size=len(time_s))
         np.savetxt(log, np.column_stack([time_s, -pushed_n]), "%.4f", ",", header="time_s,Fz", comments="")
@@ -184,7 +184,7 @@ def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
         assert "fz=Fz:N" in error
         imported(tiff, log, *options, "fz=Fz:uN", out=f"r-{force_n}")
     write_log(log, rate_hz=10.0)
-    error = refused(tiff, log, *told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1))
+    error = refused(tiff, log, *options_of("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1))
     assert f"{log}: time_s: 10 samples a second; at least 20 are needed" in error
 
 
@@ -197,11 +197,11 @@ def test_an_option_with_nothing_to_act_on_is_refused(refused, tiff, tmp_path: Pa
     }
     for kind, options in unused.items():
         for option in options:
-            error = refused(tiff, *told("--bits", 16), *option.split())
+            error = refused(tiff, *options_of("--bits", 16), *option.split())
             name = option.split()[0]
             assert error == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
     np.save(tmp_path / "a.npy", FRAMES)  # one array, without a name
-    options = told("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
+    options = options_of("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
     assert "--array: acts on an .npz file" in refused(tmp_path / "a.npy", *options)
 
 
@@ -210,7 +210,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(import
 
     bag = write_bag(tmp_path / "bag", "mcap")
     size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
-    entry, recording = imported(bag, *told(*size, "--average-s", 0.1))
+    entry, recording = imported(bag, *options_of(*size, "--average-s", 0.1))
     assert entry["clock_origin_s"] == START_NS / 1e9
     np.testing.assert_allclose([frame.time_s for frame in recording.frames], FRAME_TIMES_S, atol=2e-6)
     np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
@@ -219,7 +219,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(import
     assert sum("messages arrived" in note for note in entry["notes"]) == 2  # images and forces
     assert entry["values"]["times"] == "header.stamp of /oct/image"
     rmtree(tmp_path / "r")
-    assert "(--clock-offset-s)" in refused(bag, *told(*size, "--rate-hz", 4))  # other clocks then
+    assert "(--clock-offset-s)" in refused(bag, *options_of(*size, "--rate-hz", 4))  # other clocks then
 
 
 @pytest.mark.real
@@ -244,9 +244,9 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(imported,
     nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
     for given in ([], ["--width-mm", 6]):
-        error = refused(tmp_path / "a.dcm", *given, *told("--bits", 13))
+        error = refused(tmp_path / "a.dcm", *given, *options_of("--bits", 13))
         for found in ("PixelSpacing", "0.004 x 0.015 mm", "NominalScannedPixelSpacing", "0.01 x 0.02 mm", "--width-mm"):
             assert found in error
-    entry, _ = imported(tmp_path / "a.dcm", *told("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
+    entry, _ = imported(tmp_path / "a.dcm", *options_of("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
     assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]

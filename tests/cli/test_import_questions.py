@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from foreign_files import FRAMES, told, write_log
+from foreign_files import FRAMES, options_of, write_log
 from small_recordings import looked_at_frames
 
 from scleraforce.cli import import_ as terminal
@@ -34,7 +34,7 @@ SCALE = ["--width-mm", 10, "--depth-mm", 4]
 def test_an_answer_that_the_source_contradicts_is_asked_for_again(tmp_path: Path) -> None:
     lines = ["when,pull", *(f"{n / 200},{-0.001 * n}" for n in range(400))]
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
-    options = [*told("--bits", 13, "--rate-hz", 5, "--clock-offset-s", 0, "--contact-sign", -1), *SCALE]
+    options = [*options_of("--bits", 13, "--rate-hz", 5, "--clock-offset-s", 0, "--contact-sign", -1), *SCALE]
     axes = ["nonsense", "frame,depth", "frame,depth,lateral"]
     columns = ["when:s", "pull:kg", "when:s", "push:N", "when:s", "pull:N"]
     done = asked([*axes, *columns, "-"], volume(tmp_path), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
@@ -62,7 +62,7 @@ def test_each_answer_is_checked_where_it_is_given(tmp_path: Path) -> None:
 def test_answers_that_do_not_go_together_are_asked_for_again(tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv")
     source = [volume(tmp_path), tmp_path / "log.csv", "--axes", "frame,depth,lateral", *SCALE]
-    options = told("--bits", 13, "--rate-hz", 5, "--contact-sign", -1)
+    options = options_of("--bits", 13, "--rate-hz", 5, "--contact-sign", -1)
     done = asked(["1000", "0.5", "-"], *source, "--out", tmp_path / "r", *options)
     assert done.exit_code == 0, done.stderr
     assert "error: " in done.stderr

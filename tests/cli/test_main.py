@@ -15,7 +15,7 @@ import click
 import cv2
 import numpy as np
 import pytest
-from foreign_files import FRAMES, told
+from foreign_files import FRAMES, options_of
 
 from scleraforce.cli import main as entry
 from scleraforce.cli.main import COMMANDS, cli, run
@@ -151,7 +151,9 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
     np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
-    told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
+    told_all = options_of(
+        "--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1
+    )
     command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
     code = "from scleraforce.cli.main import main; main()"
     child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
@@ -199,7 +201,7 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
 def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) -> None:
     """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where Jupyter is not installed."""
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    given = ("a.png", "--out", "i", *map(str, told("--bits", 13, "--width-mm", 10, "--depth-mm", 4)))
+    given = ("a.png", "--out", "i", *map(str, options_of("--bits", 13, "--width-mm", 10, "--depth-mm", 4)))
     subprocess.run(
         [*SCLERAFORCE, "import", *given], cwd=tmp_path, env=os.environ | {"MPLBACKEND": "refused"}, check=True
     )

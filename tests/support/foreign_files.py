@@ -24,7 +24,7 @@ def sizes_of(scan) -> tuple[float | None, float | None]:
     return tuple(size and size.value for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
 
 
-def told(*options: object) -> list[str]:
+def options_of(*options: object) -> list[str]:
     """Options that answer what no file states, and `options`."""
     needle = ["--eye", "eye-1", "--gauge", "22", "--gap-mm", "0.6"]
     return [*needle, "--refractive-index", "1.38", *map(str, options)]
