@@ -288,7 +288,7 @@ def log_doubts(
         return (doubt,)
     if len(stated_n) < LEAST_FRAMES or np.ptp(values) == 0.0:
         return ()
-    shift_s, gain = _best_shift(means, times_s, values)
+    shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
     if gain > BETTER:
         return (
             f"the frames' times are off: the frames fit forces.csv as if they had been taken about "
@@ -348,10 +348,13 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Samples], Samples]:
     return around
 
 
-def _best_shift(means: Callable[[Samples], Samples], times_s: Samples, shown: Samples) -> tuple[float, float]:
+def _best_shift(
+    means: Callable[[Samples], Samples], times_s: Samples, shown: Samples, least_span_n: float
+) -> tuple[float, float]:
     """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
 
-    Frames that a shift moves off the log are left out on both sides of the comparison.
+    Frames that a shift moves off the log are left out on both sides of the comparison. Forces within `least_span_n` of
+    one another, apart from the lowest and the highest, prove no shift.
     """
     shift_s, best = 0.0, 0.0
     stated_n = means(times_s)
@@ -359,6 +362,8 @@ def _best_shift(means: Callable[[Samples], Samples], times_s: Samples, shown: Sa
         force_n = means(times_s + candidate_s)
         kept = np.isfinite(force_n)
         if abs(candidate_s) < LEAST_SHIFT_S or kept.sum() < max(LEAST_SHARE * len(kept), LEAST_FRAMES):
+            continue
+        if np.ptp(np.sort(force_n[kept])[1:-1]) <= least_span_n:
             continue
         gain = _likelihood(force_n[kept], shown[kept]) - _likelihood(stated_n[kept], shown[kept])
         if gain > best:
