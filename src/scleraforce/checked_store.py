@@ -270,7 +270,6 @@ class CheckedStore:
             raise self.kind.error(f"{self.path / array.file(bad)}: damaged ({fault}); {again}") from fault
 
     def _checked_hashes(self, name: str) -> dict[tuple[int, ...], Any]:
-        """Check the metadata of an array and the presence of its chunks; return their hashes by index."""
         array, places, place = self.arrays[name], list(self.arrays[name].places), self.path / name
         again = f"{self.kind.verb} it again"
         if array.size > MAX_ARRAY_SIZE:
@@ -296,7 +295,6 @@ class CheckedStore:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Turn the system's errors while a store is written into one line."""
         try:
             yield
         except OSError as fault:

@@ -41,10 +41,7 @@ from scleraforce.units import from_si, to_si
 
 @dataclass(frozen=True)
 class Finding:
-    """One check: its name, its state, the result in a few words, and a remedy if it is not ok.
-
-    "missing" things are optional; "failed" ones are not.
-    """
+    """One check: its name, its state ("missing" is optional, "failed" is not), the result in words, a remedy."""
 
     name: str
     state: Literal["ok", "missing", "failed"]
@@ -68,7 +65,6 @@ def packages() -> Iterator[Finding]:
 
 
 def _wanted(requirement: Requirement, extra: str) -> bool:
-    """Return True if this system needs a package with an extra; "": with no extra."""
     return requirement.marker is None or requirement.marker.evaluate({"extra": extra})
 
 
@@ -130,7 +126,6 @@ def _enough(name: str, found: str, enough: bool, remedy: str) -> Finding:
 
 
 def _memory_bytes() -> int | None:
-    """Return the machine's memory; None on systems without this figure."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -182,7 +177,6 @@ def _solve() -> Finding:
 
 
 def _read() -> Finding:
-    """Read a frame of that wall."""
     answer, true_n = _reader().read(*_frame()), float(_path().force_ratio_m2[-1]) * MODULUS_PA
     if answer.force_n is None:
         return Finding(READ, "failed", f"a frame of {from_si(true_n, 'mn'):.1f} mN: {answer.reason}", AGAIN)
@@ -215,7 +209,6 @@ def _reader() -> ForceReader:
 
 @cache
 def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
-    """Return a frame of the wall of the load path, its scale, and what is known of its eye."""
     study, path, rng = Study(), _path(), np.random.default_rng(0)
     section = Pose(lateral_m=0.0, depth_m=DEPTH_M, tilt_rad=0.0).place(cut_surfaces(path.curves_sbnc[-1], GAP_M))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame

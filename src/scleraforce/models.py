@@ -1,9 +1,4 @@
-"""The model folder: `model.onnx`, `study.toml`, `card.md`, and `model.json` with their SHA-256; and the bundled ones.
-
-A model of kind "reader" has the response library beside them, `library.npz`. Reading checks every file against
-`model.json` and refuses what does not match, so that a network is never run beside a study that it was not trained
-with. Wherever MODEL is asked for, the name of a bundled model will do.
-"""
+"""The model folder: network, study, card, a reader's library, and `model.json` with their SHA-256; the bundled ones."""
 
 import hashlib
 import json

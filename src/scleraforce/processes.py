@@ -118,7 +118,6 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
 
 @contextmanager
 def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[Submit]:
-    """Give a function that submits a unit to an executor of some workers, which end with the block."""
     work = pickle.dumps((_version(), prepare))
     if isinstance(workers, ClusterWorkers):
         with cluster_submit(_do, work, workers) as submit:
@@ -193,7 +192,6 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def _environment(settings: Mapping[str, str]) -> Iterator[None]:
-    """Change the environment of processes that start in the block."""
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
     try:

@@ -1,8 +1,4 @@
-"""Read regular files whole, within a size for each kind; write files whole or not at all.
-
-A user's path may be a pipe, a device or a file of 100 GB. So a file is opened without waiting, must
-be a regular one, and is read no further than its kind allows (`KINDS`, which docs/files.md states).
-"""
+"""Read regular files whole, within the size of their kind (docs/files.md); write files whole or not at all."""
 
 import codecs
 import hashlib

@@ -213,7 +213,6 @@ def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
 
 
 def _coverage_words(evaluation: "Evaluation") -> str:
-    """Return the coverage of the 90 % intervals: of the log's forces, with its own error, and of the true ones."""
     from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye
 
     logged, true = evaluation.coverage, evaluation.true_coverage
@@ -226,7 +225,6 @@ def _coverage_words(evaluation: "Evaluation") -> str:
 
 @contextmanager
 def _stage(title: str, length: int) -> "Iterator[Progress]":
-    """Show a stage: a progress bar on a terminal, else a line with its time at the end."""
     start = time.perf_counter()
     with count_bar(title, length) as advance:
         yield advance

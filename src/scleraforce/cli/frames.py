@@ -92,7 +92,6 @@ def segment(
 
 
 def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
-    """Return the mask of each frame of files and recording folders."""
     found = [pair for path in given for pair in _frames_of(path)]
     recordings = {recording.resolve() for _, recording in found if recording is not None}
     frames, masks, taken = {frame.resolve() for frame, _ in found}, dict[Path, Path](), dict[Path, Path]()
@@ -109,7 +108,6 @@ def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
 
 
 def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
-    """Return frames with their recording: all of a recording folder, or the one file."""
     from scleraforce.recording.folder import read_recording, recording_of
 
     if not os.path.isdir(path):
@@ -121,7 +119,6 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
 def _segment_frame(
     path: Path, mask: Path, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
 ) -> dict[str, Any]:
-    """Segment one frame, write its mask and, with `overlay`, its picture; return the frame's entry."""
     from scleraforce.notebook.frames import segmented
     from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
@@ -149,7 +146,6 @@ def _segment_frame(
 
 
 def _write(path: Path, picture: "Pixels", force: bool) -> None:
-    """Write a PNG, whole or not at all; keep another file of that name unless `force`."""
     import cv2
     import numpy as np
 
@@ -172,7 +168,6 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
 
 
 def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield sentences on assumed scales of frames."""
     scanner = OctStudy()
     taken = {
         "width_mm": f"width (taken as {from_si(scanner.width_m, 'mm'):g} mm; give --width-mm)",
@@ -301,7 +296,6 @@ def _input_words(key: str, value: Value, source: str) -> str:
 
 
 def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
-    """Return the scale of a frame with its sources, for JSON."""
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     return {
         "width_mm": {"value": from_si(width.value, "mm"), "source": width.source},
@@ -341,7 +335,6 @@ def _known_sources(one: "Reading") -> Sources:
 
 
 def _values(known: "Known") -> dict[str, Value]:
-    """Return all inputs of an eye, each in the unit of its key, to 12 digits."""
     globe = known.globe
     values: dict[str, Value] = {
         "youngs_modulus_mpa": from_si(known.modulus.mean_pa if known.modulus else None, "mpa"),

@@ -24,7 +24,6 @@ UNITS = {"_mm": "mm", "_um": "µm"}
 
 
 def _given(key: str) -> Quantity:
-    """Return the type of a number that stays in the unit of its key, for `import.json` and `--like`."""
     return Quantity(key, in_si=False)
 
 
@@ -64,7 +63,6 @@ OPTIONS = (
 
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
-    """Take another recording's import options as defaults."""
     if folder is not None:
         from scleraforce.recording.importing import answers_like
 
@@ -123,7 +121,6 @@ def import_(
 
 
 def _lines(done: "Import") -> list[str]:
-    """Return the report: frames, times, forces, changed pixels, notes."""
     from scleraforce.recording.pixels import TOP
 
     scan, scanner, source, greys, log = done.gathered.scan, done.info.oct, done.sources, done.greys, done.log
@@ -152,7 +149,6 @@ def _lines(done: "Import") -> list[str]:
 
 
 def _asker(kinds: "Mapping[str, click.ParamType[Any]]") -> "Asker | None":
-    """Return the user at the terminal, or None; `kinds` are the types of the options by their names."""
     from scleraforce.recording.importing import Asker
 
     if is_json() or not _can_ask():
@@ -169,7 +165,6 @@ def _can_ask() -> bool:
 
 
 def _settle(answers: "ImportOptions", open_point: "UnansweredError") -> "ImportOptions":
-    """Ask for missing properties of a source."""
     click.echo(str(open_point), err=True)
     name = open_point.option.removeprefix("--").replace("-", "_")
     if name == "by_arrival":
@@ -182,14 +177,11 @@ def _settle(answers: "ImportOptions", open_point: "UnansweredError") -> "ImportO
 
 
 def _column(short: str) -> str:
-    """Ask for a column; take answers with and without its name, which the question shows."""
     answer = click.prompt(f"{short} (NAME:UNIT)", err=True)
     return f"{short}={answer.strip().removeprefix(f'{short}=')}"
 
 
 def _answer(name: str, question: "Question", kind: "click.ParamType[Any]") -> Any:
-    """Ask until the answer can be used; an optional question offers the sources' suggestion, or to stay open."""
-
     def checked(text: str) -> Any:
         if question.optional and text.strip() == OPEN:
             return None

@@ -51,11 +51,9 @@ class _LazyGroup(click.Group):
     """A group that imports commands lazily, so that `--help` is quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """Return the names of the commands, in the order of the pipeline."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
-        """Import and return a command."""
         cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
@@ -66,7 +64,6 @@ class _LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above
-        """List the commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, words) for name, (_, words) in COMMANDS.items()])
 
@@ -140,7 +137,6 @@ def run(arguments: list[str]) -> int:
 
 
 def _with_help(usage: click.UsageError) -> str:
-    """Return a usage error with the help page that explains the call."""
     path = "scleraforce" if usage.ctx is None else usage.ctx.command_path
     return f"{usage.format_message().rstrip('.')}; see `{path} --help`"
 

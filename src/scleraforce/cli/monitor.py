@@ -134,7 +134,6 @@ def monitor(
 
 
 def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> "tuple[Known, str | None]":
-    """Return the known inputs of the eye, with the calibration's modulus, and a doubt about it."""
     from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
     from scleraforce.notebook.frames import check_calibrated, given_eye
 
@@ -172,7 +171,6 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
 
 
 def _bound_n(reader: "Reader", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
-    """Return the bound of the force: the given one, the study's, or this adapted to the eye's wall."""
     study = reader.study
     if not adaptive:
         return study.classes.bounds_n[-1] if bound_mn is None else to_si(bound_mn, "mn")
@@ -188,7 +186,6 @@ def _bound_n(reader: "Reader", known: "Known", bound_mn: float | None, adaptive:
 
 
 def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None) -> Iterator[str]:
-    """Yield the lines of the start: model, eye, warnings that limit the readings, limits, addresses, token."""
     from scleraforce.service.monitor_service import session_scan
 
     limits, scan = settings.limits, session_scan(settings)

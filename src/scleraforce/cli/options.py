@@ -47,10 +47,7 @@ class Quantity(click.FloatRange):
 
 
 class _Globe(click.Choice[str]):
-    """Open or sealed; closed means sealed."""
-
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return a study's word."""
         return super().convert("sealed" if value == "closed" else value, param, ctx)
 
 
@@ -78,7 +75,6 @@ def _new_figure(ctx: click.Context, option: click.Parameter, path: Path | None) 
 
 
 def _study(ctx: click.Context, _: click.Parameter, path: Path | None) -> Study:
-    """Read the study file and keep its name for messages; by default, return the paper's study."""
     if path is None:
         return Study()
     ctx.meta[STUDY_FILE] = path
@@ -135,10 +131,7 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
 def options(
     *names: str, default: str = "", required: tuple[str, ...] = (), **words: str
 ) -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds options of `TABLE` and `EYE` by their arguments' names, in this order.
-
-    `default` is that of an eye's quantities, in the words of their help; `words` have another default, or other help.
-    """
+    """Return a decorator that adds options of `TABLE` and `EYE`; `words` have another default or help."""
     made = []
     for name in names:
         flag, settings, help_text = TABLE.get(name) or EYE[name]

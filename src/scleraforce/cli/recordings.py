@@ -151,7 +151,6 @@ def evaluate(
 
 
 def _frames(evaluation: "Evaluation") -> Iterator[str]:
-    """Yield a table of all frames, recording by recording."""
     for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
         read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.reads_force else "  remark"
         yield recording
@@ -206,10 +205,7 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
 
 
 def _forces(evaluation: "Evaluation") -> Iterator[str]:
-    """Yield the error of the forces and the coverage of their intervals.
-
-    Interval and label agree where their difference is within both errors at 90 % (`ForceTrial.covered`).
-    """
+    """Yield the error of the forces and the coverage of their intervals (`ForceTrial.covered`)."""
     from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye, mean_absolute_error
 
     if not evaluation.forces:

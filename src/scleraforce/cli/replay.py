@@ -24,7 +24,6 @@ LIVE_S = 0.1  # between two renewals of the live line
 
 
 def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str | None:
-    """Check the name of a fault; print all and leave for `--fault list`."""
     from scleraforce.replay.faults import FAULTS
 
     if value == "list":
@@ -147,7 +146,6 @@ class _Show:
         self._shown, self._renewed_s = 0, monotonic()
 
     def renew(self) -> None:
-        """Print changes that are new, and the live line on a terminal."""
         if self._quiet:
             return
         for change in self._log.changes[self._shown :]:
@@ -168,7 +166,6 @@ class _Show:
         return bool(sys.stdin.readline())
 
     def end(self, player: "Player", report: "FaultReport | None") -> None:
-        """Print the summary."""
         result = self._summary(player, report)
         if is_json():
             print_json(result)
@@ -179,7 +176,6 @@ class _Show:
             say(line)
 
     def _time_s(self, at_s: float) -> float:
-        """Return the time since the first frame."""
         return 0.0 if self._log.begun_s is None else at_s - self._log.begun_s
 
     def _clear(self) -> None:

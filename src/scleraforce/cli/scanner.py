@@ -81,7 +81,6 @@ def scanner(
 def _imaged(
     frames: Sequence[Path], size: "Scanner", transpose: bool, bits: int | None, finder: Path | None
 ) -> "Iterator[ImagedEye]":
-    """Read frame after frame and find its wall."""
     from scleraforce.notebook.frames import finder_of, scaled
     from scleraforce.recording.folder import Scanner
 
@@ -108,7 +107,6 @@ def _bits(path: Path, frame: "ScaledFrame", given: int | None) -> int:
 
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
-    """Return a frame with its wall."""
     from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.segmentation.wall import find_wall
 
@@ -184,7 +182,6 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
 
 
 def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
-    """Yield a line for each key, what was not measured, and doubts about the frames."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
     yield f"display = {measured.display.name}"
@@ -203,7 +200,6 @@ def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
 
 
 def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
-    """Yield differences between the scanner and a study's drawings."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
     kind = measured.display.name

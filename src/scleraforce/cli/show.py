@@ -72,7 +72,6 @@ def show(
 
 
 def _write_page(recording: Path, html: Path, model: Path, calibration: Path | None, finder: Path | None) -> None:
-    """Read every frame and write the page that browses them."""
     import scleraforce as sf
     from scleraforce.report.evaluation_page import write_browser_html
 
@@ -116,7 +115,6 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
 
 
 def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
-    """Write the rows of a file of answers; return their number."""
     from scleraforce.recording.export import read_answers
 
     if answers is not None:
@@ -131,7 +129,6 @@ def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
 
 
 def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
-    """Write a recording; return the number of its frames."""
     import tomllib
 
     from scleraforce.recording.export import frame_rows, read_answers, with_answers, write_mcap, write_sequence
@@ -157,7 +154,6 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
 
 
 def _write_table(stated: Mapping[str, Any], rows: "list[Row]", out: Path) -> None:
-    """Write rows as CSV, or as JSON under the keys of recording.toml."""
     from scleraforce.plain_json import finite
     from scleraforce.recording.export import csv_text
     from scleraforce.whole_files import write_whole

@@ -95,14 +95,11 @@ def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str
 
 
 class _Forces(click.ParamType[tuple[float, ...]]):
-    """Forces in mN, separated by commas, as N."""
-
     name = "MN,MN,..."
 
     def convert(
         self, value: str | tuple[float, ...], param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """Return the forces in N."""
         if isinstance(value, tuple):
             return value
         try:

@@ -124,7 +124,6 @@ def calibrate(
 
 
 def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:
-    """Return recordings of one eye with another thickness; None: unchanged."""
     if thickness_m is None:
         return recordings
     eyes = {recording.info.eye.id for recording in recordings}

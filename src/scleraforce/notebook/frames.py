@@ -337,7 +337,6 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
 
 
 def _place(frame: Frame) -> str:
-    """Return the name of a frame in messages."""
     return str(frame) if isinstance(frame, str | PathLike) else "frame"
 
 

@@ -85,11 +85,7 @@ class _Heard(NamedTuple):
 def read_bag(
     path: Path, image_topic: str | None = None, force_topic: str | None = None, by_arrival: bool = False
 ) -> tuple[Scan | None, ForceLog | None]:
-    """Return the frames and forces of a bag; None if it has no topic of that kind.
-
-    A topic that is not given is the only one of its kind. `by_arrival` takes the times of arrival in place of the
-    stamps.
-    """
+    """Return a bag's frames and forces, None without such a topic; `by_arrival` takes the times of arrival."""
     with _opened(path) as bag:
         image = _topic(bag, IMAGES, image_topic, "--image-topic")
         force = _topic(bag, FORCES, force_topic, "--force-topic")
@@ -145,7 +141,6 @@ def _listed(connections: "Sequence[Connection]") -> str:
 
 
 def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator[tuple[_Heard, Any]]:
-    """Yield the messages of a topic, in the order of arrival."""
     for each, arrived_ns, data in bag.messages(connections):
         message: Any = bag.deserialize(data, each.msgtype)
         stamp = message.header.stamp
@@ -154,10 +149,7 @@ def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator
 
 
 def _ordered(heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> "_Ordered":
-    """Sort the messages of a topic by stamp, or by arrival; `content` of each shows which are repeated.
-
-    Return their times, their places in the order of arrival, without repeated messages, and notes.
-    """
+    """Return the times of messages without repeated ones, their places in the order of arrival, and notes."""
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
             found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
@@ -201,11 +193,7 @@ def _check_stamped(captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64])
 
 
 def _check_one_clock(stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
-    """Check that delivery alone can have put stamps out of order.
-
-    A late message leaves the shortest delay of its neighbours unchanged; a clock that is set back makes all later
-    delays longer.
-    """
+    """Check that late delivery alone reordered stamps: it leaves the shortest delay of the neighbours unchanged."""
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
     before_ms, after_ms = late_ms[max(0, at - NEIGHBOURS) : at], late_ms[at : at + NEIGHBOURS]

@@ -1,7 +1,4 @@
-"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times.
-
-Ophthalmic Tomography, and older anterior-segment scanners.
-"""
+"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -145,7 +142,6 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
 
 
 def _check_compressed(dataset: "FileDataset", frames: int) -> None:
-    """Check the number of compressed images, the size and type of each, and that a package here decodes them."""
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.pixels.decoders.base import get_decoder
     from pydicom.uid import RLELossless
@@ -248,7 +244,6 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
 
 
 def _slope(dataset: "Dataset") -> float:
-    """Return the RescaleSlope of all frames, 1 by default."""
     found = [
         (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
         for place, item in _places(dataset, "PixelValueTransformationSequence")
@@ -342,7 +337,6 @@ def _without_padding(dataset: "Dataset", values: NDArray[Any], bright: NDArray[A
 
 
 def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
-    """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
     sizes = []
     for place, item in _places(dataset, "PixelMeasuresSequence"):
         for name in SPACINGS:
@@ -372,7 +366,6 @@ def _several(value: Any) -> Sequence[Any]:
 
 
 def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
-    """Return the frames' times: of each, by their steps, or of the one image; and the fault if fields differ."""
     zone = _zone(dataset)
     for name in FRAME_TIMES:
         groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
@@ -402,7 +395,6 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
 
 
 def _zone(dataset: "Dataset") -> tzinfo:
-    """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC."""
     stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
     if not stated:
         return UTC

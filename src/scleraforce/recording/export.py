@@ -55,10 +55,7 @@ def read_answers(path: Path) -> list[Row]:
 
 
 def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -> list[Row]:
-    """Return rows with the answers to their frames added; what the recording states is not replaced.
-
-    A class depends on the model's study: an answer's target takes precedence.
-    """
+    """Return rows with the answers to their frames; what the recording states stays, but a target is the answer's."""
     names = {Path(row["file"]).name for row in rows}
     alone = len(names) == len(rows)  # else folders below frames/ tell frames of one name apart
 
@@ -95,10 +92,7 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Return rows as a table: a column for each key of any row, empty where a row has none.
-
-    Texts that a spreadsheet would take for a formula get an apostrophe in front.
-    """
+    """Return rows as a table, empty where a row lacks a key; an apostrophe goes before a would-be formula."""
     flattened = [flat(row) for row in rows]
     every = dict.fromkeys(name for row in flattened for name in row)
     filled = {name for row in flattened for name, value in row.items() if value is not None}
@@ -121,13 +115,11 @@ def _cell(value: Any) -> Any:
 
 
 def _is_answer(frame: Any) -> bool:
-    """Return whether an entry names a file and, if it names a recording, does so in words."""
     named = isinstance(frame, dict) and isinstance(frame.get("file"), str)
     return named and isinstance(frame.get("recording"), str | None)
 
 
 def _is_of(answer: Row, recording: Path) -> bool:
-    """Return whether an answer is to a frame of a recording; an answer without a recording is taken as one."""
     named = answer.get("recording")
     return named is None or Path(named).resolve() == recording.resolve() or Path(named).name == recording.resolve().name
 
@@ -183,10 +175,7 @@ ROS = 2
 
 
 def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path: Path) -> None:
-    """Write frames (mono16), the force log, and the frames' rows, all with the recording's times.
-
-    `origin_s` is the beginning of the recording's clock on its sources' clock.
-    """
+    """Write frames (mono16), force log and rows; the recording's clock begins at `origin_s` of its sources'."""
     writing = package_for("mcap.writer", "MCAP")
     typesys = package_for("rosbags.typesys", "MCAP with ROS messages")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)

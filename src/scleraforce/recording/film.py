@@ -1,7 +1,4 @@
-"""Films (AVI, MP4, MOV, MKV) as scanners export them, with the times at which they play.
-
-OpenCV silently turns every pixel format but 8 and 16 bits of grey into 8 bits; other depths are refused.
-"""
+"""Films (AVI, MP4, MOV, MKV) with the times at which they play; OpenCV keeps 8 bits, and 16 bits of grey, alone."""
 
 import os
 import re
@@ -65,7 +62,6 @@ def read_film(path: Path) -> Scan:
 
 
 def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
-    """Return whether its pixels are 16 bits of grey, not 8."""
     tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
     if tag == GREY_16:
         return True

@@ -27,7 +27,6 @@ LONGEST_ID = 200
 
 
 def _possible(key: str) -> Any:
-    """Declare an optional SI field with the bounds of `study.fields.QUANTITIES`."""
     return quantity(None, None, allowed(key).low, allowed(key).high)
 
 
@@ -244,10 +243,7 @@ class Scanner:
 
 @dataclass(frozen=True, eq=False)
 class ScaledFrame:
-    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and its recording's metadata if it has any.
-
-    `notes` are on changes of its pixels, and on contradictions of its file that an option settled.
-    """
+    """A frame (rows: depth, columns: lateral) with its scale, notes, and its recording's metadata if it has any."""
 
     pixels: Pixels
     width_m: Sourced
@@ -275,11 +271,7 @@ def recording_of(path: Path) -> Path | None:
 
 
 def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
-    """Read one frame and find its scale.
-
-    `given` takes precedence over recording.toml, the file, and `assumed`, which comes with its source. With
-    `transpose`, the image's depth runs along its rows.
-    """
+    """Read one frame and find its scale: `given`, else recording.toml's, the file's, or `assumed` with its source."""
     pixels, image = read_image(path)
     if transpose:
         pixels, image = pixels.T, image.turned()

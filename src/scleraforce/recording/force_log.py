@@ -37,7 +37,6 @@ SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
 
 def _status_meaning(name: str, others: Sequence[str]) -> str | None:
-    """Return the meaning of a column of flags, by its name; None for other columns."""
     bare = HEX.sub("", name.strip().lower())
     if FAULTS.fullmatch(bare):
         of_ati = bare != name.strip().lower() and any("sequence" in other.lower() for other in others)
@@ -46,7 +45,6 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
 
 
 def _faulty_samples(text: Table, column: "LogColumn") -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Return the samples that the flags of a column, read by their meaning, mark as faulty, and notes."""
     name, meaning = column.name, column.unit
     none = np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
@@ -118,10 +116,7 @@ FORCE_WORD = re.compile(FORCE_WORDS)
 
 @dataclass(frozen=True)
 class LogColumn:
-    """A column of a log: our name of it, its name there, its unit.
-
-    Dates and times of day have one of `CLOCKS` for a unit, the sensor's status one of `STATUS_MEANINGS`.
-    """
+    """A column of a log: our name, its name there, its unit (of dates one of `CLOCKS`, or `STATUS_MEANINGS`)."""
 
     ours: str
     name: str
@@ -158,10 +153,7 @@ def parse_column(text: str) -> LogColumn:
 
 
 def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()) -> list[LogColumn]:
-    """Return the columns that a header names with their units, in their order.
-
-    `stated_units` are by the lines above the header, for force, torque and time; `units` are a line of their own.
-    """
+    """Return the columns that a header names; `stated_units` are above the header, `units` a line of their own."""
     if ROS_STAMP in names:
         names = [name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)]
         stated_units = {FORCE: "N", TORQUE: "Nm", TIME: "ns"}
@@ -198,7 +190,6 @@ def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[s
 
 
 def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
-    """Return our column for a name with a unit, None without a known name and unit."""
     bare = name.strip().removeprefix(ROS_PREFIX).removeprefix("wrench.")
     bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
@@ -213,7 +204,6 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
 
 
 def _ours(word: str) -> str | None:
-    """Return our column for a word."""
     lower = word.strip().lower()
     if re.sub(r"[ -]", "_", lower) in TIME_NAMES:
         return "time_s"
@@ -245,10 +235,7 @@ FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
 def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
-    """Return a log in SI and the columns that it was read from; `given` columns take precedence over the header.
-
-    It asks if the time or a force is not known, or if the header contradicts the numbers.
-    """
+    """Return a log in SI and its columns, `given` ones first; ask for missing ones and about contradictions."""
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
     if COUNTER in text.names and (rate_hz := _stated_number(SAMPLE_RATE, text)):  # ATI's own clock has whole seconds
@@ -314,7 +301,6 @@ def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, st
 def _check_whole(
     text: Table, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
 ) -> None:
-    """Ask about a number that is not whole if the header states counts."""
     counted = [column for column in columns if "/" in column.unit and column not in given]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
@@ -325,13 +311,11 @@ def _check_whole(
 
 
 def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
-    """Return the question which of two units columns have, with one of them as the example."""
     forms = (each.answer("UNIT") for each in columns)
     return UnansweredError("--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms)
 
 
 def _range_n(text: Table) -> float | None:
-    """Return the largest force of the sensor by the lines above the header, None if they do not state it."""
     stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
     sizes_n = [(number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated]
     return max(sizes_n, default=0.0) or None
@@ -348,7 +332,6 @@ def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
 
 
 def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
-    """Return sentences on columns given in another unit than the header's."""
     return tuple(
         f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}"
         for said in given
@@ -369,7 +352,6 @@ def _stated_number(pattern: str, text: Table) -> float | None:
 
 
 def _clock_column(text: Table) -> list[LogColumn]:
-    """Return the column of dates or times of day, by its name and content."""
     for name in text.names:
         if re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_") not in CLOCK_NAMES:
             continue
@@ -387,7 +369,6 @@ def _clock_column(text: Table) -> list[LogColumn]:
 
 
 def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
-    """Return a note on a day in a column of its own beside times of day."""
     if time.unit != log_text.CLOCK:
         return ()
     return tuple(

@@ -1,7 +1,4 @@
-"""Read one image file as a frame: PNG, TIFF, JPEG, or a single DICOM image; rows are depth, columns are lateral.
-
-The size that a file states is checked before memory is taken for its pixels.
-"""
+"""Read one image file as a frame: PNG, TIFF, JPEG, or a single DICOM image; rows are depth, columns are lateral."""
 
 import zlib
 from dataclasses import replace
@@ -39,10 +36,7 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 
 
 def read_image(path: Path) -> tuple[Pixels, Scan]:
-    """Read one frame, and what its file states of it, as a scan of one.
-
-    The content decides the kind of file, not the name. Signed values are shifted so that the smallest is 0.
-    """
+    """Read one frame, and its file's metadata as a scan of one; signed values are shifted so that the smallest is 0."""
     data = read_bytes(path, KINDS["frame"])
     if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
         from scleraforce.recording.dicom import read_dicom
@@ -68,7 +62,6 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
 
 
 def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
-    """Read a PNG or JPEG; the pictures of its scan are read again on demand."""
     with named_faults(path, "image"):
         if data.startswith(PNG_SIGNATURE):
             orientation, flags = _check_png(data), cv2.IMREAD_UNCHANGED
@@ -135,7 +128,6 @@ def _check_png(data: bytes) -> int:
 
 
 def _check_jpeg(data: bytes) -> int:
-    """Check the size of a JPEG and return its EXIF Orientation."""
     if b"\xff\xd9" not in data[-1024:]:
         raise FrameError("a truncated JPEG: its end is missing")
     frame = jpeg_frame(data)

@@ -27,11 +27,7 @@ FILE_NAMES = ("file", "filename", "frame", "image")
 
 
 def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
-    """Return the frames' times by a table or a rate; None if neither is given.
-
-    A table has a column of times with its unit in its name (time_s, "Time (ms)"). If it names files too, each time
-    goes to the frame of that name; else they go to the frames in their order.
-    """
+    """Return the frames' times by a table, to each name its time if it names files, or by a rate; None without both."""
     if table is not None and rate_hz is not None:
         raise InputError("--rate-hz: --times states when frames were taken; give one of them")
     if rate_hz is not None:
@@ -137,11 +133,7 @@ def complete(
     asker: Asker | None,
     measured_um: Callable[[OctInfo], float | None],
 ) -> Import:
-    """Combine the options, the sources' own values and another recording's, and ask for the rest.
-
-    `origins` says who gave each option; the sources take precedence over another recording. `measured_um` returns the
-    thickness that the frames show at the recording's scale; the consequence is noted if the thickness stays open.
-    """
+    """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
     _check_used(gathered, origins)
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
     needed = _needed(gathered, answers, times)
@@ -191,7 +183,6 @@ def complete(
 
 
 def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: Times | None, known: Known) -> Import:
-    """Bring together all known values, each with its source."""
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
@@ -220,7 +211,6 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
 
 
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
-    """Check that each given option acts on something; an option of another recording need not."""
     kinds = {kind for _, kind in gathered.files}
     there = {
         "a force log": gathered.log is not None,
@@ -248,7 +238,6 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
 
 
 def _stated(gathered: Gathered, greys: Greys) -> Known:
-    """Return the values that the sources state, and their places."""
     scan, log = gathered.scan, gathered.log
     found: Known = {}
     extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
@@ -323,7 +312,6 @@ def clock_origin_s(folder: Path) -> float:
 
 
 def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
-    """Return a value of import.json, which has the type of its default; without it or the file, the default."""
     path = folder / IMPORT_RECORD
     try:
         found = parse_json(read_text(path, RECORD_KIND)) if path.exists() else {}

@@ -36,10 +36,7 @@ LARGEST_FORCE_BOUNDS = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A frame with its label: force in N and class, both None if the log has no force around it.
-
-    `excluded` says why an evaluation must leave the trial out; None if it counts.
-    """
+    """A frame with its label: force in N and class (None: no force there); `excluded` says why it does not count."""
 
     file: str
     time_s: float
@@ -94,10 +91,7 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
 
 
 def unit_fault(recording: Recording, labels: Sequence[float | str] | None, classes: ClassesStudy) -> str | None:
-    """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
-
-    The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
-    """
+    """Return why forces cannot be in N, by labels and noise (mean difference of neighbours); None if they can."""
     log, info = recording.forces, recording.info.force
     if labels is None or log is None or info is None:
         return None
@@ -134,10 +128,7 @@ def _trial(
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
-    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,), NaN in gaps.
-
-    The tare is one value, before the first contact: later drift of the sensor stays in the force.
-    """
+    """Return a log's filtered contact force in N (samples,), NaN in gaps, with one tare before the first contact."""
     every_n = info.contact_sign * log.force_n(info.axis)
     known = np.isfinite(every_n)
     raw_n = every_n[known]
@@ -223,7 +214,6 @@ def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
 
 
 def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingError:
-    """Return the error of a recording without labels; `reason` is the first frame's."""
     first, last, path = recording.frames[0], recording.frames[-1], recording.path
     spans = f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
@@ -234,10 +224,7 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
 
 
 def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: float) -> slice | str:
-    """Return the samples of a frame's window, or why it has no label.
-
-    At the ends of the log, half of the window is enough, with samples on both sides of the frame.
-    """
+    """Return the samples of a frame's window, or why it has no label; at the log's ends, half of it is enough."""
     start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
     expected = average_s * log.sample_rate_hz
     if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
@@ -302,7 +289,6 @@ def log_doubts(
 
 
 def _size_doubt(stated_n: Samples, read_n: Samples, classes: ClassesStudy) -> str | None:
-    """Return a sentence if the log's forces are far smaller or larger than the frames' forces."""
     pushed = np.maximum(read_n, stated_n) > classes.bounds_n[0]
     if pushed.sum() < LEAST_FRAMES // 2:
         return None
@@ -336,7 +322,6 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
 
 
 def _means(log: ForceLog, info: ForceInfo) -> Callable[[Samples], Samples]:
-    """Return the function of the contact force's means over the label's window, NaN where there are no samples."""
     log = log.known(info.axis)
     total = np.concatenate([[0.0], np.cumsum(contact_force(log, info))])
 

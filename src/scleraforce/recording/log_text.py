@@ -59,10 +59,7 @@ def clock_of(text: str) -> str | None:
 
 
 def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
-    """Return dates and times in s since 1970, or times of day in s since the first midnight; the default zone is UTC.
-
-    `clock` is their notation, one of `CLOCKS`. If a text has another, its place is returned instead.
-    """
+    """Return dates in s since 1970 (UTC by default), times of day since midnight; or the place of another clock's."""
     days: dict[str, int] = {}
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
@@ -168,10 +165,7 @@ SEARCHED_LINES = 100  # for the header
 
 
 def read_log_text(path: Path, least: int = 2) -> Table:
-    """Read a log and find its header: the first line with a name for each field of the line below.
-
-    A line below has at least `least` numbers or dates. Names at the end may have no fields (a column of comments).
-    """
+    """Read a log; its header is the first line with names for the fields below, `least` of them numbers or dates."""
     whole = read_text(path, KINDS["forces"])
     lines = whole.splitlines()
     text = _of_labview(path, lines) if whole.startswith(LABVIEW_MARK) else _of_lines(path, lines, least)
@@ -180,7 +174,6 @@ def read_log_text(path: Path, least: int = 2) -> Table:
 
 
 def _of_labview(path: Path, lines: Sequence[str]) -> Table:
-    """Return a LabVIEW measurement file with one segment and one column of times."""
     ends = [index for index, line in enumerate(lines) if line.strip().strip(",") == LABVIEW_END]
     if not ends:
         raise RecordingError(f"{path}: a LabVIEW measurement file without {LABVIEW_END}")
@@ -259,13 +252,11 @@ def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
 
 
 def _below(table: Table, lines: Sequence[str], top: int, first: int) -> Table:
-    """Return a table with the lines above its header, at `top`, and from `first` on those below it."""
     rest = {nth: line for nth, line in enumerate(lines[first:], start=first + 1) if line.strip()}
     return replace(table, lines=tuple(rest.values()), numbers=tuple(rest), above=tuple(lines[:top]))
 
 
 def _check_counts(text: Table) -> None:
-    """Check that each line has as many fields as the others, and no more than there are names."""
     counts = [_count(line, text.separator, len(text.names)) for line in text.lines]
     usual = Counter(counts).most_common(1)[0][0] if counts else 0
     for line, count in enumerate(counts):
@@ -275,7 +266,6 @@ def _check_counts(text: Table) -> None:
 
 
 def _count(line: str, separator: str, names: int) -> int:
-    """Return the number of fields, without empty ones behind the last name."""
     if separator == SPACES:
         return len(line.split())
     if '"' in line:

@@ -72,10 +72,7 @@ def check_size(rows: int, columns: int, samples: int = 1) -> None:
 
 
 def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
-    """Return grey uint8 or uint16 pixels (rows, columns) of an array (rows, columns[, 1, 3 or 4]).
-
-    The fourth sample of a pixel is ignored; `colour` is OpenCV's code for the order of the colours.
-    """
+    """Return grey uint8 or uint16 pixels (rows, columns) of (rows, columns[, 1, 3 or 4]); `colour` is OpenCV's code."""
     if pixels.dtype not in (np.uint8, np.uint16):
         lost = int(np.count_nonzero(~np.isfinite(pixels)))
         found = f"{lost} pixels that are NaN or infinite" if lost else f"{pixels.dtype} pixels"
@@ -96,10 +93,7 @@ def one_grey(picture: NDArray[Any]) -> NDArray[Any]:
 
 
 def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
-    """Return pixels with dark and bright exchanged.
-
-    Unsigned ones of up to 16 bits are subtracted from the largest value of `bits`; others change their sign.
-    """
+    """Exchange dark and bright: subtract unsigned pixels from the largest value of `bits`, change others' sign."""
     if pixels.dtype.kind == "f":
         return -pixels
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -161,10 +155,7 @@ TOP = 2**MOST_BITS - 1
 
 @dataclass(frozen=True, kw_only=True)
 class Greys:
-    """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`) if `scaled`, else pixel - `low`.
-
-    `lost` pixels are NaN or infinite; they become 0.
-    """
+    """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`), or pixel - `low`; `lost` ones are 0."""
 
     low: float
     high: float
@@ -185,11 +176,7 @@ class Greys:
 
 
 def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str) -> Greys:
-    """Look at all pictures and return the map of their pixels to counts.
-
-    Whole numbers are kept, or shifted so that the smallest is 0, if 16 bits hold them. Others, and all
-    with a `given` range, are scaled from that range, or from their smallest and largest value, to 16 bits.
-    """
+    """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are shifted, others are scaled."""
     if given is not None and not given[0] < given[1]:
         raise InputError(f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one")
     low, high, lost, whole = np.inf, -np.inf, 0, True

@@ -156,10 +156,7 @@ def check_bytes(count: int) -> None:
 
 
 class UnansweredError(InputError):
-    """A source leaves something open, and the option that answers it (like "--axes") was not given.
-
-    `forms` are of the answers to an option that is given several times.
-    """
+    """A source leaves open what an option (like "--axes") answers; `forms` are of answers given several times."""
 
     def __init__(self, option: str, question: str, *forms: str) -> None:
         super().__init__(f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}")
@@ -208,7 +205,6 @@ def _checked(scan: Scan) -> PictureStream:
 
 
 def _kind(scan: Scan) -> dict[str, str]:
-    """Return the properties that all files of a scan share, in words."""
     sizes = (size and from_si(size.value, "um") for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
     names = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")
     values = (scan.rows, scan.columns, scan.bits, *sizes)
@@ -229,11 +225,7 @@ def parse_axes(text: str) -> tuple[str, ...]:
 def array_scan(
     path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, pixel_m: tuple[Sourced | None, ...] = ()
 ) -> Scan:
-    """Return an array of frames as a scan; axes of length 1 do not count.
-
-    `axes` names the two or three axes longer than 1, in their order (None: not known, so the user is asked);
-    `pixel_m` has the known step along each axis of `array`.
-    """
+    """Return an array as a scan; `axes` names those longer than 1 (None: ask), `pixel_m` is the step along each."""
     sizes = " x ".join(map(str, array.shape))
     long = [axis for axis, size in enumerate(array.shape) if size > 1]
     steps_m = [pixel_m[axis] if pixel_m else None for axis in long]

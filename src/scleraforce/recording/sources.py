@@ -62,7 +62,6 @@ ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
 def _foreign_kind(name: str, head: bytes) -> str | None:
-    """Return the kind of a file that is not read, and a remedy; None if it is not known."""
     ending = PurePath(name).suffix.lower()
     if ending in (".hdr", ".img") and ANALYZE_BYTES in (int.from_bytes(head[:4], order) for order in ("little", "big")):
         return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
@@ -129,10 +128,7 @@ def option_name(field: str) -> str:
 
 
 def files_of(given: Sequence[Path]) -> list[Path]:
-    """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
-
-    A folder with a metadata.yaml is a ROS bag and is kept. Pixels beside their header are read with it.
-    """
+    """Return sources, folders (except ROS bags) as their files in the order of the numbers in their names."""
     found: list[Path] = []
     for path in given:
         if not path.is_dir() or (path / "metadata.yaml").exists():
@@ -147,7 +143,6 @@ def files_of(given: Sequence[Path]) -> list[Path]:
 
 
 def _headers_of(path: Path) -> list[Path]:
-    """Return the possible names of the header of a file of pixels."""
     base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
     return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
 
@@ -206,7 +201,6 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
 
 
 def _known_kind(name: str, head: bytes) -> str | None:
-    """Return the kind of a file that is read, by its content, else by its name; None for others."""
     marks = (
         ("picture", head.startswith((b"\x89PNG", b"\xff\xd8\xff"))),
         ("dicom", head[128:132] == b"DICM"),  # before TIFF: its preamble may be the head of one
@@ -227,10 +221,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The files with their kinds, all frames, the force log (None: no source has forces), and its columns.
-
-    `notes` are sentences on the sources.
-    """
+    """The files with their kinds, all frames, the force log and its columns (None: no source has forces), and notes."""
 
     files: tuple[tuple[Path, str], ...]
     scan: Scan
@@ -274,10 +265,7 @@ def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int]
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
-    """Return times and log on the log's clock, and the new zero of both on it; frames and forces must overlap.
-
-    The log's clock is `offset_s` ahead of the frames'.
-    """
+    """Return times and log on the log's clock, `offset_s` ahead of the frames', and its new zero; both must overlap."""
     time_s = times.time_s + offset_s
     if not rising(time_s):
         raise InputError(

@@ -1,8 +1,4 @@
-"""The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and faults named by their place.
-
-The header decides the separator of the columns: commas, semicolons or tabs. Names and values may be in quotes, lines
-may end in separators before nothing. Where commas do not separate columns, they may be decimal points.
-"""
+"""The tables of a recording, `frames.csv` and `forces.csv`: read fast, and faults named by their place."""
 
 import csv
 import re
@@ -141,10 +137,7 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
 
 
 def without_cut(text: Table) -> Table:
-    """Return a log that ends without a line break: its last line may have been cut within its last number.
-
-    It has if all other lines have the same number of characters behind the last point, and this one has fewer.
-    """
+    """Return a log without its last line if that was cut: no line break, and fewer decimals than all other lines."""
     fields = [line.split(text.delimiter)[-1].strip() for line in text.lines]
     if len(fields) < 3 or not is_number(fields[-1]):
         return text
@@ -161,11 +154,7 @@ def without_cut(text: Table) -> Table:
 def numbers_of(
     table: Table, places: Sequence[int] | None = None, gaps: Sequence[int] = (), mark: str | None = None
 ) -> NDArray[np.float64]:
-    """Return the columns at some places (sample, column); a fault is looked for only if NumPy finds one.
-
-    Columns at `gaps` may be nan, and empty, which becomes NaN. By default all columns are read, and lines have no
-    missing fields. The decimal mark follows from the numbers by default.
-    """
+    """Return columns (sample, column), by default all; at `gaps`, nan or nothing is NaN."""
     read = range(len(table.names)) if places is None else places
     mark = mark or decimal_mark(table, read)
     if not table.lines:
@@ -210,7 +199,6 @@ def _check_points(table: Table, places: Sequence[int], values_sc: NDArray[np.flo
 def _row_numbers(
     table: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str, whole: bool
 ) -> list[float]:
-    """Return the numbers of one line; nan at one of `gaps` is NaN, and an empty field unless lines are `whole`."""
     fields = table.fields(line)
     if whole and len(fields) != len(table.names):
         raise RecordingError(f"{table.place(line)}: {_other_count(table, len(fields))}")
@@ -323,11 +311,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
 
 
 def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float | None = None) -> ForceLog:
-    """Return a log without implausible samples, and with notes on gaps; its NaN are samples without a force.
-
-    A clock that runs backward or is too slow, damaged numbers, or a third of the samples beyond the range are refused.
-    `place` gives the place of a sample in the file by its number; `range_n` is the sensor's stated largest force.
-    """
+    """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
     rate_hz, notes = _checked_rate(log, path, place), list(log.notes)
@@ -350,7 +334,6 @@ def gap_notes(path: Path, wrench_sc: NDArray[np.float64]) -> tuple[str, ...]:
 def _without_implausible(
     log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]
 ) -> NDArray[np.float64]:
-    """Return the log's columns with NaN for samples that no sensor can have measured, and add a note on them."""
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
     for column, name in enumerate(log.columns):

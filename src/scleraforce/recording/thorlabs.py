@@ -1,9 +1,4 @@
-"""Thorlabs' .oct (ThorImage OCT 4 and 5): a zip archive with Header.xml and the intensity in dB, float32.
-
-The layout is that of Thorlabs' own MATLAB functions (OCTFileGetRealData): depth runs fastest, then the A-scan, then the
-B-scan; sizes and ranges (mm) are attributes of the file's entry in the header. Depth is optical unless the program was
-given a refractive index.
-"""
+"""Thorlabs' .oct (ThorImage OCT 4, 5): sizes (mm), intensity (dB, float32, depth fastest) as in OCTFileGetRealData."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -59,7 +54,6 @@ def _header(archive: ZipFile) -> ElementTree.Element:
 
 
 def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTree.Element, str]:
-    """Return the header's entry of the intensity, and the name of its file in the archive."""
     names = {name.replace("\\", "/"): name for name in archive.namelist()}
     entries = [(entry, (entry.text or "").strip().replace("\\", "/")) for entry in header.iter("DataFile")]
     found = [(entry, names[inside]) for entry, inside in entries if INTENSITY in inside and inside in names]
@@ -72,7 +66,6 @@ def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTr
 
 
 def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> Sourced | None:
-    """Return the size of a pixel along an axis, of which the image and its file state one extent."""
     of_image, of_file = header.findtext(f".//Image/SizeReal/Size{axis}"), entry.get(f"Range{axis}")
     if of_image and of_file and not np.isclose(float(of_image), float(of_file), rtol=SAME):
         raise FrameError(f"{HEADER}: SizeReal states Size{axis} {of_image} mm, and Range{axis} is {of_file} mm")

@@ -1,7 +1,4 @@
-"""TIFF, one page or a stack: white or black as zero, palettes, colour, orientation; its scale and times.
-
-Scale and times come from OME-XML, ImageJ's description, the resolution tags or JSON axes in the Software tag.
-"""
+"""TIFF, one page or a stack; scale and times from OME-XML, ImageJ, the resolution tags or JSON axes in Software."""
 
 import json
 import lzma
@@ -42,10 +39,7 @@ PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
 
 def read_tiff(path: Path, data: bytes | None = None) -> Scan:
-    """Return a TIFF's frames: its pages, or the one long axis beside rows and columns.
-
-    `data` is the file's content if it has been read.
-    """
+    """Return a TIFF's frames: its pages, or the one long axis beside rows and columns; `data` is its content."""
     with _opened(path, data) as file:
         pages = [entry.aspage() for entry in file.pages]
         frames = [page for page in pages if not _is_copy(page, pages[0])]
@@ -108,12 +102,10 @@ def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
 
 
 def _is_copy(page: "TiffPage", first: "TiffPage") -> bool:
-    """Return whether a page is a smaller copy of the first."""
     return bool(page.is_reduced) and page.shape != first.shape
 
 
 def _check_page(page: "TiffPage", data: bytes | mmap) -> None:
-    """Check the stated size of a page, and that its packed data are not larger."""
     kind = getattr(page.photometric, "name", page.photometric)
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         raise FrameError(f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
@@ -148,7 +140,6 @@ def _check_compression(page: "TiffPage") -> None:
 
 
 def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
-    """Return whether a strip or tile gives more bytes than its pixels have at most."""
     if compression in DEFLATE:
         return len(zlib.decompressobj().decompress(packed, largest + 1)) > largest
     if compression == LZMA:
@@ -175,10 +166,7 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
 
 
 def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int, data: bytes | mmap) -> None:
-    """Check that all pages are in the file: tifffile leaves out pages that it cannot reach.
-
-    `there` pages of frames are in it, `count` frames are stated.
-    """
+    """Check that tifffile reached all pages: `there` pages of frames are in it, `count` frames are stated."""
     last, form = pages[-1], file.tiff
     tags = last.offset + form.tagnosize
     (number,) = unpack(form.tagnoformat, data[last.offset : tags])
@@ -206,7 +194,6 @@ def _orientation(pages: "Sequence[TiffPage]") -> int:
 
 
 def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> scans.PictureStream:
-    """Yield the frames as they are stored; larger is brighter."""
     with _opened(path, data) as file:
         first = file.pages[0].aspage()
         pages = [page for entry in file.pages if not _is_copy(page := entry.aspage(), first)]
@@ -220,7 +207,6 @@ def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> sc
 
 
 def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return pixels with larger values brighter, colours last."""
     if page.photometric == PALETTE and page.colormap is not None:
         # Values of 16 bits; some programs write 8 bits all the same.
         colours = np.asarray(page.colormap)
@@ -232,7 +218,6 @@ def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
 
 
 def _of_ome(file: "TiffFile", kind: str) -> list[dict[str, str]]:
-    """Return the attributes of all elements of a kind in OME-XML, whatever their name space; empty without it."""
     elements = ElementTree.fromstring(file.ome_metadata).iter() if file.ome_metadata else ()
     return [element.attrib for element in elements if element.tag.rpartition("}")[2] == kind]
 
@@ -289,7 +274,6 @@ def _metres(unit: str) -> float | None:
 
 
 def _size(page: "TiffPage", name: str, unit_m: float | None) -> float | None:
-    """Return the size of a pixel in m, where the tag has a number of them for each unit."""
     count, units = page.tags.valueof(name, default=(0, 0))
     return units / count * unit_m if unit_m and count > 0 and units > 0 else None
 
@@ -306,7 +290,6 @@ def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
 
 
 def _step_m(axis: Any, size: int) -> float | None:
-    """Return the even step of an axis {"values": [...], "units": "mm"} of `size` values, else None."""
     values = np.asarray(axis["values"], dtype=np.float64) if axis else np.zeros(0)
     unit_m = METRES.get(str(axis.get("units", ""))) if axis else None
     if values.shape != (size,) or unit_m is None:
@@ -317,7 +300,6 @@ def _step_m(axis: Any, size: int) -> float | None:
 
 
 def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
-    """Return times of frames from OME's planes or increment, else ImageJ's frame interval; None without them."""
     imagej = file.imagej_metadata or {}
     if not file.ome_metadata:
         interval, unit_s = imagej.get("finterval"), SECONDS.get(str(imagej.get("tunit", "sec")))

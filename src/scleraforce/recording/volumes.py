@@ -1,9 +1,4 @@
-"""Volumes of frames: NIfTI, NRRD and MetaImage, with their spacing and its unit, and sequences of PLUS.
-
-Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is the default of
-programs and counts as unknown. PLUS (PlusToolkit) writes times, states and the orientation of
-ultrasound frames as fields of MetaImage or NRRD.
-"""
+"""NIfTI, NRRD and MetaImage, the fastest axis first; spacing (1 along every axis: unknown); sequences of PLUS."""
 
 import re
 import zlib
@@ -31,7 +26,6 @@ CONVERT = "save it as one file, .mha or .nrrd (3D Slicer, SimpleITK)"
 
 
 def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> Steps:
-    """Return the step along each axis, None if it is not known."""
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
         return tuple(None for _ in steps)
     return tuple(
@@ -41,12 +35,10 @@ def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], sourc
 
 
 def _listed(values: Sequence[float]) -> str:
-    """Return numbers for a message, like 0.0125 x 0.004."""
     return " x ".join(f"{value:.6g}" for value in values)
 
 
 def _data_file(path: Path, field: str, named: str) -> Path:
-    """Return the file of a header's pixels, which a field of it names: its own by default, else one beside it."""
     if named.upper().startswith("LIST") or "%" in named:
         raise FrameError(f"{field}{named}: pixels in several files; {CONVERT}")
     if not named or named.upper() == "LOCAL":
@@ -57,7 +49,6 @@ def _data_file(path: Path, field: str, named: str) -> Path:
 
 
 def _unpacked(packed: bytes, most: int) -> bytes:
-    """Return the content of a zlib or gzip stream."""
     data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
     if len(data) > most:
         raise FrameError("damaged: more is packed in it than its header says")
@@ -104,7 +95,6 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
 
 
 def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, str]:
-    """Return a field of PLUS of each frame; empty without it."""
     found = {int(match[1]): value for field, value in fields.items()
              if (match := re.fullmatch(SEQUENCE.format(name), field, re.IGNORECASE))}  # fmt: skip
     if found and sorted(found) != list(range(len(scan.names))):
@@ -158,7 +148,6 @@ def _check_nifti_end(image: Any, size: int) -> None:
 
 
 def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]:
-    """Return the spacing of each axis as pixdim and sform state it, and notes."""
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
         raise FrameError(f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)")
@@ -203,7 +192,6 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
 
 
 def _check_nrrd(header: Any) -> None:
-    """Refuse by name what is not read."""
     if header["type"] == "block":
         raise FrameError("type: block; give whole numbers or floats")
     for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
@@ -225,7 +213,6 @@ def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
 
 
 def _nrrd_times(header: Any, count: int) -> Times | None:
-    """Return the index values of a sequence of 3D Slicer if they are in a unit of time."""
     for axis, kind in enumerate(header.get("kinds", [])):
         unit_s = SECONDS.get(str(header.get("units", [""] * (axis + 1))[axis]))
         values = str(header.get(f"axis {axis} index values", "")).split()
@@ -236,7 +223,6 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
 
 
 def _nrrd_steps(header: Any, count: int) -> Steps:
-    """Return the spacing of each axis, by space directions or else by spacings, each in its own unit."""
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
     _check_ends(header, spacings)
@@ -309,7 +295,6 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
 
 
 def _header(path: Path) -> tuple[dict[str, str], int]:
-    """Return the header's fields, by their names in small letters, and its end."""
     fields: dict[str, str] = {}
     with path.open("rb") as file:
         while file.tell() < HEADER_BYTES and (line := file.readline(HEADER_BYTES)):
@@ -349,7 +334,6 @@ def _check(fields: dict[str, str]) -> None:
 
 
 def _flag(fields: dict[str, str], *names: str) -> bool | None:
-    """Return a field that is true or false, under one of several names; None if it is missing."""
     stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
     for name, value in stated.items():
         if value[:1].lower() not in ("t", "f", "1", "0"):

@@ -82,10 +82,7 @@ class RecordingWriter:
 
 
 class ForceWriter:
-    """Writer of a force log, sample by sample: `forces.csv` while `read_recording` takes it, else `robot_forces.csv`.
-
-    It takes logs of at least two samples, more than half of which come within 1 / `MIN_SAMPLE_RATE_HZ` of the last.
-    """
+    """Writer of `forces.csv` while `read_recording` takes the samples, else of `robot_forces.csv`."""
 
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
         self._fast, self._slow = folder / "forces.csv", folder / "robot_forces.csv"
@@ -116,8 +113,6 @@ class ForceWriter:
 
 
 class _Table:
-    """A table with a column `time_s` to which lines are appended, each by one write."""
-
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         self._longest, self._time = FIELD_BYTES * len(names), names.index("time_s")

@@ -87,13 +87,7 @@ def prepare(
     speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
 ) -> PreparedFault:
-    """Prepare a fault that takes the place of the first frame at or after a time of the recording.
-
-    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame.
-
-    Raises:
-        InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
-    """
+    """Prepare a fault in place of the first frame at or after a time, with `rng` for its choices; raises InputError."""
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
     frames_s = [entry.time_s for entry in recording.frames]
@@ -107,11 +101,7 @@ def prepare(
 
 
 def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.random.Generator) -> float:
-    """Draw when a fault begins: after contact, and long enough before any force that is a cause by itself.
-
-    Raises:
-        InputError: the recording has no such time.
-    """
+    """Draw a fault's time, in contact and long before a force that is a cause by itself, or raise InputError."""
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
@@ -225,25 +215,20 @@ class _Stage:
         self.left = min(self.count, len(self.recording.frames) - self.first)
 
     def pixels(self, index: int) -> Pixels:
-        """Return the pixels of the frame `index` places after the first one of the fault."""
         return self.recording.frame(self.recording.frames[self.first + index])
 
     def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
-        """Return a frame with the next number."""
         self.number += 1
         message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
         return Sending(message, self.number)
 
     def shown(self, pictures: Iterable[Pixels]) -> list[Act]:
-        """Return pictures in place of the next frames."""
         return [(self.sending(pixels),) for pixels in pictures]
 
     def onward(self, begin: int) -> list[Act]:
-        """Return the frames that the scanner would send from `begin` on."""
         return self.shown(self.pixels(index) for index in range(begin, self.left))
 
     def bytes_of_next(self) -> bytearray:
-        """Return the next frame as it would be sent now."""
         message = self.sending(self.pixels(0)).message
         assert isinstance(message, Unstamped)
         return message.stamped(time())
@@ -352,7 +337,6 @@ def _pixel_type(stage: _Stage) -> list[Act]:
 
 
 def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
-    """Return values as counts of the type of some pixels."""
     counts = np.clip(np.rint(values.astype(np.float64)), 0, np.iinfo(pixels.dtype).max)
     return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
 

@@ -270,7 +270,6 @@ class AnswerLog:
             self.changes.append(change)
 
     def _hear_reading(self, text: str) -> None:
-        """Take the reading of a frame, which the last STATUS answered."""
         try:
             reading = json.loads(text)
         except ValueError:

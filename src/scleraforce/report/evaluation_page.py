@@ -1,8 +1,4 @@
-"""Pages of an evaluation: all answers (the paper's Table 3 and Fig. 10), and a recording frame by frame.
-
-The page of one recording (`show --html`) is one file; its script fetches nothing. A picture takes 40 KB, so that in a
-long recording only some frames have one.
-"""
+"""Pages of an evaluation: all answers (the paper's Table 3 and Fig. 10), and a recording frame by frame."""
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -51,7 +47,6 @@ def write_evaluation_html(
 
 
 def _lead(evaluation: Evaluation) -> str:
-    """Name the model and the moduli with which it read the eyes."""
     if not evaluation.reads_force:
         modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
@@ -82,7 +77,6 @@ def evaluation_cards(evaluation: Evaluation) -> html.Html:
 
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
-    """Return the errors of the forces; nothing if no force was read."""
     logged, true = evaluation.coverage, evaluation.true_coverage
     if not logged.total:
         return []
@@ -160,7 +154,6 @@ def write_browser_html(
 
 
 def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:
-    """Yield the data of each frame for the script; one frame is in memory at a time."""
     recording = read_recording(evaluation.frames[0].recording)
     pictured = {answer.file for answer in shown_frames(evaluation.frames, MOST_PICTURES)}
     for entry, answer in zip(recording.frames, evaluation.frames, strict=True):

@@ -135,12 +135,7 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
 
 
 def laid_on_surface(section: Section, surface_m: NDArray[np.float64], width_m: float) -> Section:
-    """Return a section moved to where its outer curve covers the surface of a frame best, m from the upper left corner.
-
-    Only the place is fitted: for each lateral shift the depth is the one of the median distance, and the shift of the
-    smallest mean distance wins. `surface_m` (column,) is the surface's depth, NaN where unseen; if it is nowhere seen,
-    the section stays in the frame's middle.
-    """
+    """Return a section laid on a frame's surface (column,), m, NaN unseen: the shift of smallest mean distance wins."""
     columns = len(surface_m)
     lateral_m = (np.arange(columns) + 0.5) * width_m / columns
     ahead = np.concatenate([[True], section.outer[1:, 0] > np.maximum.accumulate(section.outer[:, 0])[:-1]])
@@ -252,7 +247,6 @@ def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> Axes:
 
 
 def _separate_eyes(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
-    """Name the eyes along the top and draw lines between them."""
     names = [frame.eye for frame in frames]
     starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
     for start, end in zip(starts, [*starts[1:], len(names)], strict=True):

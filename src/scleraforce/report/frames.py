@@ -116,7 +116,6 @@ def wall_picture(frame: Pixels, found: Segmentation, extent_m: tuple[float, floa
 
 
 def _words(answer: FrameAnswer) -> str:
-    """Return the measured and the read force of a frame."""
     if answer.measured_force_n is None:
         measured = "not measured"
     else:

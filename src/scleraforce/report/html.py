@@ -63,11 +63,7 @@ def table(
     prose: bool = False,
     remarks: bool = False,
 ) -> Html:
-    """Return a table; the first column names the rows, which become blocks on a narrow screen.
-
-    Cells (row, column) in `marked` are highlighted. Cells of sentences, in `prose` all, with `remarks` the last
-    column, are flush left.
-    """
+    """Return a table with `marked` cells (row, column); `prose`, or with `remarks` the last column, is flush left."""
     classes = dict.fromkeys(marked, "marked")
     if remarks:
         classes |= {(number, len(head) - 1): "words" for number in range(len(rows))}
@@ -94,7 +90,6 @@ def _row(number: int, row: Sequence[object], head: Sequence[str], classes: Mappi
 
 
 def _class(*names: str) -> str:
-    """Return the attribute of the names that are not empty."""
     chosen = " ".join(name for name in names if name)
     return f' class="{chosen}"' if chosen else ""
 

@@ -52,7 +52,6 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
 
 
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
-    """Put the cut wall, the needle and a colour bar into the left part of a figure."""
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
     outlines = skin_outlines(eye.mesh.cells_en[behind_needle(eye)])
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
@@ -166,7 +165,6 @@ def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
 
 
 def _draw_base(axes: Axes, radius: float) -> None:
-    """Hatch the support of the base."""
     for side in (-1.0, 1.0):
         ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
         axes.plot(ends, [0.0, 0.0], color=BLACK, linewidth=1.4)
@@ -176,7 +174,6 @@ def _draw_base(axes: Axes, radius: float) -> None:
 
 
 def _draw_pressure(axes: Axes, inner: float) -> None:
-    """Draw the pressure on the inner surface."""
     for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
         _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), BLUE)
     across, up = _point(0.74 * inner, -45)
@@ -184,7 +181,6 @@ def _draw_pressure(axes: Axes, inner: float) -> None:
 
 
 def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
-    """Draw the needle along the normal of its contact, and the outline of the B-scan in front of it."""
     ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
     axes.plot(*ends.T, color=RED, linewidth=2.6, solid_capstyle="butt")
     _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), RED)

@@ -47,7 +47,6 @@ def draw_preview(recording: Recording, count: int = SHOWN_FRAMES) -> Figure:
 
 
 def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
-    """Draw a bar along each direction from the lower left corner."""
     across, down = (
         next((bar for bar in BARS_MM if bar <= BAR_SHARE * size), size / 2) for size in (width_mm, depth_mm)
     )
@@ -99,10 +98,7 @@ def draw_force_log(recording: Recording, trials: Sequence[Trial], bounds_n: Sequ
 
 
 def draw_log(axes: Axes, recording: Recording, trials: Sequence[Trial] = ()) -> None:
-    """Draw a force log, as logged and filtered, with the times of the frames and the labels of trials, by class.
-
-    The curve as logged is shifted to the zero of the filtered one.
-    """
+    """Draw a force log, as logged (shifted to the filtered zero) and filtered, with the frames' times and labels."""
     log, info = recording.forces, recording.info.force
     assert log is not None
     assert info is not None

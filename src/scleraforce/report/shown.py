@@ -1,8 +1,4 @@
-"""Descriptions of files and folders for `scleraforce show`: the kinds, how they are recognised, and a study.
-
-Libraries, data sets and models are in `shown_models`, recordings, calibrations and decision logs in
-`shown_recordings`: each is imported with the packages that it describes.
-"""
+"""Descriptions of files and folders for `scleraforce show`: the kinds, how they are recognised, and a study."""
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -35,11 +31,7 @@ RANGE = {"min", "max"}  # a value, not a table of keys
 
 @dataclass(frozen=True, kw_only=True)
 class Thing:
-    """A described file or folder.
-
-    `facts` are its JSON, whose names carry human units; `rows` are the same for people, a name and a sentence each;
-    `lines` are printed below them, a table for instance; `draw` makes its picture.
-    """
+    """A described thing: `facts` for JSON in human units, `rows` (name, sentence) and `lines` for people, a picture."""
 
     kind: str
     facts: Mapping[str, Any]
@@ -62,10 +54,7 @@ def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
 
 
 def thing_at(path: Path, model: Path | None = None) -> Thing:
-    """Return the description of a file, a folder or a bundled model; raises `InputError`.
-
-    The limits of `model`, by default the bundled reader, are checked on a recording.
-    """
+    """Return the description of a file, folder or bundled model; `model`: checks its limits; raises `InputError`."""
     found = model_folder(path)
     if found.name in PARTS and found.is_file():
         raise InputError(f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}")

@@ -157,7 +157,6 @@ def _table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def _amounts(record: Mapping[str, Any]) -> list[tuple[str, int]]:
-    """Return what a training used, each with its name: samples, scenes, epochs or batches."""
     samples = record.get("samples")
     found = {"samples": samples.get("training") if isinstance(samples, dict) else samples}
     found |= {name: record.get(name) for name in ("scenes", "epochs", "batches")}

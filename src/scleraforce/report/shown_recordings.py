@@ -79,7 +79,6 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
 
 
 def _labelled(recording: Recording) -> tuple[tuple[Trial, ...], str | None]:
-    """Return the frames with their labels, or without them and the fault."""
     try:
         return label_frames(recording, CLASSES), None
     except RecordingError as fault:
@@ -94,7 +93,6 @@ def _log_words(recording: Recording) -> str:
 
 
 def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
-    """Return the first frames, a line each."""
     lines = [f"{'frame':<20}{'time/s':>10}{'force/mN':>10}{'class':>7}  remark"]
     for trial in trials[:LISTED]:
         known = trial.measured_force_n is not None
@@ -234,7 +232,6 @@ def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], i
 
 
 def _changes(decisions: Sequence[Entry]) -> list[Entry]:
-    """Return the decisions whose state is not that of the one before."""
     return [after for n, after in enumerate(decisions) if not n or decisions[n - 1].state != after.state]
 
 

@@ -88,13 +88,11 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
 
 
 def _held(trials: Sequence[metrics.ForceTrial]) -> str:
-    """Return the share of forces in their intervals, with its band over other such eyes."""
     band = metrics.band_of(trials)
     return html.NOTHING if band is None else f"{metrics.coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
 
 
 def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
-    """Explain the difference between the shares of labels and of true forces within the intervals."""
     logged, true = reader.forces, reader.true_forces
     if not logged:
         return ()
@@ -131,7 +129,6 @@ def _worst_eye(reader: Evaluation) -> str:
 
 
 def _moduli(run: Run) -> html.Html:
-    """Return the modulus of each eye by each mechanics, beside the true one."""
     linear, finite = (read_calibration(path).eyes for path in (run.bent_linear, run.bent_finite_strain))
     eyes = {eye.id: eye.youngs_modulus_pa for eye, _ in bent_trials(run.study)}
     off = {
@@ -162,7 +159,6 @@ def _misread(evaluation: Evaluation, name: str) -> tuple[html.Html, ...]:
 
 
 def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
-    """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
     first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
     nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
     looks = look_at_all(list(dict.fromkeys(nearest)))
@@ -181,7 +177,6 @@ def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
 
 
 def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
-    """Return the eye that a frame's recording states, with the modulus of a calibration."""
     modulus_pa = read_calibration(calibration).eyes[look.answer.eye].mean_pa
     eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
     return eye_of(look.recording, replace(run.study, eye=eye))

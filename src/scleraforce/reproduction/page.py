@@ -88,11 +88,7 @@ Drawn = Callable[[Html], Html]  # called with each figure
 def write_reproduction_html(
     run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float], made_at: datetime, progress: Progress
 ) -> None:
-    """Write the page of a run whose other stages are done, over an existing page.
-
-    `evaluations`: the answers to the eyes of linear mechanics, to the same eyes under forces up to the bounds of the
-    classes, and of the paper's method and the force reader to the eyes at finite strain. `progress` counts figures.
-    """
+    """Write the page of a run; `evaluations`: linear, up to the bounds, finite strain by paper and by reader."""
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
     reader = load_classifier(run.model)
 
@@ -166,7 +162,6 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> NDArray[np.intp]:
-    """Count the trials of each class (row) and eye (column), with totals last."""
     counts = np.stack([np.bincount(np.asarray(of_eye, np.intp), minlength=names) for of_eye in classes], axis=1)
     counts = np.vstack([counts, counts.sum(axis=0)])
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
@@ -272,10 +267,7 @@ def _mpa(modulus_pa: float) -> str:
 
 
 def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> Html:
-    """Return for each class a frame and the slice simulated for its measured force (Figs. 6, 7).
-
-    `rank` 0 takes for each class the eye with most trials in it, 1 the next one.
-    """
+    """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
     chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
     pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
     likeness = np.mean([dice(pair.measured, pair.simulated) for pair in pairs])
@@ -298,7 +290,6 @@ def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | No
 
 
 def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
-    """Return a frame with its slice and the simulated one for the measured force, laid on it by a shift."""
     (look,) = look_at_all([answer])
     measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
@@ -391,7 +382,6 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: Html) ->
 
 
 def _left_out(results: Sequence[LeftOut], evaluation: Evaluation) -> Html:
-    """Return the accuracy of each eye with the mean of all moduli, and with the mean of the others'."""
     with_all = []
     for one in results:
         trials = [frame for frame in evaluation.scored if frame.eye == one.eye]

@@ -139,11 +139,7 @@ class LeftOut:
 def read_left_out(
     dataset: Dataset, calibration: Calibration, evaluation: Evaluation, progress: Callable[[int], None]
 ) -> tuple[LeftOut, ...]:
-    """Read the trials of each calibrated eye with a network for the mean modulus of the others.
-
-    `evaluation` has the trials, answered with the mean of all; an unusable frame keeps its answer. `progress` counts
-    the epochs of all networks.
-    """
+    """Read each eye's trials with a network for the mean modulus of the others; an unusable frame keeps its answer."""
     network = replace(dataset.study.network, epochs=min(EPOCHS, dataset.study.network.epochs))
     results = []
     for eye in calibration.eyes:
@@ -165,7 +161,6 @@ def read_left_out_file(path: Path) -> tuple[LeftOut, ...]:
 
 
 def _score(network: TrainedNetwork, evaluation: Evaluation, eye: str, dataset: Dataset) -> Proportion:
-    """Count the right answers of a network to an eye's trials."""
     trials = [frame for frame in evaluation.scored if frame.eye == eye]
     readable = [frame for frame in trials if frame.answer.usable]
     right = sum(frame.answer.predicted == frame.target for frame in trials if not frame.answer.usable)

@@ -1,8 +1,4 @@
-"""The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain.
-
-Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, moduli, the paper's network and both
-methods' answers for the other; then the page. The force reader and its library are the bundled ones, or trained.
-"""
+"""The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -111,7 +107,6 @@ def reproduce(
 
 
 def _recordings(run: Run, folder: Path) -> list[Path]:
-    """Return the recordings of the virtual eyes in a folder, in the order of the design."""
     return [folder / eye.id for eye, _ in paper_eyes(run.study)]
 
 

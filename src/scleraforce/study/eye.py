@@ -1,7 +1,4 @@
-"""The eye of a study and its needle: wall, mesh, tissue, mechanics, globe, supports and form.
-
-Tissue, mechanics, globe, supports and form belong to the virtual eyes of `simulate` and `phantom`.
-"""
+"""The eye of a study and its needle; tissue, mechanics, globe, supports and form belong to virtual eyes."""
 
 from dataclasses import dataclass, replace
 

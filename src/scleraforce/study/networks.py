@@ -1,7 +1,4 @@
-"""The networks of a study: classifier, wall finder, reader and raw reader, with their training data.
-
-`docs/reader.md` explains the ranges of `[reader]`.
-"""
+"""The networks of a study and their training data; `docs/reader.md` explains the ranges of `[reader]`."""
 
 from dataclasses import dataclass, fields
 

@@ -1,7 +1,4 @@
-"""The study: everything that a run depends on, in one typed record. All values are SI.
-
-The defaults are the paper's study; `paper.toml` beside this file is the same, commented (a test compares them).
-"""
+"""The study in one record, all values SI; the defaults are the paper's (`paper.toml` is the same, commented)."""
 
 from dataclasses import dataclass, field
 

@@ -68,10 +68,7 @@ def parse_study(text: str, name: str = "study") -> Study:
 
 
 def parse_record(kind: type[Record], text: str, name: str) -> Record:
-    """Read any record whose fields are sections (dataclasses) from TOML text; `name` is for messages.
-
-    A section or key is required if its field has no default, and may be left out if the field can be None.
-    """
+    """Read a record of sections from TOML; a field with a default, or that can be None, may be missing."""
     try:
         table = tomllib.loads(text)
     except ValueError as fault:  # tomllib.TOMLDecodeError, and what Python says of numbers of thousands of digits
@@ -148,7 +145,6 @@ def _required(hint: Any) -> Any:
 
 
 def _value(hint: Any, value: Any, place: str) -> Any:
-    """Turn a TOML value into the value of a field of type `hint`."""
     if isinstance(hint, UnionType) and Range in get_args(hint):
         return _sampled(value, place)
     if get_origin(hint) is tuple:

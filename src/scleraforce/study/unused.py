@@ -1,8 +1,4 @@
-"""Keys of a study's physics that a command does not use and therefore refuses: no input is dropped silently.
-
-A study file serves all commands, so keys for other work than a command's own pass: `generate` ignores
-`[reader]`. `UNUSED` has the keys that would change the eye of a command if its mechanics knew them.
-"""
+"""Keys of a study that would change the eye of a command if its mechanics knew them: it refuses them."""
 
 from collections.abc import Iterator
 from dataclasses import fields
@@ -47,10 +43,7 @@ REASONS = {
 
 
 def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> None:
-    """Refuse a study that sets a key which a command, with its mechanics if it has a choice, does not use.
-
-    A key that another key of the study switches off is refused as well.
-    """
+    """Refuse a study that sets a key which a command does not use, or which another key switches off."""
     changed = set(_changed(study))
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
@@ -63,7 +56,6 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
 
 
 def _changed(study: Study) -> Iterator[str]:
-    """Yield the keys that are not at their default."""
     defaults = Study()
     for section in fields(study):
         record: Any = getattr(study, section.name)
@@ -74,13 +66,11 @@ def _changed(study: Study) -> Iterator[str]:
 
 
 def _other_mechanics(command: str, keys: list[str]) -> str:
-    """Return the option of a command that uses all of these keys, as the end of a sentence; empty without one."""
     others = [kind for name, kind in UNUSED if name == command and kind and not set(keys) & set(UNUSED[name, kind])]
     return f", or give --mechanics {others[0]}" if others else ""
 
 
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
-    """Yield keys that another one makes idle, with that one and what would change it."""
     kind = f'supports.kind = "{study.supports.kind}"'
     if not study.supports.has_bed:
         yield SUPPORTS[1], kind, '"bed" or "bed-and-straps"'

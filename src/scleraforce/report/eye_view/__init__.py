@@ -74,7 +74,6 @@ def eye_scene(eye: SimulatedEye) -> dict[str, Any]:
 
 
 def _packed(skin: Skin) -> dict[str, Any]:
-    """Return a skin as text; only vertices that its triangles use."""
     used, triangles = np.unique(skin.triangles_tn, return_inverse=True)
     values_mm = [from_si(values[used], "mm") for values in (skin.points_nc, skin.displacement_nc)]
     steps_mm = [max(float(np.abs(values).max()), 1e-9) / LARGEST for values in values_mm]
