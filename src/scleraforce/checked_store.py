@@ -1,11 +1,7 @@
 """Zarr 3 groups that are written part by part, resumable, and checked when they are read.
 
-Zarr writes a chunk to a temporary name and renames it, so an existing chunk is whole, and a killed run's missing chunks
-are known. At the end the SHA-256 of every chunk goes into the group's attributes, in the order of the chunks: this
-finds a chunk in the place of another one, which its own checksum (CRC-32C) cannot.
-
-Zarr itself never reads a user's files: they are read as regular ones within a size, checked, and decoded from memory
-with the expected codecs, never with the file's, and only if it states the size of a chunk.
+Chunks become visible whole; at the end the SHA-256 of each, in their order, goes into the group's attributes. Zarr
+never reads a user's files: they are read as regular ones, checked, and decoded with the expected codecs only.
 """
 
 import json

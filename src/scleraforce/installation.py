@@ -166,7 +166,6 @@ def compile_loops() -> None:
 
 
 def _solve() -> Finding:
-    """Follow a load path and compare it with the bundled reader's library, which other machines have solved."""
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     expected = float(_reader().library.forces(*walls, np.array([TIP_M]))[0])
     solved = float(_path().force_ratio_m2[-1])

@@ -1,8 +1,4 @@
-"""Work on numbered units in processes or on a cluster, through executors of `concurrent.futures`.
-
-Consecutive units may share what is costly to prepare. So each process is an executor of its own with a contiguous run
-of units; it takes units from the end of the longest other run only when its own is done.
-"""
+"""Work on numbered units in processes, each with a contiguous run of units, or on a cluster."""
 
 import multiprocessing
 import os
@@ -45,19 +41,10 @@ def available_cores() -> int:
 def work_units(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int
 ) -> Generator[tuple[int, Result], None, None]:
-    """Work on units in `workers` processes; yield (unit, result) in the order of completion.
+    """Work on units in `workers` spawned processes (of one thread of BLAS), or a cluster; yield (unit, result) as done.
 
-    A single worker is a process too: every number is then computed in the same way, with one thread of BLAS. The
-    processes are spawned and end when the iterator is closed.
-
-    Args:
-        prepare: called once in each process, or thread of a cluster's worker; returns the function of a unit. It is
-            pickled.
-        units: numbers of the units.
-        workers: largest number of processes; or the workers of a cluster.
-
-    Raises:
-        ScleraforceError: a worker raised it; SolverError if a worker died or could not be started.
+    `prepare`, which is pickled, is called once in each and returns the function of a unit. Raises a worker's error, or
+    SolverError if a worker died or could not be started.
     """
     on_cluster = isinstance(workers, ClusterWorkers)
     runs = split_runs(units, 1 if on_cluster else workers)
@@ -84,10 +71,7 @@ def work_units(
 def work_in_order(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int, ahead: int
 ) -> Generator[Result, None, None]:
-    """Work on units as `work_units`; yield the results in the order of the units.
-
-    At most `ahead` units are done or worked on before the caller asks for them.
-    """
+    """Work as `work_units`; yield results in the order of the units, with at most `ahead` of them begun early."""
     with _submitting(prepare, workers if isinstance(workers, ClusterWorkers) else min(workers, len(units))) as submit:
         coming = iter(units)
         waiting = deque(submit(unit) for unit in islice(coming, ahead))
@@ -161,7 +145,6 @@ _prepared = local()  # the last preparation of this thread of a worker
 
 
 def _do(work: bytes | str, unit: int) -> Any:
-    """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
     try:
         if getattr(_prepared, "work", None) != work:
             version, prepare = pickle.loads(work if isinstance(work, bytes) else Path(work).read_bytes())

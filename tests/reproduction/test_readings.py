@@ -44,8 +44,7 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     monkeypatch.setattr(readings, "calibrate_recordings", calibrate)
     monkeypatch.setattr(readings, "calibration_as_json", lambda _: {})
     monkeypatch.setattr(readings, "write_calibration", lambda *_: None)
-    for module in (readings, stages):
-        monkeypatch.setattr(module, "run_library", lambda *_: library)
+    monkeypatch.setattr(readings, "run_library", lambda *_: library)
     run = open_run(tmp_path / "out", Study(), 1)
     readings.calibrate_bent(run, counted.append)
     assert len(counted) == 2

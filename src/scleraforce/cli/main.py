@@ -1,7 +1,4 @@
-"""The entry point: find the command, and turn every failure into one line and an exit code.
-
-Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted, by Ctrl-C or SIGTERM.
-"""
+"""The entry point: find the command, and turn every failure into one line and an exit code."""
 
 import errno
 import logging
@@ -78,10 +75,7 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command line and exit with its code.
-
-    SIGTERM (a cluster's scheduler, `kill`) ends it as Ctrl-C does: nothing unfinished stays behind.
-    """
+    """Run the command line and exit with its code; SIGTERM (a scheduler, `kill`) ends it as Ctrl-C does."""
     # Jupyter sets it for the commands that a cell starts: a backend that an environment without Jupyter lacks, and that
     # Matplotlib refuses at its import. Commands draw to files; `sf.*` leaves a notebook's own variable alone.
     os.environ.pop("MPLBACKEND", None)
@@ -103,10 +97,7 @@ def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; return its exit code. Failures are one line on standard error.
-
-    A system error with a file, or a full disk, is the user's to mend: exit code 2.
-    """
+    """Run one command; return its exit code. A failure is one line; a file's system error or a full disk is 2."""
     try:
         done = cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as usage:

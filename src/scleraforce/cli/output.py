@@ -33,10 +33,7 @@ class Report(NamedTuple):
 
 
 class Command(click.Command):
-    """A command with --json and --quiet that prints the `Report` of its function.
-
-    Errors of `sf.*` name arguments; here they name the options.
-    """
+    """A command with --json and --quiet that prints the `Report` of its function; errors name its options."""
 
     def __init__(self, *args: Any, can_be_quiet: bool = True, **settings: Any) -> None:
         super().__init__(*args, **settings)

@@ -26,8 +26,6 @@ def _names(_: click.Context, __: click.Parameter, value: str | None) -> tuple[st
 
 
 class _Notes(list[str]):
-    """Notes on recordings: printed at once, or with JSON in its object."""
-
     def __call__(self, sentence: str) -> None:
         self.append(sentence)
         if not is_json():

@@ -138,8 +138,6 @@ def _logged_frame_forces(recording: "Recording") -> list[float] | None:
 
 
 class _Show:
-    """Prints lines while a recording plays, unless `quiet`, and the summary at its end."""
-
     def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
         self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
         self._live = not quiet and sys.stderr.isatty()

@@ -122,7 +122,6 @@ def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None
 
 
 def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path) -> float:
-    """Write the picture, then the study; return the overlap of the histograms of a real and a drawn frame."""
     import numpy as np
 
     from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, oct_of, study_text
@@ -154,7 +153,6 @@ def _ranges(measured: "MeasuredScanner") -> "Iterator[tuple[str, MeasuredRange |
 
 
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
-    """Return measured quantities by the study's keys, and the reasons for missing ones."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
     found: dict[str, Any] = {}

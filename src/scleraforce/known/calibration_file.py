@@ -1,8 +1,4 @@
-"""The file of `calibrate`: its format as typed records, read, checked and written; the known inputs of its eyes.
-
-The filter's state in it is read by `calibration.result`, with the same codec. This module does not import SciPy, for
-the reader's runtime uses it too.
-"""
+"""The file of `calibrate`: typed records, read, checked and written (without SciPy); the known inputs of its eyes."""
 
 import hashlib
 import json
@@ -140,8 +136,6 @@ class _GlobeEntry(msgspec.Struct):
 
 
 class _EyeEntry(msgspec.Struct):
-    """An entry of `eyes`, without the filter's state; files of earlier versions lack the keys with a default."""
-
     mean_mpa: _ModulusMpa
     sd_mpa: _ModulusSdMpa
     frames: tuple[UsedFrame, ...]

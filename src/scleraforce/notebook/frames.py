@@ -57,10 +57,7 @@ Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, and the `known` combination.
-
-    `notes` are on the frame's file, the calibration's modulus, and inputs beyond the model's training.
-    """
+    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, `known` of both; and notes."""
 
     answer: Answer
     frame: ScaledFrame

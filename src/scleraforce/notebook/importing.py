@@ -142,7 +142,6 @@ def import_recording(
 
 
 def _by_arguments(fault: InputError) -> str:
-    """Return a message that names arguments where the commands' names options."""
     text = str(fault)
     if isinstance(fault, UnansweredError) and fault.forms:
         text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
@@ -160,11 +159,7 @@ def write_imported(
     asker: Asker | None = None,
     model: Path = SHIPPED_READER,
 ) -> Import:
-    """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
-
-    `origins` says who gave each option; missing ones are an error without an asker. The limits of `model` are noted.
-    It raises the errors of `import_recording`, with the names of options.
-    """
+    """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames"."""
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
     with folder_when_whole(out) as part:
@@ -229,7 +224,6 @@ def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -
 
 
 def _check_unit(recording: Recording, done: Import) -> None:
-    """Refuse forces that no needle gives, before the recording is there to be used."""
     fault = unit_fault(recording, labels_n(recording), ClassesStudy())
     if fault is None:
         return

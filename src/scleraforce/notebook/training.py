@@ -54,10 +54,7 @@ def library_of(
 
 
 def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
-    """Return the library for finite strain: the bundled reader's if it is of this study, else the cache's.
-
-    Linear mechanics needs None. Arguments and errors as for `library_of`; counts "library".
-    """
+    """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
     if mechanics == "linear":
         return None
     from scleraforce.library.files import load_library

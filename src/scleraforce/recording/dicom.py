@@ -74,7 +74,6 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
-    """Read a data set; take over-long private tags, as scanners write them, and name the file in every error."""
     import pydicom  # here, so that reading PNG needs OpenCV only
     from pydicom import config
 

@@ -70,9 +70,7 @@ def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -
 
 
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row whose lists and objects are columns of their own.
-
-    The ends of an interval and the coordinates of a place have the names that they have in `mcap_log`.
+    """Return a row whose lists and objects are columns of their own, by the names of `ANSWER_DEFINITION`.
 
     >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "needle": {"tip_mm": [0.5, 3.0]}, "probabilities": [1.0]})
     ... # doctest: +NORMALIZE_WHITESPACE

@@ -272,7 +272,6 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
 
 
 def _stated_units(text: Table) -> dict[str, str]:
-    """Return the units of force and torque by the lines above the header; of counts, their number in one unit."""
     units = {quantity: found[1] for quantity, pattern in STATED.items() for line in reversed(text.above)
              if (found := re.search(pattern, line))}  # fmt: skip
     counts = {quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()}

@@ -46,13 +46,7 @@ class Trial:
 
 
 def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float | None = None) -> tuple[Trial, ...]:
-    """Label every frame of a recording, in its order; trials above `max_force_n` are marked as excluded.
-
-    Raises:
-        RecordingError: no frame has force samples around it, the forces cannot be in N,
-            or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
-            starts in contact).
-    """
+    """Label all frames in order; `max_force_n` excludes larger ones. Raises RecordingError for a log that cannot be."""
     log, labels = recording.forces, labels_n(recording)
     if log is not None and labels is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, log, str(labels[0]))
@@ -253,11 +247,7 @@ LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 def log_doubts(
     recording: Recording, classes: ClassesStudy, shown: Sequence[float | None], in_newtons: bool = False
 ) -> tuple[str, ...]:
-    """Return sentences on a log that does not fit its frames.
-
-    `shown` is a measure of the force in each frame, in any unit, None or NaN if unknown; `in_newtons` if it is a
-    force, so that its size is compared as well. Forces within the lowest class bound of one another prove nothing.
-    """
+    """Return doubts about a log: `shown`, a measure of each frame's force (`in_newtons`: a force), does not fit it."""
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
         return (doubt,) if doubt else ()

@@ -1,8 +1,4 @@
-"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?
-
-The messages of a fault are prepared before it is due, so that reading and encoding delay nothing. After a single wrong
-frame the recording continues where it can, so that a silence does not hide a fault that the monitor missed.
-"""
+"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -120,14 +116,7 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
 
 
 def inject(player: Player, prepared: PreparedFault) -> FaultReport:
-    """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
-
-    The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
-    the scanner's connection is gone.
-
-    Raises:
-        InputError: the monitor did not say OK before the fault, so nothing can be observed.
-    """
+    """Do the acts until the robot withdraws or `WITHIN_S` is over, by an `observed` client; InputError: not OK."""
     client, log, name = player.client, player.log, prepared.name
     due_s, stamp_s = player.due(prepared.time_s)
     interval_s = median_interval_s(player.recording) / player.speed
@@ -198,10 +187,7 @@ def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
 
 @dataclass
 class _Stage:
-    """The material of a fault: the frames that would come next, from `first` on; `number` is that of the last one sent.
-
-    The fault is watched for the time of `count` frames, of which `left` remain in the recording.
-    """
+    """The material of a fault: the frames from `first` on, `count` of them watched, of which `left` remain."""
 
     recording: Recording
     first: int
@@ -234,7 +220,6 @@ class _Stage:
         return message.stamped(time())
 
     def forces_n(self, least_n: float) -> NDArray[np.float64]:
-        """Return the force at each frame, of which one must be at least `least_n`."""
         if self.given_n is None:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
         forces_n = np.asarray(self.given_n)

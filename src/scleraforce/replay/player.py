@@ -83,10 +83,7 @@ class Player:
             self._watch()
 
     def send(self, timed: Timed) -> float:
-        """Wait until a message is due and send it with that time; return when its last byte was sent.
-
-        A late replay catches up with half the time between two frames; all at once, they would be a flood.
-        """
+        """Wait until a message is due and send it; a late replay catches up by half of each interval, not at once."""
         due_s, stamp_s = self.due(timed.time_s)
         earliest_s = due_s
         if timed.number and self._frame_went is not None:

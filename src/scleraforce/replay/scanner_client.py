@@ -82,10 +82,7 @@ class ScannerClient:
         self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
 
     def send(self, data: bytes | bytearray) -> float:
-        """Send bytes; return when the last of them were handed to the system (s, monotonic).
-
-        The clock is read before the last 4 KiB: a monitor of higher priority may answer before `send` returns.
-        """
+        """Send bytes; return when the last 4 KiB were begun (s, monotonic): an answer may precede the return."""
         whole = memoryview(data)
         self._send(whole[:-LAST_BYTES])
         last_s = self.clock()
@@ -150,7 +147,6 @@ class ScannerClient:
                 self._hear(at_s, event.header.device, event.message)
 
     def _lose(self, link: socket.socket, fault: OSError | None) -> None:
-        """Continue without the scanner's connection if the robot's is the one that is heard."""
         if link is self._scanner:
             self._scanner = None
         if link is self._heard:

@@ -74,7 +74,6 @@ def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
 
 
 def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
-    """Draw where the two slices agree (grey) and where only one of them has wall."""
     measured, simulated = pair.measured > 0, pair.simulated > 0
     colours = np.ones((*measured.shape, 3))
     parts = {style.BLUE: measured & ~simulated, style.RED: simulated & ~measured, BOTH_COLOUR: measured & simulated}

@@ -129,9 +129,7 @@ def section(title: str, *blocks: Html) -> Html:
 
 
 def embedded(name: str, data: Mapping[str, Any]) -> Html:
-    r"""Return data that a script reads from the element of a name; numbers that are not finite become null.
-
-    No text in it ends the element or begins another one: what HTML gives a meaning to is escaped as JSON allows.
+    r"""Return data that a script reads from the element of a name, escaped; numbers that are not finite become null.
 
     >>> embedded("said", {"word": "</script>"})
     '<script type="application/json" id="said">{"word":"\\u003c/script\\u003e"}</script>'

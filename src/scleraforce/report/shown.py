@@ -86,7 +86,6 @@ def _kind_of_folder(path: Path) -> str | None:
 
 
 def _kind_of_store(file: Path) -> str:
-    """Return the kind of a store by its schema, which is checked when the store is opened."""
     try:
         content = parse_json(read_bytes(file, KINDS["store metadata"]))
     except ValueError as fault:

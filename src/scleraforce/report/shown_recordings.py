@@ -211,7 +211,6 @@ def show_decision_log(path: Path) -> Thing:
 
 
 def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], int]:
-    """Return the decisions of a log in order, its notes, and the number of torn or damaged parts."""
     for file in folder.glob(LOG_FILES):
         if not file.is_file():
             raise InputError(f"{file}: not a regular file; a log has no other files")

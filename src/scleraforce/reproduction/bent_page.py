@@ -112,7 +112,6 @@ def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
 
 
 def _worst_eye(reader: Evaluation) -> str:
-    """Return the mean relative error, and the calibration's labels, of the eye with least coverage; '' if all hold."""
     shares = metrics.coverage_by_eye(reader.true_forces)
     worst = min(shares, key=lambda eye: shares[eye].value)
     if shares[worst].hits == shares[worst].total:

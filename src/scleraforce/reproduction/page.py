@@ -22,36 +22,12 @@ from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.labels import label_frames
+from scleraforce.report import frame_figures, html
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
 from scleraforce.report.eye_view import VIEW_SCRIPT, VIEW_STYLE, eye_view
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import (
-    SlicePair,
-    dice,
-    draw_montage,
-    draw_overview,
-    draw_segmentation,
-    draw_slice_pairs,
-)
 from scleraforce.report.frames import look_at_all
-from scleraforce.report.html import (
-    NOTHING,
-    Html,
-    class_names,
-    confusion_table,
-    figure,
-    frame_table,
-    made_line,
-    notice,
-    page,
-    paragraph,
-    provenance_table,
-    section,
-    share,
-    table,
-    write_page,
-)
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log
 from scleraforce.reproduction.bent_page import bent_section, eye_of
@@ -82,7 +58,7 @@ PAPER_RESULT = (
     "dangerous forces all 23. Real tissue is the harder task, so the two figures are not comparable."
 )
 
-Drawn = Callable[[Html], Html]  # called with each figure
+Drawn = Callable[[html.Html], html.Html]  # called with each figure
 
 
 def write_reproduction_html(
@@ -92,51 +68,50 @@ def write_reproduction_html(
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
     reader = load_classifier(run.model)
 
-    def drawn(block: Html) -> Html:
+    def drawn(block: html.Html) -> html.Html:
         progress(1)
         return block
 
     sections = (
-        section("Result", notice(SIMULATED), evaluation_cards(evaluation), paragraph(PAPER_RESULT),
+        html.section("Result", html.notice(SIMULATED), evaluation_cards(evaluation), html.paragraph(PAPER_RESULT),
                 drawn(_overview(run, evaluation))),
         _design(run, evaluation),
-        section("The simulated eye", drawn(_model_figure(run.study)), drawn(_mesh_figure(run.study))),
-        section("Measured forces", drawn(_force_log_figure(run, evaluation))),
-        section("From the raw frame to the slice", drawn(_segmentation_figure(evaluation))),
+        html.section("The simulated eye", drawn(_model_figure(run.study)), drawn(_mesh_figure(run.study))),
+        html.section("Measured forces", drawn(_force_log_figure(run, evaluation))),
+        html.section("From the raw frame to the slice", drawn(_segmentation_figure(evaluation))),
         _calibration(run, evaluation, drawn),
-        section("Frames beside the simulation", drawn(_pairs_figure(evaluation, reader, 0, "Fig. 6")),
+        html.section("Frames beside the simulation", drawn(_pairs_figure(evaluation, reader, 0, "Fig. 6")),
                 drawn(_pairs_figure(evaluation, reader, 1, "Fig. 7"))),
-        section("Training", paragraph(_training_words(reader, seconds)), drawn(_network_figure(reader)),
+        html.section("Training", html.paragraph(_training_words(reader, seconds)), drawn(_network_figure(reader)),
                 drawn(_training_figure(reader)), drawn(_montage_figure(run))),
         _reading(evaluation, to_the_bounds, drawn(forces_figure(evaluation))),
         _left_out(read_left_out_file(run.left_out), evaluation),
         bent_section(run, bent_paper, bent_reader, drawn),
         _deviations(),
-        section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
+        html.section("Time and provenance", _times(seconds), html.provenance_table(run.study, reader)),
     )  # fmt: skip
-    content = page(
+    content = html.page(
         "Force from a single OCT slice",
         f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports.",
-        made_line(made_at),
+        html.made_line(made_at),
         *sections,
         style=VIEW_STYLE,
         script=VIEW_SCRIPT,
     )
-    write_page(content, run.report, overwrite=True)
+    html.write_page(content, run.report, overwrite=True)
 
 
-def _overview(run: Run, evaluation: Evaluation) -> Html:
-    """Return the result in one picture (a frame of each class, and all trials), and write it beside the page."""
+def _overview(run: Run, evaluation: Evaluation) -> html.Html:
     chosen = [_typical(evaluation, target, 0) for target in range(len(evaluation.bounds_n) + 1)]
-    drawn = draw_overview(look_at_all([answer for answer in chosen if answer is not None]), evaluation)
+    drawn = frame_figures.draw_overview(look_at_all([answer for answer in chosen if answer is not None]), evaluation)
     write_figure(drawn, run.overview)
     caption = "A raw frame of each class, the wall found in it and the class read from it; below, all trials."
-    return figure(drawn, "frames with the class read, and the forces of all trials", caption, "png")
+    return html.figure(drawn, "frames with the class read, and the forces of all trials", caption, "png")
 
 
-def _design(run: Run, evaluation: Evaluation) -> Html:
+def _design(run: Run, evaluation: Evaluation) -> html.Html:
     """Return Table 1: wall thickness and trials of each class, here and in the paper."""
-    design, names = paper_eyes(run.study), class_names(run.study.classes.bounds_n)
+    design, names = paper_eyes(run.study), html.class_names(run.study.classes.bounds_n)
     eyes, bounds_n = [eye for eye, _ in design], run.study.classes.bounds_n
     targets = {
         eye.id: [f.target for f in evaluation.scored if f.eye == eye.id and f.target is not None] for eye in eyes
@@ -144,11 +119,11 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
     here = _counts(list(targets.values()), len(names))
     paper = _counts([np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names))
     rows: list[list[object]] = [
-        ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), NOTHING],
+        ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), html.NOTHING],
         [
             "Young's modulus in MPa (Table 2)",
             *(f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes),
-            NOTHING,
+            html.NOTHING,
         ],
     ]
     for name, mine, theirs in zip([*names, "trials"], here, paper, strict=True):
@@ -158,7 +133,7 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
         "are the paper's (eye 5: the mean modulus, because the paper gives none). The paper gives no forces: here they "
         "are spread evenly over each class, and none lies within 2 mN of a bound of its class."
     )
-    return section("Design", table(["", *(eye.id for eye in eyes), "total"], rows, caption))
+    return html.section("Design", html.table(["", *(eye.id for eye in eyes), "total"], rows, caption))
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> NDArray[np.intp]:
@@ -167,15 +142,15 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> NDArray[np.intp]:
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
 
 
-def _model_figure(study: Study) -> Html:
+def _model_figure(study: Study) -> html.Html:
     caption = (
         "The model of the sclera and its loads (the paper's Fig. 1a), in the needle's meridian. The wall is drawn at "
         "twice its thickness."
     )
-    return figure(draw_model(study), "a half-sphere with its loads and its clamped base", caption)
+    return html.figure(draw_model(study), "a half-sphere with its loads and its clamped base", caption)
 
 
-def _mesh_figure(study: Study) -> Html:
+def _mesh_figure(study: Study) -> html.Html:
     """Return the deformed mesh under a dangerous force (Fig. 1b), and a view of the same wall that turns."""
     contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
@@ -184,10 +159,12 @@ def _mesh_figure(study: Study) -> Html:
         f"{from_si(eye.force_n, 'mn'):g} mN, the bound of the dangerous class: "
         f"{len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
     )
-    return Html(figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png") + eye_view(eye))
+    return html.Html(
+        html.figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png") + eye_view(eye)
+    )
 
 
-def _force_log_figure(run: Run, evaluation: Evaluation) -> Html:
+def _force_log_figure(run: Run, evaluation: Evaluation) -> html.Html:
     """Return the first acquisitions of the first eye's force log with their imaging times (Fig. 3)."""
     recording, classes = read_recording(run.recordings / evaluation.frames[0].eye), run.study.classes
     trials = label_frames(recording, classes)[:LOG_TRIALS]
@@ -197,18 +174,20 @@ def _force_log_figure(run: Run, evaluation: Evaluation) -> Html:
         "logged, in the sensor's steps, tared; blue: filtered; lines: imaging times; markers: the labels, means over "
         "2 s. The tissue relaxes under each push."
     )
-    return figure(drawn, "contact force over time with the imaging times", caption)
+    return html.figure(drawn, "contact force over time with the imaging times", caption)
 
 
-def _segmentation_figure(evaluation: Evaluation) -> Html:
+def _segmentation_figure(evaluation: Evaluation) -> html.Html:
     """Return a raw frame and the wall found in it (Fig. 9): the first eye's frame of the largest force."""
     first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
     look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
     caption = f"Raw frame {look.answer.eye}/{look.answer.file} and the wall that was found in it (the paper's Fig. 9)."
-    return figure(draw_segmentation(look), "raw frame, boundaries, mask, masked frame", caption, "png")
+    return html.figure(
+        frame_figures.draw_segmentation(look), "raw frame, boundaries, mask, masked frame", caption, "png"
+    )
 
 
-def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> Html:
+def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     """Return Table 2, the estimate over the frames of the first eye (Fig. 5), and its points before and after (4)."""
     calibration = parse_calibration(open_calibration(run.calibration))
     # Calibrated once more: the file keeps no points to draw.
@@ -223,7 +202,7 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> Html:
         f"{from_si(PAPER_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads."
     )
     truth_pa = paper_eyes(study)[0][0].youngs_modulus_pa
-    over_frames = figure(
+    over_frames = html.figure(
         draw_modulus_over_frames(first, truth_pa),
         "mean and band of the modulus over the frames",
         f"Young's modulus of {first.id} over its frames, from the prior on (the paper's Fig. 5).",
@@ -231,19 +210,19 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> Html:
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
     look = look_at_all([next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)])[0]
-    points = figure(
+    points = html.figure(
         draw_observed_points(first, look.frame, index, *look.extent_m),
         "observed and predicted points before and after",
         f"Observed points (yellow) and predicted ones (red) in {'/'.join(shown)}, at the prior's modulus and at the "
         "final one (the paper's Fig. 4).",
         "png",
     )
-    return section(
-        "Young's modulus", paragraph(words), modulus_table(calibration, study), drawn(over_frames), drawn(points)
+    return html.section(
+        "Young's modulus", html.paragraph(words), modulus_table(calibration, study), drawn(over_frames), drawn(points)
     )
 
 
-def modulus_table(calibration: Calibration, study: Study) -> Html:
+def modulus_table(calibration: Calibration, study: Study) -> html.Html:
     """Return Table 2."""
     eyes: list[EyeCalibration] = list(calibration.eyes.values())
     truths_pa = [eye.youngs_modulus_pa for (eye, _), _ in zip(paper_eyes(study), eyes, strict=False)]
@@ -259,24 +238,26 @@ def modulus_table(calibration: Calibration, study: Study) -> Html:
         "Posterior of Young's modulus (the paper's Table 2). The virtual eyes were made with the paper's means, so the "
         "last rows are both the paper's figures and the truth."
     )
-    return table(["", *calibration.eyes], rows, caption)
+    return html.table(["", *calibration.eyes], rows, caption)
 
 
 def _mpa(modulus_pa: float) -> str:
     return f"{from_si(modulus_pa, 'mpa'):.3f}"
 
 
-def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> Html:
+def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> html.Html:
     """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
     chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
     pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
-    likeness = np.mean([dice(pair.measured, pair.simulated) for pair in pairs])
+    likeness = np.mean([frame_figures.dice(pair.measured, pair.simulated) for pair in pairs])
     caption = (
         f"A frame of each class, its slice, and the slice simulated for its measured force at "
         f"{from_si(reader.study.eye.youngs_modulus_pa, 'mpa'):.3g} MPa (the paper's {name}). The simulated slice is "
         f"moved to where the eye lies in the frame, which shifts from frame to frame. Mean Dice {likeness:.3f}."
     )
-    return figure(draw_slice_pairs(pairs), "frames beside simulated slices for each class", caption, "png")
+    return html.figure(
+        frame_figures.draw_slice_pairs(pairs), "frames beside simulated slices for each class", caption, "png"
+    )
 
 
 def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:
@@ -289,13 +270,13 @@ def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | No
     return frames[len(frames) // 2]
 
 
-def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
+def _pair(answer: FrameAnswer, study: Study) -> frame_figures.SlicePair:
     (look,) = look_at_all([answer])
     measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
     unloaded, section = linear_sections(eye_of(look.recording, study), study)([0.0, force_n])
     laid = _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study)
-    return SlicePair(look, measured, laid, study.slice.pixel_m)
+    return frame_figures.SlicePair(look, measured, laid, study.slice.pixel_m)
 
 
 def _laid_on(section: Section, top_m: float, measured: NDArray[np.uint8], study: Study) -> NDArray[np.uint8]:
@@ -305,7 +286,7 @@ def _laid_on(section: Section, top_m: float, measured: NDArray[np.uint8], study:
     for depth_m in steps:
         for lateral_m in steps[4:-4]:
             drawn = fill_section(section, slice_window(study.slice, top_m, float(lateral_m), float(depth_m)))
-            likeness = dice(drawn, measured)
+            likeness = frame_figures.dice(drawn, measured)
             if likeness > best_likeness:
                 best, best_likeness = drawn, likeness
     return best
@@ -325,29 +306,28 @@ def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
     )
 
 
-def _network_figure(reader: Classifier) -> Html:
+def _network_figure(reader: Classifier) -> html.Html:
     study = reader.study
-    window, names = (study.slice.columns, study.slice.rows), class_names(study.classes.bounds_n)
+    window, names = (study.slice.columns, study.slice.rows), html.class_names(study.classes.bounds_n)
     drawn = draw_network(window, study.network.hidden, names, study.network.dropout)
-    return figure(drawn, "the layers of the network", "The network of this run (the paper's Fig. 2).")
+    return html.figure(drawn, "the layers of the network", "The network of this run (the paper's Fig. 2).")
 
 
-def _training_figure(reader: Classifier) -> Html:
+def _training_figure(reader: Classifier) -> html.Html:
     curves = {name: reader.record["curves"][name] for name in
               ("training_loss", "validation_loss", "training_accuracy", "validation_accuracy")}  # fmt: skip
     caption = (
         "Cross-entropy and accuracy over the epochs (the paper's Fig. 8a). Validation lies above training because "
         "training is measured under dropout, as the paper remarks too."
     )
-    return figure(draw_curves(curves, "epoch"), "loss and accuracy over the epochs", caption)
+    return html.figure(draw_curves(curves, "epoch"), "loss and accuracy over the epochs", caption)
 
 
-def _montage_figure(run: Run) -> Html:
-    """Return a sample of the data set (Fig. 8b)."""
+def _montage_figure(run: Run) -> html.Html:
     dataset, rng = open_dataset(run.dataset), np.random.default_rng(run.study.dataset.seed)
     chosen = np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False))
     chosen = chosen[np.argsort(dataset.force_n[chosen])]
-    drawn = draw_montage(
+    drawn = frame_figures.draw_montage(
         dataset.slices[chosen],
         dataset.force_n[chosen],
         dataset.target[chosen].astype(np.intp),
@@ -356,10 +336,10 @@ def _montage_figure(run: Run) -> Html:
     caption = (
         f"{MONTAGE_SLICES} of the {dataset.images} simulated slices, drawn at random, by force (the paper's Fig. 8b)."
     )
-    return figure(drawn, "simulated slices with force and wall thickness", caption, "png")
+    return html.figure(drawn, "simulated slices with force and wall thickness", caption, "png")
 
 
-def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: Html) -> Html:
+def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Html) -> html.Html:
     """Return Table 3, here and the paper's, the trials up to the bounds, Fig. 10, and the trials that were misread."""
     rows: list[list[object]] = []
     designs = {"2 mN clear of the bounds, as above": evaluation, "up to the bounds": to_the_bounds}
@@ -367,48 +347,50 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: Html) ->
         right, dangerous = answers.accuracy, answers.confusion[2]
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
-    gap = table(
+    gap = html.table(
         ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"],
         rows,
         "The same five eyes and trials for each class; in the second row the forces are drawn from the whole of each "
         "class, so that some lie nearer to its bounds than the force log's noise and the calibration's error reach.",
     )
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
-    mine = confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
-    paper = confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
+    mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
+    paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
     misread = [frame for frame in evaluation.scored if frame.misread]
-    missed = frame_table(evaluation, misread, "Misread trials.") if misread else paragraph("No trial was misread.")
-    return section("Reading the forces", mine, paper, gap, forces, missed)
+    missed = (
+        html.frame_table(evaluation, misread, "Misread trials.") if misread else html.paragraph("No trial was misread.")
+    )
+    return html.section("Reading the forces", mine, paper, gap, forces, missed)
 
 
-def _left_out(results: Sequence[LeftOut], evaluation: Evaluation) -> Html:
+def _left_out(results: Sequence[LeftOut], evaluation: Evaluation) -> html.Html:
     with_all = []
     for one in results:
         trials = [frame for frame in evaluation.scored if frame.eye == one.eye]
         with_all.append(Proportion(sum(frame.answer.predicted == frame.target for frame in trials), len(trials)))
     with_others = [one.accuracy for one in results]
     rows: list[list[object]] = [
-        [one.eye, _mpa(one.youngs_modulus_pa), share(before), share(one.accuracy)]
+        [one.eye, _mpa(one.youngs_modulus_pa), html.share(before), html.share(one.accuracy)]
         for one, before in zip(results, with_all, strict=True)
     ]
     together = [Proportion(sum(p.hits for p in each), sum(p.total for p in each)) for each in (with_all, with_others)]
-    rows.append(["together", NOTHING, *(share(proportion) for proportion in together)])
+    rows.append(["together", html.NOTHING, *(html.share(proportion) for proportion in together)])
     words = (
         "The mean modulus has seen the eyes that are read with it, here as in the paper. So each eye is read once more "
         "with the mean of the others: the slices are labelled anew for that modulus, and a network is trained on them."
     )
     head = ["", "mean of the others in MPa", "read with the mean of all", "read with the mean of the others"]
     caption = "Accuracy of each calibrated eye, with its 95 % Wilson interval."
-    return section("Each eye left out of the mean", paragraph(words), table(head, rows, caption))
+    return html.section("Each eye left out of the mean", html.paragraph(words), html.table(head, rows, caption))
 
 
-def _deviations() -> Html:
+def _deviations() -> html.Html:
     stated = files("scleraforce.reproduction").joinpath("deviations.toml").read_text(encoding="utf-8")
     rows = [list(deviation.values()) for deviation in tomllib.loads(stated)["deviation"]]
     caption = "Differences from the paper's method."
-    return section("Deviations", table(["", "the paper", "here", "why"], rows, caption, prose=True))
+    return html.section("Deviations", html.table(["", "the paper", "here", "why"], rows, caption, prose=True))
 
 
-def _times(seconds: Mapping[str, float]) -> Html:
+def _times(seconds: Mapping[str, float]) -> html.Html:
     rows = [[name, f"{value:.1f}"] for name, value in [*seconds.items(), ("together", sum(seconds.values()))]]
-    return table(["stage", "seconds"], rows, "Stages of this run; writing this page comes on top.")
+    return html.table(["stage", "seconds"], rows, "Stages of this run; writing this page comes on top.")

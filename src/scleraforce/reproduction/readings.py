@@ -1,12 +1,7 @@
 """Two readings beside the paper's own: walls at finite strain, and each eye left out of the mean modulus.
 
-Finite strain: the eyes of the paper's design are computed in three dimensions under the same 45 forces. Three pushes
-before the trials find each eye's modulus and do not count. The paper's method gets its own inputs: a linear calibration
-on every frame of four eyes, and a network for their mean.
-
-Left out: the paper reads its eyes with a mean modulus that includes them. In linear mechanics the slice of a force F on
-a wall of modulus E equals the slice of F E'/E on a wall of E' (if pressure and weight scale alike; they bend the wall
-far less than the needle does). So the slices of the data set are labelled again for E', and a network is trained.
+In linear mechanics the slice of a force F on a wall of modulus E equals the slice of F E'/E on a wall of E' (if
+pressure and weight scale alike; they bend the wall far less than the needle does). So slices are labelled again for E'.
 """
 
 from collections.abc import Callable, Sequence

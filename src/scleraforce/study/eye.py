@@ -21,11 +21,7 @@ class EyeStudy(Section):
 
 @dataclass(frozen=True)
 class MeshStudy(Section):
-    """The finite-element mesh: quads on the sphere, extruded inward.
-
-    "hexahedra": Catmull-Clark subdivision of a half cube, `divisions` and `level`. "graded": small elements at the
-    contact, `core` quads along the side of a square there and `rings` around it; finite strain always uses it.
-    """
+    """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as finite strain always is)."""
 
     kind: str = option("hexahedra", "hexahedra", "graded")
     divisions: int = quantity(10, None, 2, 200)
@@ -45,11 +41,7 @@ class MeshStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleStudy(Section):
-    """The needle and where it pushes (22G: 0.7 mm).
-
-    `tilt_rad`: angle of its force against the inward normal of the contact, in finite strain; the force then has a part
-    along the wall, `tilt_direction_rad` from the meridian (0: away from the pole) towards growing azimuth.
-    """
+    """The needle (22G: 0.7 mm) and where it pushes; in finite strain its force may tilt against the normal."""
 
     outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
     gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
@@ -61,11 +53,7 @@ class NeedleStudy(Section):
 
 @dataclass(frozen=True)
 class MechanicsStudy(Section):
-    """Linear mechanics, or finite strain on the mesh graded towards the contact.
-
-    `follower`, for finite strain: the pressure stays normal to the wall as it bends; false: it keeps its first
-    direction and size at every node.
-    """
+    """Linear mechanics, or finite strain; `follower`: the pressure stays normal to the wall as it bends."""
 
     kind: str = option("linear", "linear", "finite-strain")
     follower: bool = True
@@ -184,10 +172,7 @@ class CorneaStudy(Section):
 
 @dataclass(frozen=True)
 class FormStudy(Section):
-    """Semi-axes of the outer surface along x, y and z as shares of the radius, waves of the thickness, regions, cornea.
-
-    The semi-axes stretch the whole eye, a cornea of another radius too.
-    """
+    """Semi-axes as shares of the radius, of the whole eye; waves of the thickness, regions, and a cornea."""
 
     semi_axes: tuple[float, ...] = quantity((1.0, 1.0, 1.0), None, 0.7, 1.3)
     wave: tuple[WaveStudy, ...] = ()

@@ -1,8 +1,4 @@
-"""Fields of a study record: units, bounds and their check, in one place for all sections.
-
-A record keeps SI; a field made by `quantity` knows the human unit of its TOML key. `radius_m` with unit `mm` is
-`radius_mm` in the file, and its bounds are given and reported in that unit.
-"""
+"""Fields of a study record, in SI: the unit of the TOML key (`radius_m` in mm is `radius_mm`), bounds in it, checks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, Field, dataclass, field, fields

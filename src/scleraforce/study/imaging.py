@@ -118,17 +118,13 @@ class PhantomStudy(Section):
 
 
 def _share(share: float) -> float:
-    """Declare the share of the scenes that show something."""
     declared: float = quantity(share, None, 0.0, 1.0)
     return declared
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneWindowStudy(Section):
-    """The frame: its pixels, its size, and where the eye lies in it.
-
-    A frame gets fewer or more `rows` than drawn if its pixel would leave `pixel_m` along the depth.
-    """
+    """The frame: its pixels, size and place; more or fewer `rows` are drawn to keep a pixel within `pixel_m`."""
 
     rows: Sampled = quantity(Range(min=128.0, max=256.0), None, 32, 4096)
     columns: Sampled = quantity(Range(min=176.0, max=320.0), None, 32, 4096)
@@ -293,10 +289,7 @@ class SceneOverStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneScannerStudy(Section):
-    """The scanner: speckle, noise, artefacts, and the scale of the counts.
-
-    A logarithmic scale ends at the level that `saturated_fraction` of the pixels exceed.
-    """
+    """The scanner: speckle, noise, artefacts, counts (logarithmic up to where `saturated_fraction` are above)."""
 
     speckle_rows: Sampled = quantity(Range(min=0.3, max=3.0), None, 0.0, 50.0)
     speckle_columns: Sampled = quantity(Range(min=0.3, max=4.0), None, 0.0, 50.0)

@@ -137,7 +137,6 @@ def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: s
 
 
 def _required(hint: Any) -> Any:
-    """Return the type of an optional field: `float` for `float | None`; any other type unchanged."""
     if not isinstance(hint, UnionType) or NoneType not in get_args(hint):
         return hint
     kinds = [kind for kind in get_args(hint) if kind is not NoneType]
