@@ -240,7 +240,7 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
         sealed, asked = calibration_of_a_sealed_eye().eyes["mine"], list[str | None]()
 
         def found(recording: Recording, _: Any, look: Any, *__: Any) -> TissueTrial[EyeCalibration]:
-            assert len({look(index) for index in range(len(recording.frames))}) == len(FORCES)
+            assert len({look.seen(index) for index in range(len(recording.frames))}) == len(FORCES)
             asked.append(recording.info.eye.globe)
             *frames, last = sealed.frames
             if asked[-1] is None:

@@ -338,6 +338,11 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
     found, tried = sought(lambda place: 0.4 * place)  # with the prior 11.6 at most: less than enough
     assert found == 0.0
     assert set(STIFFENINGS.tolist()) <= set(tried)
+    # Walls that no stiffening explains: two that do worse and worse are enough.
+    _, tried = sought(boundaries=lambda place: 20.0 * EVEN * (1.0 + place))
+    assert max(tried) == STIFFENINGS[3]
+    found, tried = sought(lambda place: 0.5 * (place - 0.5) ** 2)
+    assert len(tried) <= len(STIFFENINGS) + 1  # what is left to gain is less than the forces show
     # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
     lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
     found, _ = sought(boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place)

@@ -7,7 +7,6 @@ at a time; `known_forces.search` looks for the tissue that explains them best.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
 from scleraforce.library import Library
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
-from scleraforce.recording.labels import label_frames, label_notes, log_doubts
+from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries, dent, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
@@ -52,30 +51,29 @@ class _StepCount:
             self.progress(steps)
 
 
-class _SeenFrame(NamedTuple):
-    sha256: str
-    wall: Boundaries | assimilation.Skipped
+class _Frames:
+    """The frames of a recording whose digests are not in `used`; each is segmented and labelled once."""
 
+    def __init__(self, recording: Recording, settings: "_Settings", used: frozenset[str]) -> None:
+        self.recording, self.settings, self.used = recording, settings, used
+        self.seen, self.labelled = cache(self._seen), cache(self._labelled)
 
-Look = Callable[[int], _SeenFrame | None]
-
-
-def _seen_once(recording: Recording, finder: WallFinder | None, used: frozenset[str]) -> Look:
-    """Return a function that finds the wall of a frame, once; it returns None for a frame with a digest of `used`."""
-
-    @cache
-    def look(index: int) -> _SeenFrame | None:
-        pixels, info = recording.frame(recording.frames[index]), recording.info
+    def _seen(self, index: int) -> tuple[str, Boundaries | assimilation.Skipped] | None:
+        pixels, info = self.recording.frame(self.recording.frames[index]), self.recording.info
         sha256, scale = frame_digest(pixels), PixelScale.of(info.oct)
-        if sha256 in used:
+        if sha256 in self.used:
             return None
-        found = find_wall(pixels, scale, info.eye.thickness_m, finder)
-        wall = (
-            segmented_boundaries(found, scale) if found.usable else assimilation.Skipped(f"not usable: {found.reason}")
-        )
-        return _SeenFrame(sha256, wall)
+        found = find_wall(pixels, scale, info.eye.thickness_m, self.settings.finder)
+        if not found.usable:
+            return sha256, assimilation.Skipped(f"not usable: {found.reason}")
+        return sha256, segmented_boundaries(found, scale)
 
-    return look
+    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces]:
+        study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
+        if log is None or info is None:
+            raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
+        trials = label_frames(self.recording, study.classes, study.needle.max_force_n)
+        return trials, frame_forces(replace(self.recording, forces=log.known(info.axis)), trials)
 
 
 @dataclass(frozen=True)
@@ -144,13 +142,13 @@ def _of_eye(
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
-    look = _seen_once(recording, settings.finder, used)
+    frames = _Frames(recording, settings, used)
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
-        return _as_open(_of_tissue(_without_globe(recording), settings, look, before, count))
-    found = _of_tissue(recording, settings, look, before, count)
+        return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
+    found = _of_tissue(recording, settings, frames, before, count)
     if found.status == "ok" or before is not None or settings.library is None or stated is None:
         return found
-    other = _of_tissue(_without_globe(recording), settings, look, None, _StepCount(0, None))
+    other = _of_tissue(_without_globe(recording), settings, frames, None, _StepCount(0, None))
     if other.status != "ok":
         return found
     if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
@@ -186,27 +184,27 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 
 
 def _of_tissue(
-    recording: Recording, settings: _Settings, look: Look, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: _Settings, frames: _Frames, earlier: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
     if library is not None and earlier is None and settings.stiffening_sought:
-        return _of_sought_tissue(recording, settings, library, look, count)
+        return _of_sought_tissue(recording, settings, library, frames, count)
     if library is not None:
         stiffening = settings.study.tissue.stiffening if earlier is None else earlier.stiffening
         library = library.for_stiffening(stiffening)
-    return calibrate_eye(recording, replace(settings, library=library), look, earlier, count).found
+    return calibrate_eye(recording, replace(settings, library=library), frames, earlier, count).found
 
 
 def _of_sought_tissue(
-    recording: Recording, settings: _Settings, library: Library, look: Look, count: _StepCount
+    recording: Recording, settings: _Settings, library: Library, frames: _Frames, count: _StepCount
 ) -> EyeCalibration:
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
 
     def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), look, None, count)
+            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None, count)
 
     def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
@@ -223,15 +221,11 @@ def _of_sought_tissue(
 
 
 def calibrate_eye(
-    recording: Recording, settings: _Settings, look: Look, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: _Settings, frames: _Frames, earlier: EyeCalibration | None, count: _StepCount
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue."""
-    if recording.forces is None or recording.info.force is None:
-        raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
     study, library = settings.study, settings.library
-    trials = label_frames(recording, study.classes, study.needle.max_force_n)
-    known = recording.forces.known(recording.info.force.axis)
-    forces = frame_forces(replace(recording, forces=known), trials)
+    trials, forces = frames.labelled()
     session = _begin(recording, settings, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
@@ -241,25 +235,23 @@ def calibrate_eye(
     shown = [float("nan")] * len(trials)
     taken, refused, path = dict[int, Boundaries](), 0, str(recording.path)
     for index in order:
-        seen = look(index) if left > 0 and included[index] else None
+        seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
-            force_n = float(forces.force_n[index])
-            if isinstance(seen.wall, assimilation.Skipped):
-                found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
+            (sha256, wall), force_n = seen, float(forces.force_n[index])
+            if isinstance(wall, assimilation.Skipped):
+                found: assimilation.FrameStep | assimilation.Skipped | None = wall
             else:
-                shown[index] = dent(seen.wall)
-                session = assimilation.step(session, seen.wall, force_n, float(forces.since_start_s[index]))
+                shown[index] = dent(wall)
+                session = assimilation.step(session, wall, force_n, float(forces.since_start_s[index]))
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
                 if isinstance(found, assimilation.FrameStep):
-                    taken[len(records)] = seen.wall
+                    taken[len(records)] = wall
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
             (mean_pa, sd_pa), file = session.modulus, trials[index].file
-            frame = FrameRecord(
-                recording=path, file=file, sha256=seen.sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa
-            )
+            frame = FrameRecord(recording=path, file=file, sha256=sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
         count(1)
     count(len(trials) - len(order))

@@ -190,6 +190,7 @@ EXPLAINED = 2.0  # times as much: the walls are the frames'
 TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
 NEAR = 0.03  # of the same: what lies so near was tried
+GAIN, ALIKE = 0.02, 4.0  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,8 +394,9 @@ def most_trials(library: Library) -> int:
 def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]) -> tuple[float, Trial] | None:
     """Return the stiffening that explains an eye's frames best, and the calibration with it; None if there is none.
 
-    It begins with the library's, from the lowest, until one explains the frames and the next
-    much worse; it continues beside the best one. A stiffening that refuses frames which others use is ruled out.
+    It begins with the library's, from the lowest, until one explains the frames and the next much worse, or two in a
+    row do worse and worse; it continues beside the best one. A stiffening that refuses frames which others use is
+    ruled out.
     """
     tried = dict[float, TissueTrial[Trial]]()
 
@@ -409,7 +411,8 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
             losses, trials = _losses(tried), list(tried.values())
             best = trials[int(losses.argmin())]
             explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
-            if explained and losses.min() + ENOUGH < float(losses[-1]) < inf:
+            worse = (losses.min() + ENOUGH < losses[-2:]) & (losses[-2:] < inf)
+            if worse[-1] and (explained or (len(worse) == 2 and worse[0] and losses[-2] < losses[-1])):
                 break
     if not tried:
         return None
@@ -442,7 +445,8 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
     """Return the stiffening to try next, beside the best one; None: no other is likely to be better.
 
     It is the lowest place of a parabola through the best one and its neighbours; halfway to the other neighbour beside
-    one that is ruled out, below a largest one that is best, and if there is only one other.
+    one that is ruled out, below a largest one that is best, and if there is only one other. A parabola through losses
+    that are alike is trusted, also in how little is to gain.
     """
     order = np.argsort(list(tried))
     places, losses = stiffening_place(np.array(list(tried)))[order], _losses(tried)[order]
@@ -455,6 +459,9 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
             bent, straight, _ = np.polyfit(places[near], losses[near], 2).tolist()
             if bent > 0.0:
                 lowest = float(np.clip(-0.5 * straight / bent, places[0], places[-1]))
+                off, at_best = np.array([lowest, places[best]]) + 0.5 * straight / bent
+                if bent * (at_best**2 - off**2) < GAIN and np.ptp(losses[near]) < ALIKE:
+                    return None
         elif bounded:
             beside = best - 1 if np.isfinite(losses[best - 1]) else best + 1
             lowest = 0.5 * float(places[best] + places[beside]) if np.isfinite(losses[beside]) else lowest
