@@ -29,7 +29,7 @@ from scleraforce.learning.train import train_reader
 from scleraforce.library.build import build_library
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import force_distribution, ratio_edges
-from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, Study, format_study
+from scleraforce.study import Choice, EyeStudy, LibraryStudy, Range, ReaderStudy, Study, format_study
 
 TINY = Study(
     reader=ReaderStudy(
@@ -114,6 +114,24 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
     samples = source.chunk(9, 500)
     untrained = compared(answers(network(), samples), samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
     assert measure_reader(first.network, source, TINY)["mae_mn"] < 0.6 * untrained["mae_mn"]
+
+
+@pytest.mark.parametrize(
+    ("lateral_m", "drawn"),
+    [(Range(min=-1e-3, max=1e-3), [0, 1]), (Range(min=0.0, max=1e-3), [0, 1, 2]),
+     (Choice((-1e-3, 0.5e-3, 1e-3)), [0, 1, 2])],
+)  # fmt: skip
+def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(source, lateral_m, drawn) -> None:
+    samples, asked = source.chunk(1, 40), list[int]()
+
+    def draw(number: int):
+        asked.append(number)
+        return samples
+
+    study = replace(TINY, reader=replace(TINY.reader, lateral_m=lateral_m))
+    fitted = fit_reader(study, draw, 0)
+    assert asked == drawn
+    assert len(set(fitted.training_loss)) == 3
 
 
 def test_metrics_are_counted_as_by_hand(source) -> None:

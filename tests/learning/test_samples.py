@@ -127,6 +127,26 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
     assert np.mean(agreeing) > 0.97
 
 
+def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
+    plain = replace(READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, lateral_m=fixed(0.4e-3))
+    image = draw_samples(library, plain, SLICE, 60, np.random.default_rng(8)).mirrored()
+
+    def draw_mirrored(*arguments):
+        eyes = draw_eyes(*arguments)
+        stated = replace(eyes.stated, direction_rad=np.pi - eyes.stated.direction_rad)
+        turned = {"rotation_rad": -eyes.rotation_rad, "direction_rad": np.pi - eyes.direction_rad}
+        return replace(eyes, stated=stated, **turned)
+
+    monkeypatch.setattr("scleraforce.learning.samples.draw_eyes", draw_mirrored)
+    drawn = draw_samples(library, replace(plain, lateral_m=fixed(-0.4e-3)), SLICE, 60, np.random.default_rng(8))
+    np.testing.assert_allclose(image.given, drawn.given, atol=1e-6)
+    np.testing.assert_array_equal(image.lateral_m, drawn.lateral_m)
+    inner = np.s_[:, :, 25:115]  # sides are lost as in a frame
+    assert (image.slices == drawn.slices)[inner].mean() > 0.999
+    assert (image.slices[:, :, ::-1] == drawn.slices)[inner].mean() < 0.99
+
+
 def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole() -> None:
     library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
     plain = replace(

@@ -4,10 +4,12 @@ Three numbers describe a column: whether there is wall, its amount, and its mean
 the eye. Convolutions along the columns follow, then layers that also see the known values.
 
 The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
-rules", 2007), plus Huber's loss of the contact's place; AdamW descends on samples drawn afresh for every epoch.
+rules", 2007), plus Huber's loss of the contact's place; AdamW descends on samples drawn afresh for every epoch, half of
+them mirror images: a wall costs more time to draw than to learn from.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from itertools import count
 from typing import Any
 
@@ -18,7 +20,7 @@ from scleraforce.learning.descent import READER_THREADS, Fitted, drawn_ahead, on
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
-from scleraforce.study import ReaderStudy, SliceStudy, Study
+from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
 
 Floats = NDArray[np.float64]
@@ -172,7 +174,7 @@ def fit_reader(
     workers: int,
     progress: Callable[[int], object] | None = None,
 ) -> Fitted[ReaderNetwork]:
-    """Train a reader on chunks of samples, none seen twice; the losses are of each epoch, and so is `progress`.
+    """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
 
     The same study and library give the same weights on the same machine, for any number of drawing processes (0: here).
     """
@@ -181,7 +183,7 @@ def fit_reader(
     fitted = trained(
         lambda: ReaderNetwork(reader, study.slice, study.eye.radius_m),
         lambda network, _, samples: _losses(network, samples, reader),
-        drawn_ahead(draw, range(reader.epochs * chunks), workers),
+        _rounds(draw, reader, reader.epochs * chunks, workers),
         reader,
         steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
         section="reader",
@@ -189,6 +191,20 @@ def fit_reader(
     )
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
     return Fitted(fitted.network, tuple(of_epochs.tolist()))
+
+
+def _rounds(
+    draw: Callable[[int], ReaderSamples], reader: ReaderStudy, rounds: int, workers: int
+) -> Generator[ReaderSamples, None, None]:
+    """Yield the samples of each round; where left and right are drawn alike, mirror images follow their originals."""
+    drawn_from = (reader.lateral_m, reader.rotation_rad)
+    places = [each.values if isinstance(each, Choice) else each.bounds for each in drawn_from]
+    alike = all(sorted(values) == sorted(-value for value in values) for values in places)
+    with closing(drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)) as drawn:
+        for number, samples in enumerate(drawn):
+            yield samples
+            if alike and 2 * number + 1 < rounds:
+                yield samples.mirrored()
 
 
 def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:

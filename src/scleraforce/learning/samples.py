@@ -1,7 +1,7 @@
 """Samples for the reader, drawn from the response library: any number, each of another eye."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -16,7 +16,7 @@ from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.mechanics.globe import Globe, sealed_globe
-from scleraforce.reader.networks import GivenEyes, given_inputs, given_modulus
+from scleraforce.reader.networks import GIVEN, GivenEyes, given_inputs, given_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
 if TYPE_CHECKING:
@@ -75,6 +75,12 @@ class ReaderSamples:
 
     def __len__(self) -> int:
         return len(self.force_n)
+
+    def mirrored(self) -> "ReaderSamples":
+        """Return the mirror images, left for right: of eyes whose poles lie on the other side."""
+        given = self.given.copy()
+        given[:, GIVEN.index("pole along")] *= -1.0
+        return replace(self, slices=self.slices[:, :, ::-1], given=given, lateral_m=-self.lateral_m)
 
 
 def concatenated(parts: Sequence[Samples]) -> Samples:
