@@ -1,11 +1,11 @@
-"""The path against brute force, and against dynamic programming written out."""
+"""The path against brute force and dynamic programming written out; an opening against each row's window."""
 
 from itertools import product
 
 import numpy as np
 import pytest
 
-from scleraforce.segmentation.loops import best_path
+from scleraforce.segmentation.loops import best_path, open_rows
 from scleraforce.segmentation.wall_finder import smooth_path
 
 
@@ -66,3 +66,14 @@ def test_a_step_is_free_where_its_cost_is_nothing() -> None:
     assert len(set(smooth_path(score, cost).tolist())) == 1
     cost[2] = 0.0
     assert smooth_path(score, cost).tolist() == [2, 2, 2, 15, 15, 15]
+
+
+@pytest.mark.parametrize("window", [2, 3, 8, 12, 13, 40])
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_an_opening_is_the_largest_of_the_smallest_in_each_window(window: int, dtype: type) -> None:
+    values: np.ndarray = np.random.default_rng(window).integers(0, 60_000, (25, 7)).astype(dtype)
+    spans = [slice(max(0, row - window // 2), row - window // 2 + window) for row in range(len(values))]
+    smallest = np.array([values[span].min(axis=0) for span in spans])
+    expected = np.array([smallest[span].max(axis=0) for span in spans])
+    open_rows(values, window)
+    np.testing.assert_array_equal(values, expected)

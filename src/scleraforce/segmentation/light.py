@@ -65,25 +65,28 @@ def _logarithms(largest: int) -> NDArray[np.uint16]:
 @compiled
 def _contrast(rows: Counts) -> float:
     """Return the contrast of rows of counts (row, column): see `pair_contrast`."""
-    columns = rows.shape[1]
-    mean, number = np.empty(rows.size, np.uint16), 0
-    for line in rows:
-        for column in range(PAIR_COLUMNS, columns):
-            one, other = np.int64(line[column]), np.int64(line[column - PAIR_COLUMNS])
-            mean[number] = (one + other) >> 1
-            number += (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
+    columns = max(rows.shape[1] - PAIR_COLUMNS, 0)
+    mean, number = np.empty(len(rows) * columns, np.uint16), 0
+    for row in range(len(rows)):
+        line, line_mean = rows[row], mean[row * columns : (row + 1) * columns]
+        for at in range(columns):
+            one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
+            lit = (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
+            line_mean[at] = ((one + other) >> 1) * np.int32(lit)
+            number += lit
     if number < LEAST_PAIRS:
         return 0.0
-    least = nth_count(mean, number, int(DIMMER * number))
-    share, chosen = np.empty(number, np.float32), 0
-    for line in rows:
-        for column in range(PAIR_COLUMNS, columns):
-            one, other = np.int64(line[column]), np.int64(line[column - PAIR_COLUMNS])
-            if (one + other) >> 1 >= least and one > 0 and other > 0:
-                share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
-                chosen += 1
+    least = nth_count(mean, mean.size, mean.size - number + int(DIMMER * number))
+    bright, share, chosen = np.empty(mean.size, np.int32), np.empty(mean.size, np.float32), 0
+    for pair in range(mean.size):
+        bright[chosen] = pair
+        chosen += mean[pair] >= least
+    for at in range(chosen):
+        line, column = rows[bright[at] // columns], bright[at] % columns
+        one, other = np.int64(line[column]), np.int64(line[column + PAIR_COLUMNS])
+        share[at] = np.float32(abs(one - other)) / np.float32(one + other)
     upper = nth(share, chosen, chosen // 2)
-    lower = upper if chosen % 2 else nth(share, chosen, chosen // 2 - 1)
+    lower = upper if chosen % 2 else share[: chosen // 2].max()  # `nth` has put the smaller ones there
     return float(np.float32(0.5) * (lower + upper))
 
 
@@ -106,9 +109,7 @@ def find_lit(frame: Counts) -> tuple[int, int, int, int, NDArray[np.bool_]]:
         line = frame[row]
         for column in range(columns):
             brightest[column] = max(brightest[column], line[column])
-    largest = 0
-    for column in range(columns):
-        largest = max(largest, np.int64(brightest[column]))
+    largest = np.int64(brightest.max())
     black, left, after, lit = int(LIT_SHARE * largest), 0, 0, 0
     for column in range(columns):
         dark[column] = brightest[column] <= black

@@ -41,20 +41,19 @@ multiply_add = _multiply_add()
 @compiled
 def nth_count(counts: Counts, number: int, place: int) -> int:
     """Return the count at a place of the first `number` ones in ascending order."""
-    bins = np.zeros(BINS, np.int64)
+    bins = np.zeros((4, 2 * BINS), np.int32)  # four by turns: equal counts follow each other
     for i in range(number):
-        bins[np.int64(counts[i]) >> 8] += 1
+        bins[i & 3, counts[i] >> 8] += 1
     high, below = 0, 0
-    while below + bins[high] <= place:
-        below += bins[high]
+    while below + bins[:, high].sum() <= place:
+        below += bins[:, high].sum()
         high += 1
     bins[:] = 0
-    for i in range(number):
-        if np.int64(counts[i]) >> 8 == high:
-            bins[np.int64(counts[i]) & 255] += 1
+    for i in range(number):  # no branch: others are counted apart
+        bins[i & 3, (counts[i] & 255) + BINS * (counts[i] >> 8 != high)] += 1
     low = 0
-    while below + bins[low] <= place:
-        below += bins[low]
+    while below + bins[:, low].sum() <= place:
+        below += bins[:, low].sum()
         low += 1
     return high * BINS + low
 
@@ -137,26 +136,36 @@ def mean_of_neighbours(values: Float, reach: int) -> Float:
 
 @compiled
 def open_rows(values: NDArray[np.number], window: int) -> None:
-    """Take the largest of the smallest of `window` rows about each row; an even window has one row more above."""
-    columns, number = values.shape[1], values.size
-    opened, smallest = values.reshape(number), values.copy().reshape(number)
-    for row in range(1, window // 2 + 1):
-        away = row * columns
-        for at in range(number - away):
-            smallest[at + away] = min(smallest[at + away], opened[at])
-    for row in range(1, window - window // 2):
-        away = row * columns
-        for at in range(number - away):
-            smallest[at] = min(smallest[at], opened[at + away])
-    opened[:] = smallest
-    for row in range(1, window // 2 + 1):
-        away = row * columns
-        for at in range(number - away):
-            opened[at + away] = max(opened[at + away], smallest[at])
-    for row in range(1, window - window // 2):
-        away = row * columns
-        for at in range(number - away):
-            opened[at] = max(opened[at], smallest[at + away])
+    """Take the largest of the smallest of `window` rows about each row; an even window has one row more above.
+
+    Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that overlap. The first row stands for
+    those above it: each window that begins there contains it.
+    """
+    columns, size, above = values.shape[1], values.size, window // 2 * values.shape[1]
+    here, longer = np.empty(size + above, values.dtype), np.empty(size + above, values.dtype)
+    for largest in (False, True):
+        here[above:] = values.reshape(size)
+        for at in range(above):
+            here[at] = values[0, at % columns]
+        length = 1
+        while length < window:
+            step = min(length, window - length)
+            _longer_windows(here, min(step * columns, size + above), largest, longer)
+            here, longer, length = longer, here, length + step
+        values.reshape(size)[:] = here[:size]
+
+
+@compiled
+def _longer_windows(values: NDArray[np.number], away: int, largest: bool, to: NDArray[np.number]) -> None:
+    """Write the larger or smaller of each value and the one `away` after it; the last ones are kept."""
+    both = len(values) - away
+    to[both:] = values[both:]
+    if largest:
+        for at in range(both):
+            to[at] = max(values[at], values[at + away])
+    else:
+        for at in range(both):
+            to[at] = min(values[at], values[at + away])
 
 
 @compiled
@@ -184,10 +193,7 @@ def at_every_column(
     `column` (point,) goes from the first column to the last; `nearest` is the point of each column. If all of these are
     there, the other points count, too.
     """
-    everywhere = True
-    for at in range(len(to)):
-        everywhere = everywhere and there[nearest[at]]
-    after, points, last = 0, len(column), -1
+    everywhere, after, points, last = there[nearest].all(), 0, len(column), -1
     for at in range(len(to)):
         while after < points and (not (everywhere or there[after]) or column[after] <= at):
             last = after if everywhere or there[after] else last
@@ -228,11 +234,7 @@ def best_rows(score_cr: Float) -> NDArray[np.int64]:
     """Return the best row of each column; the first one of several."""
     path = np.empty(len(score_cr), np.int64)
     for column in range(len(score_cr)):
-        best = 0
-        for row in range(1, score_cr.shape[1]):
-            if score_cr[column, row] > score_cr[column, best]:
-                best = row
-        path[column] = best
+        path[column] = np.argmax(score_cr[column])
     return path
 
 
@@ -290,12 +292,10 @@ def _search(score_cr: Float, reach: int, path: NDArray[np.int64]) -> None:
 def _add_best(sums: Float, score: Float, reach: int, to: Float) -> None:
     """Write a column's scores plus the largest of the sums within reach."""
     rows = len(score)
-    for row in range(rows):
-        to[row] = sums[row]
+    to[:] = sums
     for step in range(1, min(reach, rows - 1) + 1):
         for row in range(rows - step):
             to[row] = max(to[row], sums[row + step])
         for row in range(rows - step):
             to[row + step] = max(to[row + step], sums[row])
-    for row in range(rows):
-        to[row] += score[row]
+    to += score

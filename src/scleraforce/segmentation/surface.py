@@ -325,8 +325,7 @@ def smooth_surface(found: Float) -> None:
     for step in range(4):
         longer[step] = 2 * found[0] - found[4 - step]
         longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
-    for at in range(number):
-        longer[at + 4] = found[at]
+    longer[4 : number + 4] = found
     for at in range(2, number + 6):
         median[at] = _median_of_five(longer[at - 2 : at + 3])
     for at in range(number):
