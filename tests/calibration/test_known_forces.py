@@ -343,6 +343,10 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
     assert max(tried) == STIFFENINGS[3]
     found, tried = sought(lambda place: 0.5 * (place - 0.5) ** 2)
     assert len(tried) <= len(STIFFENINGS) + 1  # what is left to gain is less than the forces show
+    # A parabola through walls far apart says little: an eye of b = 20, whose best walls lie between alike ones.
+    places, uneven = np.log1p([0.0, 0.5, 2.26, 8.42, 15.3, 30.0]), [188.9, 182.7, 163.1, 110.0, 71.3, 109.2]
+    found, _ = sought(boundaries=lambda place: float(np.interp(place, places, uneven)))
+    assert found == pytest.approx(places[4], abs=0.1)
     # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
     lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
     found, _ = sought(boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place)

@@ -190,7 +190,7 @@ EXPLAINED = 2.0  # times as much: the walls are the frames'
 TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
 NEAR = 0.03  # of the same: what lies so near was tried
-GAIN, ALIKE = 0.02, 4.0  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
+GAIN, ALIKE = 0.02, 1.0  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -460,7 +460,8 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
             if bent > 0.0:
                 lowest = float(np.clip(-0.5 * straight / bent, places[0], places[-1]))
                 off, at_best = np.array([lowest, places[best]]) + 0.5 * straight / bent
-                if bent * (at_best**2 - off**2) < GAIN and np.ptp(losses[near]) < ALIKE:
+                gains = bent * (at_best**2 - off**2) >= GAIN or np.ptp(losses[near]) >= ALIKE
+                if not gains and np.diff(places[near]).min() < WIDE:
                     return None
         elif bounded:
             beside = best - 1 if np.isfinite(losses[best - 1]) else best + 1
