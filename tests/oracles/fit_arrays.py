@@ -5,8 +5,11 @@ from library_arrays import values_at
 from numpy.typing import NDArray
 
 from scleraforce.library import prediction, unknowns as at
+from scleraforce.library.base import base_push
+from scleraforce.library.fit_loops import Rings
 from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
-from scleraforce.library.prediction import LEAST_SD, Walls, cut_by_plane, shining
+from scleraforce.library.prediction import LEAST_SD, Walls, shining
+from scleraforce.library.responses import Library
 
 Array = NDArray[np.float64]
 
@@ -46,13 +49,68 @@ def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[A
     )
     library = walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(
-        curves, unknown[None, at.GAP], prediction.ring_motion(library, walls.rings, state, pole) * size
-    )
+    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(library, walls.rings, state, pole) * size)
     outer, inner = place_curves(section, pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])[0]
     parts = smoothed(outer, places), depths_along(inner, places.lateral_m[places.outer :])
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     return depth, slope, seen
+
+
+def ring_motion(library: Library, rings: Rings, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+    """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
+
+    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+    """
+    thickness, ratio, _ = place
+    bulge = library.base_bulge(thickness, ratio, rings.places, pole_s2)
+    pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
+    bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
+    is_inner = np.array([[0], [1]])
+    low, high = bulge[:, is_inner, rings.left], bulge[:, is_inner, rings.left + 1]
+    at_rings: Array = low + rings.share[..., None] * (high - low)
+    return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
+
+
+def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
+    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
+
+    The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
+    result is (sample, boundary, 2 node, 2). Nodes nearer to the axis than the plane are put in the middle, at the depth
+    of the plane's nearest point. `moved_sbwnc` (sample, boundary, [left, right], node, 3) is the motion of the points
+    that the plane meets: along the section, across it and down, m.
+    """
+    gap = gap_s[:, None, None]
+    if moved_sbwnc is None:
+        right, down, _ = _cut_side(curves_sbnc, gap)
+        left, left_down = -right, down
+    else:
+        left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
+        right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
+    lateral = np.concatenate([left[..., ::-1], right], axis=2)
+    return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
+
+
+def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) -> tuple[Array, Array]:
+    """Return one side's lateral places and depths (sample, boundary, node)."""
+    lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
+    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
+    along, deeper = (np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2))
+    return sign * lateral + along, down + deeper
+
+
+def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
+    distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
+    square = distance**2 - gap**2
+    beyond = np.maximum.accumulate(square > 0.0, axis=2)
+    first = np.argmax(beyond, axis=2, keepdims=True)
+    before = np.maximum(first - 1, 0)
+    near, far = (np.take_along_axis(square, node, axis=2) for node in (before, first))
+    share = np.where(first > 0, -near / np.maximum(far - near, 1e-30), 1.0)
+    top, below = (np.take_along_axis(depth, node, axis=2) for node in (before, first))
+    middle = top + np.clip(share, 0.0, 1.0) * (below - top)
+    lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
+    return lateral, np.where(beyond, depth, middle), first
 
 
 def smoothed(outer: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:

@@ -73,34 +73,13 @@ def depths_of_walls(
     Of the first wall also the slope and whether it is reached (place,).
     """
     walls, nodes = len(states.tip_m), tables.curves.shape[1] // 4
-    rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
-    curves = np.empty((walls, tables.curves.shape[1]))
-    motions = np.empty((walls, 2, 2 * nodes, 3))
+    shapes = _empty_shapes(tables, walls)
     lateral, down = np.empty(2 * nodes), np.empty(2 * nodes)
     slope_at, reached_at = np.empty(len(at_m)), np.empty(len(at_m), dtype=np.bool_)
-    c, s = np.cos(states.rotation_rad), np.sin(states.rotation_rad)
     for wall in range(walls):
-        state_weights(tables, states.thickness_m[wall], states.iop_ratio[wall], states.tip_m[wall], rows, weights)
-        if states.curves_of[wall] == wall:
-            curves_at(tables.curves, rows, weights, curves[wall])
-        if states.motion_of[wall] == wall:
-            _motion(tables, rings, states, wall, motions[wall])
-        pushed = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * value_at(tables.forces, rows, weights)
-        pushed /= states.thickness_m[wall]
+        _find_shape(tables, rings, states, wall, shapes)
         for boundary in range(2):
-            _cut(
-                curves[states.curves_of[wall]].reshape(2, nodes, 2)[boundary],
-                motions[states.motion_of[wall], boundary],
-                states.pole[wall] * pushed,
-                states.size[wall],
-                states.gap_m[wall],
-                lateral,
-                down,
-            )
-            for node in range(2 * nodes):
-                across, deep = lateral[node], down[node]
-                lateral[node] = c * across - s * deep + states.lateral_m
-                down[node] = s * across + c * deep + states.depth_m
+            _place(states, wall, boundary, shapes, lateral, down)
             length = _without_folds(lateral, down)
             part = slice(0, outer) if boundary == 0 else slice(outer, len(at_m))
             _depths_along(
@@ -109,6 +88,64 @@ def depths_of_walls(
             )  # fmt: skip
         if wall == 0:
             slope[:], reached[:] = slope_at, reached_at
+
+
+@compiled
+def sections_of_walls(tables: SplineTables, rings: Rings, states: States, placed: Floats) -> None:
+    """Write the two boundaries of walls in the frame, (wall, boundary, 2 node, [lateral, depth]), m."""
+    lateral, down = np.empty(placed.shape[2]), np.empty(placed.shape[2])
+    shapes = _empty_shapes(tables, len(placed))
+    for wall in range(len(placed)):
+        _find_shape(tables, rings, states, wall, shapes)
+        for boundary in range(2):
+            _place(states, wall, boundary, shapes, lateral, down)
+            placed[wall, boundary, :, 0], placed[wall, boundary, :, 1] = lateral, down
+
+
+class _Shapes(NamedTuple):
+    """Curves of walls (wall, boundary, node, 2), motions of their rings (wall, boundary, ring, 3), and base's push.
+
+    `pushed` (wall, 2); `rows` and `weights` are those of the last wall's state.
+    """
+
+    curves: Floats
+    motions: Floats
+    pushed: Floats
+    rows: Integers
+    weights: Floats
+
+
+@compiled
+def _empty_shapes(tables: SplineTables, walls: int) -> _Shapes:
+    nodes = tables.curves.shape[1] // 4
+    return _Shapes(
+        np.empty((walls, 2, nodes, 2)), np.empty((walls, 2, 2 * nodes, 3)), np.empty((walls, 2)),
+        np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
+    )  # fmt: skip
+
+
+@compiled
+def _find_shape(tables: SplineTables, rings: Rings, states: States, wall: int, shapes: _Shapes) -> None:
+    rows, weights = shapes.rows, shapes.weights
+    state_weights(tables, states.thickness_m[wall], states.iop_ratio[wall], states.tip_m[wall], rows, weights)
+    if states.curves_of[wall] == wall:
+        curves_at(tables.curves, rows, weights, shapes.curves[wall].reshape(tables.curves.shape[1]))
+    if states.motion_of[wall] == wall:
+        _motion(tables, rings, states, wall, shapes.motions[wall])
+    pushed = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * value_at(tables.forces, rows, weights)
+    shapes.pushed[wall] = states.pole[wall] * (pushed / states.thickness_m[wall])
+
+
+@compiled
+def _place(states: States, wall: int, boundary: int, shapes: _Shapes, lateral: Floats, down: Floats) -> None:
+    """Write a boundary of a wall in the frame, (2 node,)."""
+    curve, motion = shapes.curves[states.curves_of[wall], boundary], shapes.motions[states.motion_of[wall], boundary]
+    _cut(curve, motion, shapes.pushed[wall], states.size[wall], states.gap_m[wall], lateral, down)
+    c, s = np.cos(states.rotation_rad), np.sin(states.rotation_rad)
+    for node in range(len(lateral)):
+        across, deep = lateral[node], down[node]
+        lateral[node] = c * across - s * deep + states.lateral_m
+        down[node] = s * across + c * deep + states.depth_m
 
 
 @compiled
@@ -167,7 +204,7 @@ def _add_motion(
 def _cut(
     curve: Floats, moved: Floats, pushed: Floats, size: float, gap_m: float, lateral: Floats, down: Floats
 ) -> None:
-    """Write where the plane meets a boundary (node, 2), left side first (2 node,) (`prediction.cut_by_plane`)."""
+    """Write where the plane meets a boundary (node, 2), left side first, (2 node,)."""
     nodes = len(curve)
     squares = np.empty(nodes)
     for side in range(2):

@@ -26,30 +26,15 @@ from numpy.typing import NDArray
 
 from scleraforce.known import OPEN, KnownGlobe
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_push, section_places
-from scleraforce.library.fit_loops import Law, Rings, off_the_laws, predict
-from scleraforce.library.placement import Placed, Places, place_curves
+from scleraforce.library.base import section_places
+from scleraforce.library.fit_loops import Law, Rings, States, off_the_laws, predict, sections_of_walls
+from scleraforce.library.placement import Placed, Places
 from scleraforce.library.responses import Library
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]
 
 STATION_RAD = 0.04  # between the places
-
-
-def ring_motion(library: Library, rings: Rings, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
-    """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
-
-    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
-    """
-    thickness, ratio, _ = place
-    bulge = library.base_bulge(thickness, ratio, rings.places, pole_s2)
-    pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
-    bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
-    is_inner = np.array([[0], [1]])
-    low, high = bulge[:, is_inner, rings.left], bulge[:, is_inner, rings.left + 1]
-    at_rings: Array = low + rings.share[..., None] * (high - low)
-    return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
@@ -111,14 +96,16 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose, and none has a form of its own.
     """
-    size, gap, pose = np.exp(unknown_su[:, at.SIZE]), unknown_su[:, at.GAP], unknown_su[0]
-    place = _library_place(walls, unknown_su)
-    curves_sbnc = walls.library.shapes(*place).astype(np.float64) * size[:, None, None, None]
-    moved = None
-    if unknown_su[:, at.POLE].any():
-        motion = ring_motion(walls.library, walls.rings, place, unknown_su[:, at.POLE])
-        moved = motion * size[:, None, None, None, None]
-    return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])
+    library, every = walls.library, np.arange(len(unknown_su))
+    lateral_m, depth_m, rotation_rad = unknown_su[0, [at.LATERAL, at.DEPTH, at.ROTATION]].tolist()
+    size, pole = np.exp(unknown_su[:, at.SIZE]), np.ascontiguousarray(unknown_su[:, at.POLE])
+    states = States(
+        *_library_place(walls, unknown_su), size, unknown_su[:, at.GAP].copy(), pole, every,
+        every if pole.any() else np.zeros_like(every), lateral_m, depth_m, rotation_rad,
+    )  # fmt: skip
+    placed = np.empty((len(every), 2, library.tables.curves.shape[1] // 2, 2))
+    sections_of_walls(library.tables, walls.rings, states, placed)
+    return placed
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:
@@ -154,48 +141,6 @@ def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array
         np.clip(ratio, *library.iop_ratio_ends(thickness)),
         np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1]),
     )
-
-
-def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
-    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
-
-    The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
-    result is (sample, boundary, 2 node, 2). Nodes nearer to the axis than the plane are put in the middle, at the depth
-    of the plane's nearest point. `moved_sbwnc` (sample, boundary, [left, right], node, 3) is the motion of the points
-    that the plane meets: along the section, across it and down, m.
-    """
-    gap = gap_s[:, None, None]
-    if moved_sbwnc is None:
-        right, down, _ = _cut_side(curves_sbnc, gap)
-        left, left_down = -right, down
-    else:
-        left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
-        right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
-    lateral = np.concatenate([left[..., ::-1], right], axis=2)
-    return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
-
-
-def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) -> tuple[Array, Array]:
-    """Return one side's lateral places and depths (sample, boundary, node)."""
-    lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
-    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
-    along, deeper = (np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2))
-    return sign * lateral + along, down + deeper
-
-
-def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
-    distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
-    square = distance**2 - gap**2
-    beyond = np.maximum.accumulate(square > 0.0, axis=2)
-    first = np.argmax(beyond, axis=2, keepdims=True)
-    before = np.maximum(first - 1, 0)
-    near, far = (np.take_along_axis(square, node, axis=2) for node in (before, first))
-    share = np.where(first > 0, -near / np.maximum(far - near, 1e-30), 1.0)
-    top, below = (np.take_along_axis(depth, node, axis=2) for node in (before, first))
-    middle = top + np.clip(share, 0.0, 1.0) * (below - top)
-    lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
-    return lateral, np.where(beyond, depth, middle), first
 
 
 MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)
