@@ -9,7 +9,7 @@ from time import perf_counter, sleep
 import cv2
 import numpy as np
 
-from scleraforce.known import Modulus, known_of_recording
+from scleraforce.known import OPEN, UNKNOWN, KnownGlobe, Modulus, known_of_recording
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.reader import ForceReader
@@ -27,8 +27,9 @@ PAUSE_S = 0.01  # of a scanner with 100 frames a second
 AGAIN = 10  # times in a row
 FIT_EVERY = 10  # frames of the recording
 MODULUS_PA, MODULUS_SD_PA = 0.3e6, 4.5e3  # of its eye, as a calibration finds it
-CRUDE, SEGMENT, READ, FIT = "plain median and Otsu", "segment", "all of the live reading", "fit"
-GOALS_MS = {SEGMENT: (0.35, 0.7), FIT: (1.5, None)}
+CRUDE, SEGMENT, READ = "plain median and Otsu", "segment", "all of the live reading"
+FIT, FIT_OPEN, FIT_UNKNOWN = "fit", "fit, open globe", "fit, unknown globe"
+GOALS_MS = {SEGMENT: (0.35, 0.7), FIT: (1.0, None), FIT_OPEN: (2.0, None), FIT_UNKNOWN: (8.0, None)}
 SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped reader's library under 0 to 60 mN; one
 core. Between two calls there is a pause of 10 ms, as between the frames of a scanner: caches are cold. The rows are
 taken in turns, frame by frame."""
@@ -38,6 +39,8 @@ WORDS = {
     READ: "`LiveReader.read`: segmentation, slices, network, verdicts, force with its interval",
     FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame, here of a recording of "
     "0 to 20 mN with the known inputs of a monitor",
+    FIT_OPEN: "the same of the drawn eyes, declared open",
+    FIT_UNKNOWN: "the same, globe not declared",
 }
 Work = Callable[[int], object]
 
@@ -47,6 +50,7 @@ def measure(run: Run) -> Table:
     reader = shipped_reader()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
+    work |= {FIT_OPEN: _fits(reader, eyes, OPEN), FIT_UNKNOWN: _fits(reader, eyes, UNKNOWN)}
     for do in work.values():
         do(0)
     gc.collect()
@@ -97,6 +101,16 @@ def _fit(reader: ForceReader, path: Path) -> Work:
         return fit_boundaries(library, one.lateral_m, one.depth_m, prior, smoothing_m)
 
     return fit
+
+
+def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> Work:
+    """Return the function that fits a wall to the boundaries of a drawn eye of a known kind of globe."""
+    inputs = []
+    for eye in eyes:
+        known = replace(eye.known, globe=globe)
+        seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)
+        inputs.append((reader.library_for(known), seen.lateral_m, seen.depth_m, prior_of(known, reader.study.reader)))
+    return lambda n: fit_boundaries(*inputs[n], reader.study.calibration.surface_smoothing_m)
 
 
 def _cold(work: Mapping[str, Work], frames: int, rounds: int) -> dict[str, list[float]]:
