@@ -1,4 +1,7 @@
-"""The model folder: network, study, card, a reader's library, and `model.json` with their SHA-256; the bundled ones."""
+"""The model folder: network, study, card, a reader's library, and `model.json` with their SHA-256; the bundled ones.
+
+Reading refuses a file that does not match `model.json`, so that a network never runs beside another one's study.
+"""
 
 import hashlib
 import json

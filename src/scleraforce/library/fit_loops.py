@@ -105,7 +105,7 @@ def sections_of_walls(tables: SplineTables, rings: Rings, states: States, placed
 class _Shapes(NamedTuple):
     """Curves of walls (wall, boundary, node, 2), motions of their rings (wall, boundary, ring, 3), and base's push.
 
-    `pushed` (wall, 2); `rows` and `weights` are those of the last wall's state.
+    `pushed` (wall, 2); `rows` and `weights` belong to the last wall's state.
     """
 
     curves: Floats
