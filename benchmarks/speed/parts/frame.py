@@ -39,7 +39,7 @@ WORDS = {
     READ: "`LiveReader.read`: segmentation, slices, network, verdicts, force with its interval",
     FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame, here of a recording of "
     "0 to 20 mN with the known inputs of a monitor",
-    FIT_OPEN: "the same of the drawn eyes, declared open",
+    FIT_OPEN: "the same of the drawn eyes that show enough for a fit, declared open",
     FIT_UNKNOWN: "the same, globe not declared",
 }
 Work = Callable[[int], object]
@@ -105,12 +105,14 @@ def _fit(reader: ForceReader, path: Path) -> Work:
 
 def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> Work:
     """Return the function that fits a wall to the boundaries of a drawn eye of a known kind of globe."""
-    inputs = []
+    inputs, smoothing_m = [], reader.study.calibration.surface_smoothing_m
     for eye in eyes:
         known = replace(eye.known, globe=globe)
         seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)
-        inputs.append((reader.library_for(known), seen.lateral_m, seen.depth_m, prior_of(known, reader.study.reader)))
-    return lambda n: fit_boundaries(*inputs[n], reader.study.calibration.surface_smoothing_m)
+        one = reader.library_for(known), seen.lateral_m, seen.depth_m, prior_of(known, reader.study.reader), smoothing_m
+        if fit_boundaries(*one) is not None:  # a frame that shows too little is refused at once
+            inputs.append(one)
+    return lambda n: fit_boundaries(*inputs[n % len(inputs)])
 
 
 def _cold(work: Mapping[str, Work], frames: int, rounds: int) -> dict[str, list[float]]:
