@@ -1,4 +1,7 @@
-"""Work on a Dask cluster (extra `[cluster]`), through an executor; units of a worker that dies go to another one."""
+"""Work on the workers of an existing Dask cluster (extra `[cluster]`), through an executor of `concurrent.futures`.
+
+The scheduler gives a unit to another worker if one dies. Results come to this process, which alone writes.
+"""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -12,13 +15,20 @@ CONNECT_S = 10.0
 
 
 class ClusterWorkers(int):
-    """Threads of a Dask scheduler's workers, at least 1, with its address, in place of a number of workers."""
+    """The number of threads of a Dask scheduler's workers, at least 1, with the scheduler's address.
+
+    Every function that takes a number of workers takes this one instead.
+    """
 
     scheduler: str
 
 
 def cluster_workers(scheduler: str) -> ClusterWorkers:
-    """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786; raises InputError without one."""
+    """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786; work waits until it has some.
+
+    Raises:
+        InputError: Dask is not installed, or no scheduler answers.
+    """
     with _connected(scheduler) as client:
         workers = ClusterWorkers(max(1, sum(client.nthreads().values())))
     workers.scheduler = scheduler
@@ -29,7 +39,12 @@ def cluster_workers(scheduler: str) -> ClusterWorkers:
 def cluster_submit(
     do: Callable[[bytes, int], Any], work: bytes, workers: ClusterWorkers
 ) -> Iterator[Callable[[int], "Future[Any]"]]:
-    """Give a function that submits `do(work, unit)`; raises InputError without scheduler, or SolverError."""
+    """Give a function that submits `do(work, unit)` for a unit; each worker gets `work` once.
+
+    Raises:
+        InputError: the scheduler no longer answers.
+        SolverError: a unit killed several workers, or the scheduler ended.
+    """
     with _connected(workers.scheduler) as client:
         import distributed
         from distributed.comm.core import CommClosedError

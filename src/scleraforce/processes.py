@@ -1,4 +1,8 @@
-"""Work on numbered units in processes, each with a contiguous run of units, or on a cluster."""
+"""Work on numbered units in processes or on a cluster, through executors of `concurrent.futures`.
+
+Consecutive units may share what is costly to prepare. So each process is an executor of its own with a contiguous run
+of units; it takes units from the end of the longest other run only when its own is done.
+"""
 
 import multiprocessing
 import os
@@ -41,10 +45,19 @@ def available_cores() -> int:
 def work_units(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int
 ) -> Generator[tuple[int, Result], None, None]:
-    """Work on units in `workers` spawned processes (of one thread of BLAS), or a cluster; yield (unit, result) as done.
+    """Work on units in `workers` processes; yield (unit, result) in the order of completion.
 
-    `prepare`, which is pickled, is called once in each and returns the function of a unit. Raises a worker's error, or
-    SolverError if a worker died or could not be started.
+    A single worker is a process too: every number is then computed in the same way, with one thread of BLAS. The
+    processes are spawned and end when the iterator is closed.
+
+    Args:
+        prepare: called once in each process, or thread of a cluster's worker; returns the function of a unit. It is
+            pickled.
+        units: numbers of the units.
+        workers: largest number of processes; or the workers of a cluster.
+
+    Raises:
+        ScleraforceError: a worker raised it; SolverError if a worker died or could not be started.
     """
     on_cluster = isinstance(workers, ClusterWorkers)
     runs = split_runs(units, 1 if on_cluster else workers)
@@ -71,7 +84,10 @@ def work_units(
 def work_in_order(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int, ahead: int
 ) -> Generator[Result, None, None]:
-    """Work as `work_units`; yield results in the order of the units, with at most `ahead` of them begun early."""
+    """Work on units as `work_units`; yield the results in the order of the units.
+
+    At most `ahead` units are done or worked on before the caller asks for them.
+    """
     with _submitting(prepare, workers if isinstance(workers, ClusterWorkers) else min(workers, len(units))) as submit:
         coming = iter(units)
         waiting = deque(submit(unit) for unit in islice(coming, ahead))
@@ -102,6 +118,7 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
 
 @contextmanager
 def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[Submit]:
+    """Give a function that submits a unit to an executor of some workers, which end with the block."""
     work = pickle.dumps((_version(), prepare))
     if isinstance(workers, ClusterWorkers):
         with cluster_submit(_do, work, workers) as submit:
@@ -145,6 +162,7 @@ _prepared = local()  # the last preparation of this thread of a worker
 
 
 def _do(work: bytes | str, unit: int) -> Any:
+    """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
     try:
         if getattr(_prepared, "work", None) != work:
             version, prepare = pickle.loads(work if isinstance(work, bytes) else Path(work).read_bytes())
@@ -175,6 +193,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def _environment(settings: Mapping[str, str]) -> Iterator[None]:
+    """Change the environment of processes that start in the block."""
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
     try:

@@ -36,7 +36,10 @@ LARGEST_FORCE_BOUNDS = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A frame with its label: force in N and class (None: no force there); `excluded` says why it does not count."""
+    """A frame with its label: force in N and class, both None if the log has no force around it.
+
+    `excluded` says why an evaluation must leave the trial out; None if it counts.
+    """
 
     file: str
     time_s: float
@@ -46,7 +49,13 @@ class Trial:
 
 
 def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float | None = None) -> tuple[Trial, ...]:
-    """Label all frames in order; `max_force_n` excludes larger ones. Raises RecordingError for a log that cannot be."""
+    """Label every frame of a recording, in its order; trials above `max_force_n` are marked as excluded.
+
+    Raises:
+        RecordingError: no frame has force samples around it, the forces cannot be in N,
+            or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
+            starts in contact).
+    """
     log, labels = recording.forces, labels_n(recording)
     if log is not None and labels is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, log, str(labels[0]))
@@ -85,7 +94,10 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
 
 
 def unit_fault(recording: Recording, labels: Sequence[float | str] | None, classes: ClassesStudy) -> str | None:
-    """Return why forces cannot be in N, by labels and noise (mean difference of neighbours); None if they can."""
+    """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
+
+    The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
+    """
     log, info = recording.forces, recording.info.force
     if labels is None or log is None or info is None:
         return None
@@ -122,7 +134,10 @@ def _trial(
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
-    """Return a log's filtered contact force in N (samples,), NaN in gaps, with one tare before the first contact."""
+    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,), NaN in gaps.
+
+    The tare is one value, before the first contact: later drift of the sensor stays in the force.
+    """
     every_n = info.contact_sign * log.force_n(info.axis)
     known = np.isfinite(every_n)
     raw_n = every_n[known]
@@ -218,7 +233,10 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
 
 
 def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: float) -> slice | str:
-    """Return the samples of a frame's window, or why it has no label; at the log's ends, half of it is enough."""
+    """Return the samples of a frame's window, or why it has no label.
+
+    At the ends of the log, half of the window is enough, with samples on both sides of the frame.
+    """
     start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
     expected = average_s * log.sample_rate_hz
     if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
@@ -247,7 +265,11 @@ LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 def log_doubts(
     recording: Recording, classes: ClassesStudy, shown: Sequence[float | None], in_newtons: bool = False
 ) -> tuple[str, ...]:
-    """Return doubts about a log: `shown`, a measure of each frame's force (`in_newtons`: a force), does not fit it."""
+    """Return sentences on a log that does not fit its frames.
+
+    `shown` is a measure of the force in each frame, in any unit, None or NaN if unknown; `in_newtons` if it is a
+    force, so that its size is compared as well. Forces within the lowest class bound of one another prove nothing.
+    """
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
         return (doubt,) if doubt else ()

@@ -1,4 +1,8 @@
-"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?"""
+"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?
+
+The messages of a fault are prepared before it is due, so that reading and encoding delay nothing. After a single wrong
+frame the recording continues where it can, so that a silence does not hide a fault that the monitor missed.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -83,7 +87,13 @@ def prepare(
     speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
 ) -> PreparedFault:
-    """Prepare a fault in place of the first frame at or after a time, with `rng` for its choices; raises InputError."""
+    """Prepare a fault that takes the place of the first frame at or after a time of the recording.
+
+    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame.
+
+    Raises:
+        InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
+    """
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
     frames_s = [entry.time_s for entry in recording.frames]
@@ -97,7 +107,11 @@ def prepare(
 
 
 def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.random.Generator) -> float:
-    """Draw a fault's time, in contact and long before a force that is a cause by itself, or raise InputError."""
+    """Draw when a fault begins: after contact, and long enough before any force that is a cause by itself.
+
+    Raises:
+        InputError: the recording has no such time.
+    """
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
@@ -116,7 +130,14 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
 
 
 def inject(player: Player, prepared: PreparedFault) -> FaultReport:
-    """Do the acts until the robot withdraws or `WITHIN_S` is over, by an `observed` client; InputError: not OK."""
+    """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
+
+    The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
+    the scanner's connection is gone.
+
+    Raises:
+        InputError: the monitor did not say OK before the fault, so nothing can be observed.
+    """
     client, log, name = player.client, player.log, prepared.name
     due_s, stamp_s = player.due(prepared.time_s)
     interval_s = median_interval_s(player.recording) / player.speed
@@ -187,7 +208,10 @@ def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
 
 @dataclass
 class _Stage:
-    """The material of a fault: the frames from `first` on, `count` of them watched, of which `left` remain."""
+    """The material of a fault: the frames that would come next, from `first` on; `number` is that of the last one sent.
+
+    The fault is watched for the time of `count` frames, of which `left` remain in the recording.
+    """
 
     recording: Recording
     first: int
@@ -201,25 +225,31 @@ class _Stage:
         self.left = min(self.count, len(self.recording.frames) - self.first)
 
     def pixels(self, index: int) -> Pixels:
+        """Return the pixels of the frame `index` places after the first one of the fault."""
         return self.recording.frame(self.recording.frames[self.first + index])
 
     def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
+        """Return a frame with the next number."""
         self.number += 1
         message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
         return Sending(message, self.number)
 
     def shown(self, pictures: Iterable[Pixels]) -> list[Act]:
+        """Return pictures in place of the next frames."""
         return [(self.sending(pixels),) for pixels in pictures]
 
     def onward(self, begin: int) -> list[Act]:
+        """Return the frames that the scanner would send from `begin` on."""
         return self.shown(self.pixels(index) for index in range(begin, self.left))
 
     def bytes_of_next(self) -> bytearray:
+        """Return the next frame as it would be sent now."""
         message = self.sending(self.pixels(0)).message
         assert isinstance(message, Unstamped)
         return message.stamped(time())
 
     def forces_n(self, least_n: float) -> NDArray[np.float64]:
+        """Return the force at each frame, of which one must be at least `least_n`."""
         if self.given_n is None:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
         forces_n = np.asarray(self.given_n)
@@ -322,6 +352,7 @@ def _pixel_type(stage: _Stage) -> list[Act]:
 
 
 def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
+    """Return values as counts of the type of some pixels."""
     counts = np.clip(np.rint(values.astype(np.float64)), 0, np.iinfo(pixels.dtype).max)
     return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
 

@@ -49,7 +49,13 @@ class Demo:
 
 
 def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] | None = None) -> Demo:
-    """Push a virtual eye, calibrate on three frames, read the others, write a page; nothing is left of a failure."""
+    """Push a virtual eye, calibrate on three of the frames, read the others, and write a page with the date `made_at`.
+
+    A failure removes the folder. `progress` is called with the finished share of the work.
+
+    Raises:
+        InputError: `out` exists or cannot be written.
+    """
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder with --out")
     reach = progress or (lambda _: None)
@@ -84,6 +90,7 @@ def _session(out: Path, made_at: datetime, reach: Callable[[float], object]) -> 
 
 
 def _coarse(study: Study) -> Study:
+    """Return a study at finite strain on a coarse mesh."""
     return replace(
         study,
         mesh=replace(study.mesh, core=MESH_CORE, rings=MESH_RINGS),

@@ -1,4 +1,9 @@
-"""The whole pipeline in one folder: `reproduce.json` lists the finished stages, which the same code reuses."""
+"""The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
+
+Each stage leaves its result in the folder; `reproduce.json` lists the finished stages and a hash of the code. A later
+run with the same study reuses what is finished and does the rest, so Ctrl-C loses one stage at most. Results of other
+code or of another reader are not reused.
+"""
 
 import json
 import shutil
@@ -37,7 +42,10 @@ TRAINED_FOR = {
 
 
 class Run:
-    """One reproduction: folder, study, processes, the place of each result; `train`: the force reader, too."""
+    """One reproduction: its folder, study and processes, and the place of each result.
+
+    `train`: train the force reader in this run instead of using the bundled one.
+    """
 
     def __init__(self, folder: Path, study: Study, workers: int, train: bool = False) -> None:
         self.folder, self.study, self.workers, self.train = folder, study, workers, train
@@ -76,7 +84,12 @@ class Stage:
 
 
 def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
-    """Make or continue a folder; raises InputError for a folder of other things, StudyError if --train is needed."""
+    """Make or continue the folder of a reproduction.
+
+    Raises:
+        InputError: the folder holds something else, or was made from another study.
+        StudyError: the bundled reader was trained for other values than the study's.
+    """
     if not train:
         _check_bundled(study)
     run = Run(folder, study, workers, train)
@@ -96,7 +109,13 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
 def run_stages(
     run: Run, stages: tuple[Stage, ...], announce: Announce, tell: Callable[[str], object] = lambda _: None
 ) -> dict[str, float]:
-    """Do the unfinished stages, all after a change of code; return the seconds of each. `tell` gets a sentence."""
+    """Do the unfinished stages in order, or all of them if other code made the results in the folder.
+
+    `announce` opens a progress bar; `tell` is called with a line for the user if results of other code are removed.
+
+    Returns:
+        Seconds of each stage, for a finished stage from the run that did it.
+    """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
         tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
@@ -161,6 +180,7 @@ def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
 
 
 def _reader_of(run: Run) -> str:
+    """Return "trained", or the hash of the bundled reader's record."""
     return "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
 
 

@@ -113,7 +113,7 @@ class FrameRing:
         if number < 1 or self._numbers[slot] != number:
             return None
         pixels = np.empty(self.shape, dtype=np.uint16)  # read, not mapped: else all of the ring counts as a reader's
-        os.preadv(self.place.descriptor, [pixels.data], 8 * self.frames + slot * pixels.nbytes)
+        os.preadv(self.place.descriptor, [pixels.data], self._numbers.nbytes + slot * pixels.nbytes)
         return pixels if self._numbers[slot] == number else None
 
 
