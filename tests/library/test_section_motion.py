@@ -42,6 +42,15 @@ def drawn(seed: int, tension: float) -> np.ndarray:
     return unknown
 
 
+def test_walls_that_are_placed_together_are_those_placed_alone() -> None:
+    walls, unknown = Walls(bulging(analytic_library())), drawn(7, 0.3)[:4]
+    unknown[:, [LATERAL, DEPTH, ROTATION]] = unknown[0, [LATERAL, DEPTH, ROTATION]]
+    assert unknown[:, POLE].any()
+    alone = np.stack([place_walls(walls, one[None])[0] for one in unknown])
+    np.testing.assert_array_equal(place_walls(walls, unknown), alone)
+    assert np.abs(alone[1] - alone[0]).max() > 1e-5
+
+
 @pytest.mark.parametrize(("tension", "median_m", "nearly_all_m"), [(0.02, 0.5e-6, 3e-6), (0.05, 2e-6, 8e-6)])
 def test_sections_agree_with_the_fit_s_prediction(tension: float, median_m: float, nearly_all_m: float) -> None:
     library, unknown = bulging(analytic_library()), drawn(3, tension)
