@@ -15,6 +15,7 @@ import cv2
 import pytest
 import yaml
 from analytic_frames import image, tip_of, wall_section
+from effects import fresh_home
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
@@ -65,7 +66,7 @@ def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(wheel: Path,
 def test_an_unpacked_wheel_reads_a_frame_and_writes_a_study(wheel: Path, tmp_path: Path) -> None:
     ZipFile(wheel).extractall(tmp_path / "site")
     cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
-    environment = os.environ | {"PYTHONPATH": str(tmp_path / "site"), "HOME": str(tmp_path)}
+    environment = fresh_home(tmp_path) | {"PYTHONPATH": str(tmp_path / "site")}
     script = (
         "import sys, scleraforce; from scleraforce.cli.main import run; "
         f"assert scleraforce.__file__.startswith({str(tmp_path)!r}); sys.exit(run(sys.argv[1:]))"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from commands import ends
+from platformdirs import user_cache_path
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -50,11 +51,19 @@ class Traced:
     written: frozenset[Path]
 
 
+def share_machine_code(cache: Path) -> None:
+    """Link the loops that are compiled already into a new cache: to compile them again takes a minute."""
+    (cache / "scleraforce").mkdir(parents=True)
+    (cache / "scleraforce" / "compiled").symlink_to(user_cache_path("scleraforce") / "compiled")
+
+
 def fresh_home(folder: Path) -> dict[str, str]:
     """Return an environment whose home, caches and temporary files are below a folder."""
     places = {"HOME": folder / "home", "TMPDIR": folder / "temporary"}
     for place in places.values():
         place.mkdir(parents=True, exist_ok=True)
+    if not (places["HOME"] / ".cache").exists():
+        share_machine_code(places["HOME"] / ".cache")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_", "MPL"))}
     return kept | {name: str(place) for name, place in places.items()} | {"PYTHONDONTWRITEBYTECODE": "1"}
 
