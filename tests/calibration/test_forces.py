@@ -82,7 +82,7 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
     for seed in range(seeds):
         for eye, forces_n in paper_eyes(study):
             plan = plan_phantom(eye, forces_n, study, seed)
-            table = sense(plan.motion, plan.sensor, 2, -1, plan.motion[-1].end_s + 1.5, np.random.default_rng(seed))
+            table = sense(plan.path, plan.sensor, 2, -1, plan.path.times_s[-1] + 1.5, np.random.default_rng(seed))
             recording = recording_of(table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames])
             trials = label_frames(recording, CLASSES)
             for frame, trial, sd_n in zip(plan.frames, trials, label_sds(recording, trials), strict=True):

@@ -8,6 +8,7 @@ from analytic_library import analytic_library
 
 from scleraforce.calibration.assimilation import begin
 from scleraforce.calibration.eye_model import EyeConstants, WallState
+from scleraforce.laboratory.phantom import draw_relaxation
 from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
 from scleraforce.learning.dataset import draft_plan, plan_dataset
 from scleraforce.learning.generate import SampleSimulator, library_slices, near_library
@@ -67,6 +68,7 @@ radius_mm = 8.0
 follower = false
 [tissue]
 stiffening = 10.0
+relaxation = [[0.12, 1.2], [0.15, { min = 5.0, max = 12.0 }]]
 [globe]
 kind = "sealed"
 rigidity_mmhg13_per_ul = 0.02
@@ -88,6 +90,7 @@ STATE = WallState(youngs_modulus_pa=0.3e6, force_n=0.01, iop_pa=266.0, thickness
 
 
 def phantom(study: Study) -> None:
+    draw_relaxation(EYE, study, 0)
     study_sections(EYE, study)([0.002])
 
 

@@ -24,16 +24,10 @@ from scleraforce.laboratory.phantom import (
     sample_eyes,
     write_phantom,
 )
-from scleraforce.laboratory.pushes import (
-    ForcePath,
-    motion_end_s,
-    plan_pushes,
-    sample_sensor,
-    sense,
-    true_force,
-)
+from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 from scleraforce.study import (
@@ -46,6 +40,7 @@ from scleraforce.study import (
     PhantomStudy,
     Range,
     Study,
+    TissueStudy,
     fixed,
     format_study,
 )
@@ -101,7 +96,7 @@ def test_truth_has_every_parameter(written):
     assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(CorneaStudy(radius_m=8e-3))
     assert truth["eye"] == asdict(EYE)
     assert truth["globe"]["kind"] == "open"
-    assert truth["tissue"] == {"stiffening": 0.0}
+    assert truth["tissue"] == {"stiffening": 0.0, "relaxation": []}
     assert [frame["pressure_pa"] for frame in truth["frames"]] == [EYE.iop_pa] * 3
     assert truth["seed"] == 3
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
@@ -262,11 +257,11 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     for time_s, force_mn in expected_mn.items():
         assert forces_n[np.argmin(np.abs(times_s - time_s))] == pytest.approx(force_mn / 1e3, abs=1e-9)
     assert np.abs(np.diff(forces_n)).max() == pytest.approx(0.02 / 50)
-    assert motion_end_s(moving.motion) == pytest.approx(7.25)
+    assert moving.path.times_s[-1] == pytest.approx(7.25)
     assert (times_s[0], times_s[-1]) == (0.1, pytest.approx(7.25, abs=0.02))
     assert np.diff(times_s) == pytest.approx(0.02)
-    path = ForcePath((1.0, 2.0), (0.01, 0.03))  # constant beyond its ends
-    assert true_force(path, np.array([0.0, 1.5, 9.0])).tolist() == pytest.approx([0.01, 0.02, 0.03])
+    path = NeedlePath((0.0, 1.0, 2.0), (0.0, 0.01, 0.03))  # constant beyond its end
+    assert path.felt_n(np.array([0.0, 1.5, 9.0])).tolist() == pytest.approx([0.0, 0.02, 0.03])
 
 
 def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
@@ -305,36 +300,71 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
 PUSHES_FORCES_N = (0.002, 0.02, 0.0, 0.055)
 
 
-def acquisition(seed=0, **changes):
+RELAXATION = PronySeries((0.12, 0.15), (1.2, 12.0))
+
+
+def acquisition(seed=0, relaxation=RELAXATION, **changes):
     phantom = PhantomStudy(**changes)
     rng = np.random.default_rng(seed)
     pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
-    sensor = sample_sensor(phantom, rng)
-    return pushes, sensor, sense(pushes, sensor, 2, -1, pushes[-1].end_s + 1.0, rng)
+    path, sensor = path_of_pushes(pushes, relaxation), sample_sensor(phantom, rng)
+    return pushes, path, sensor, sense(path, sensor, 2, -1, pushes[-1].end_s + 1.0, rng)
 
 
-def test_the_force_is_the_given_one_at_frames_relaxes_while_the_needle_holds_and_is_zero_between_pushes():
-    pushes, _, _ = acquisition()
-    at_frames = true_force(pushes, np.array([push.frame_s for push in pushes]))
-    assert at_frames == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
-    push = pushes[3]
+def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_the_dent_stays():
+    pushes, path, _, _ = acquisition()
+    assert path.felt_n(np.array([push.frame_s for push in pushes])) == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
+    first, push = pushes[0], pushes[3]
     hold_s = push.start_s + push.ramp_s + np.linspace(0.0, push.hold_s, 200)
-    held = true_force(pushes, hold_s)
-    assert (np.diff(held) < 0.0).all()
-    loss = 1.0 - held[-1] / held[0]
-    assert loss == pytest.approx(push.relaxation_fraction * (1 - np.exp(-push.hold_s / push.relaxation_time_s)))
+    assert (np.diff(path.felt_n(hold_s)) < 0.0).all()
+    assert np.ptp(path.elastic_n(hold_s)) < 1e-12
+    since_s = np.linspace(0.0, first.ramp_s + first.hold_s, 4000)  # after rest: the ramp's convolution with G
+    driven_n = path.elastic_n(first.start_s + since_s + 1e-9)
+    steps_n, middle_s = np.diff(driven_n), (since_s[1:] + since_s[:-1]) / 2
+    expected_n = driven_n[0] + float(steps_n @ RELAXATION.left(since_s[-1] - middle_s))
+    assert path.felt_n(np.array([first.start_s + since_s[-1]])) == pytest.approx(expected_n, abs=1e-8)
     between_s = np.array([(a.end_s + b.start_s) / 2 for a, b in pairwise(pushes)])
-    assert (true_force(pushes, np.r_[0.0, between_s]) == 0.0).all()
+    assert (path.felt_n(np.r_[0.0, between_s]) == 0.0).all()
+    assert (path.elastic_n(np.r_[0.0, between_s]) == 0.0).all()
+
+
+def test_elastic_tissue_has_one_force():
+    pushes, path, _, log = acquisition(relaxation=ELASTIC)
+    assert path.felt_n(log[:, 0]) == pytest.approx(path.elastic_n(log[:, 0]), abs=1e-12)
+    assert path.elastic_n(np.array([push.frame_s for push in pushes])) == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
+
+
+def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(tmp_path) -> None:
+    terms = ((fixed(0.12), fixed(1.2)), (Range(min=0.1, max=0.2), fixed(12.0)))
+    study = replace(STUDY, tissue=TissueStudy(relaxation=terms))
+    planned, elastic = plan_phantom(EYE, (30e-3, 2e-3), study, 1), plan_phantom(EYE, (30e-3, 2e-3), STUDY, 1)
+    asked: list[list[float]] = []
+
+    def sections(forces_n):
+        asked.append(list(forces_n))
+        return list(flat_sections(forces_n))
+
+    write_phantom(tmp_path / "rec", planned, sections, study)
+    truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
+    frames = truth["frames"]
+    assert [frame["force_n"] for frame in frames] == pytest.approx([30e-3, 2e-3])
+    assert [frame["elastic_force_n"] for frame in frames] == asked[-1] == planned.elastic_n
+    assert elastic.elastic_n == elastic.forces_n
+    shares = [share for share, _ in truth["tissue"]["relaxation"]]
+    assert shares == list(planned.path.relaxation.shares)
+    assert shares[0] == 0.12
+    assert 0.1 <= shares[1] <= 0.2
+    assert all(frame["force_n"] < (1.0 - 0.12 * 0.8) * frame["elastic_force_n"] for frame in frames)
 
 
 def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its_rate_in_steps():
-    _, _, log = acquisition()
+    _, _, _, log = acquisition()
     assert np.diff(log[:, 0]) == pytest.approx(1 / 200.0)
     steps = log[:, 1:4] / 5e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
-    assert np.diff(acquisition(sample_rate_hz=500.0)[2][:, 0]) == pytest.approx(1 / 500.0)
-    pushes, sensor, log = acquisition(force_step_n=0.0)
-    force_n = true_force(pushes, log[:, 0])
+    assert np.diff(acquisition(sample_rate_hz=500.0)[3][:, 0]) == pytest.approx(1 / 500.0)
+    _, path, sensor, log = acquisition(force_step_n=0.0)
+    force_n = path.felt_n(log[:, 0])
     rest = log[:, 3] + force_n - sensor.offset_n[2] - sensor.drift_n_per_s * log[:, 0]
     assert rest.std() == pytest.approx(sensor.noise_n, rel=0.03)
     assert abs(rest.mean()) < 4 * sensor.noise_n / np.sqrt(len(rest))

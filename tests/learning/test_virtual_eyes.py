@@ -13,7 +13,7 @@ from small_recordings import LOGGED_INFO
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, Known
-from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
+from scleraforce.laboratory.pushes import path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.learning import virtual_eyes
 from scleraforce.learning.virtual_eyes import (
     CALIBRATED,
@@ -33,6 +33,7 @@ from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, a
 from scleraforce.library import INNER, OUTER, Library
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
+from scleraforce.mechanics.relaxation import ELASTIC
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import Score
 from scleraforce.recording.folder import Recording
@@ -122,7 +123,8 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
     assert force is not None
     pushes, sensor = plan_pushes(tuple(forces_n.tolist()), phantom, rng), sample_sensor(phantom, rng)
     axis = ("fx", "fy", "fz").index(force.axis)
-    log = sense(pushes, sensor, axis, force.contact_sign, motion_end_s(pushes) + 1.0, rng)
+    path = path_of_pushes(pushes, ELASTIC)
+    log = sense(path, sensor, axis, force.contact_sign, pushes[-1].end_s + 1.0, rng)
     forces = ForceLog(log[:, 0], log[:, 1:], FORCE_COLUMNS[1:])
     frames = tuple(FrameEntry(f"{number}.png", push.frame_s) for number, push in enumerate(pushes))
     recording = Recording(Path(), LOGGED_INFO, frames, forces)

@@ -177,7 +177,7 @@ def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reas
 def labels_of_the_paper_eyes(study, seed):
     for eye, forces_n in paper_eyes(study):
         plan = plan_phantom(eye, forces_n, study, seed)
-        table = sense(plan.motion, plan.sensor, 2, -1, plan.motion[-1].end_s + 1.5, np.random.default_rng(seed))
+        table = sense(plan.path, plan.sensor, 2, -1, plan.path.times_s[-1] + 1.5, np.random.default_rng(seed))
         frames = [frame.push.frame_s for frame in plan.frames]
         trials = label_frames(recording_of(ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:]), *frames), CLASSES)
         yield from zip(plan.frames, trials, strict=True)
@@ -192,7 +192,7 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     assert np.abs(errors).max() < 2e-3
     assert all(trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs)
     none = fixed(0.0)  # of a perfect sensor
-    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0, relaxation_fraction=none)
+    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
     for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
         assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)
 

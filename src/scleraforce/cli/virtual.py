@@ -124,7 +124,7 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--forces-mn", "forces_n", type=_Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames per second of a moving needle: --forces-mn "
-              "are then the turning points of its force, which begins at 0.")  # fmt: skip
+              "are then the turning points of its force on an elastic wall, which begins at 0.")  # fmt: skip
 @click.option("--ramp-mn-per-s", "ramp_n_per_s", type=click.FloatRange(0.01, 1e5), callback=in_si("mn_per_s"),
               help="Rate of change of a moving needle's force; default: 20.")  # fmt: skip
 @click.option("--hold-s", type=click.FloatRange(0, 3600), help="Time at each turning point; default: 1.")

@@ -34,6 +34,7 @@ from scleraforce.laboratory.virtual_eye import (
 )
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.form import thickness_factor
+from scleraforce.mechanics.relaxation import PronySeries
 from scleraforce.processes import available_cores, work_units
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
@@ -43,7 +44,7 @@ from scleraforce.whole_files import KINDS, folder_files, read_text, write_whole_
 
 Times = NDArray[np.float64]
 
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN = range(9)  # the streams of a recording
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE = range(10)  # the streams of a recording
 
 DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
 
@@ -72,6 +73,13 @@ def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Ti
     share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
     changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
     return changing
+
+
+def draw_relaxation(eye: PhantomEye, study: Study, seed: int) -> PronySeries:
+    """Draw how the eye's tissue relaxes."""
+    rng = stream(eye, seed, TISSUE)
+    terms = [(draw(share, rng), draw(time_s, rng)) for share, time_s in study.tissue.relaxation]
+    return PronySeries(tuple(share for share, _ in terms), tuple(time_s for _, time_s in terms))
 
 
 def stream_key(eye: PhantomEye, seed: int, *numbers: int) -> tuple[int, ...]:
@@ -109,15 +117,22 @@ class PhantomPlan:
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
-    motion: pushes.Motion
+    path: pushes.NeedlePath
     sensor: pushes.ForceSensor
     seed: int
 
     @property
     def forces_n(self) -> list[float]:
-        """The true force at each frame's time, in N."""
-        times_s = np.array([frame.time_s for frame in self.frames])
-        return [float(f"{force_n:.12g}") for force_n in pushes.true_force(self.motion, times_s)]
+        """The true force on the needle at each frame's time, in N."""
+        return self._at_frames(self.path.felt_n)
+
+    @property
+    def elastic_n(self) -> list[float]:
+        """The elastic force at each frame's time, in N, whose dent the frame shows."""
+        return self._at_frames(self.path.elastic_n)
+
+    def _at_frames(self, force_n: Callable[[Times], Times]) -> list[float]:
+        return [float(f"{one_n:.12g}") for one_n in force_n(np.array([frame.time_s for frame in self.frames]))]
 
     @property
     def turns(self) -> list[EyeTurn]:
@@ -148,7 +163,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = stream_key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    return _with_turns(eye, frames, planned, study, seed)
+    return _with_turns(eye, frames, pushes.path_of_pushes(planned, draw_relaxation(eye, study, seed)), study, seed)
 
 
 def plan_moving_phantom(
@@ -172,8 +187,9 @@ def plan_moving_phantom(
         if not low <= value <= high:
             raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}")
     scanner, place = sample_scanner(eye, study, seed)
-    path = pushes.plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, stream(eye, seed, PUSHES))
-    count = int((pushes.motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
+    relaxation, rng = draw_relaxation(eye, study, seed), stream(eye, seed, PUSHES)
+    path = pushes.plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, relaxation, rng)
+    count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)]
     drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
@@ -204,7 +220,7 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
 
 
 def _with_turns(
-    eye: PhantomEye, frames: Sequence[PhantomFrame], motion: pushes.Motion, study: Study, seed: int
+    eye: PhantomEye, frames: Sequence[PhantomFrame], path: pushes.NeedlePath, study: Study, seed: int
 ) -> PhantomPlan:
     """Return the plan of frames with a drawn sensor, and with the eye's turns unless it keeps still."""
     if farthest_turn_rad(study.phantom) > 0.0:
@@ -212,7 +228,7 @@ def _with_turns(
         turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
         frames = [replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)]
     sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
-    return PhantomPlan(eye, tuple(frames), motion, sensor, seed)
+    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
@@ -225,10 +241,10 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
     """Return the section in each frame of a plan; raise a RecordingError if the eye turns and the sections cannot."""
     if not plan.turns:
-        return sections_at(plan.forces_n)
+        return sections_at(plan.elastic_n)
     if not isinstance(sections_at, TurnedSections):
         raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections have one contact")
-    return sections_at.turned(plan.forces_n, plan.turns)
+    return sections_at.turned(plan.elastic_n, plan.turns)
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -256,10 +272,10 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            found_pa = pressures_pa(plan.eye, sections_at, plan.forces_n, plan.turns)
+            found_pa = pressures_pa(plan.eye, sections_at, plan.elastic_n, plan.turns)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
-            stop_s = pushes.motion_end_s(plan.motion) + TAIL_S
-            log = pushes.sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
+            stop_s = plan.path.times_s[-1] + TAIL_S
+            log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
             (partial / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
             truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
             (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
@@ -276,7 +292,7 @@ def write_phantom(
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     eye, globe = plan.eye, study.globe.kind if tell_globe else None
-    average_s = MOVING_AVERAGE_S if isinstance(plan.motion, pushes.ForcePath) else HELD_AVERAGE_S
+    average_s = MOVING_AVERAGE_S if plan.frames[0].push is None else HELD_AVERAGE_S
     return RecordingInfo(
         EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe),
         OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad),
@@ -297,19 +313,20 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
         "study_hash": study_hash(study),
         "seed": plan.seed,
         "mechanics": asdict(study.mechanics),
-        "tissue": asdict(study.tissue),
+        "tissue": {**asdict(study.tissue), "relaxation": plan.path.relaxation.terms},
         "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},
         "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
-        **({"path": asdict(plan.motion)} if isinstance(plan.motion, pushes.ForcePath) else {}),
+        **({} if plan.frames[0].push else {"path": {"times_s": plan.path.times_s, "forces_n": plan.path.forces_n}}),
         "frames": [
             {
                 "file": frame.file,
                 "time_s": frame.time_s,
                 "force_n": force_n,
+                "elastic_force_n": elastic_n,
                 "pressure_pa": pressure_pa,
                 "target": study.classes.classify(force_n),
                 **({"push": asdict(frame.push)} if frame.push else {}),
@@ -318,7 +335,9 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),
             }
-            for frame, force_n, pressure_pa in zip(plan.frames, plan.forces_n, pressures_pa, strict=True)
+            for frame, force_n, elastic_n, pressure_pa in zip(
+                plan.frames, plan.forces_n, plan.elastic_n, pressures_pa, strict=True
+            )
         ],
     }
 

@@ -1,10 +1,12 @@
 """A virtual force log: a needle's motion, in pushes or continuous, and its reading by a force sensor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
 
@@ -17,8 +19,7 @@ TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 class Push:
     """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
 
-    Meanwhile the force relaxes by `relaxation_fraction` with the time constant `relaxation_time_s`; it is `force_n` at
-    the frame, at `frame_s`.
+    The force on the needle is `force_n` at the frame, at `frame_s`; the dent stays while the tissue relaxes.
     """
 
     force_n: float
@@ -26,24 +27,41 @@ class Push:
     ramp_s: float
     hold_s: float
     frame_s: float
-    relaxation_fraction: float
-    relaxation_time_s: float
+
+    @property
+    def corners_s(self) -> tuple[float, float, float, float]:
+        """Times at which the needle begins to come, stops, begins to leave, and is off again."""
+        left_s = self.start_s + self.ramp_s + self.hold_s
+        return self.start_s, self.start_s + self.ramp_s, left_s, left_s + self.ramp_s
 
     @property
     def end_s(self) -> float:
         """Time at which the needle is off again."""
-        return self.start_s + 2 * self.ramp_s + self.hold_s
+        return self.corners_s[-1]
+
+
+UNIT_PUSH = (0.0, 1.0, 1.0, 0.0)  # at the corners
 
 
 @dataclass(frozen=True)
-class ForcePath:
-    """The force that a robot holds: straight lines between turning points, (points,) each; constant beyond them."""
+class NeedlePath:
+    """A needle's travel, as the elastic force of the dents that it makes, and the tissue's relaxation.
+
+    The elastic force is straight between turning points, (points,) each, and constant beyond them.
+    """
 
     times_s: tuple[float, ...]
     forces_n: tuple[float, ...]
+    relaxation: PronySeries = ELASTIC
 
+    def felt_n(self, time_s: Samples) -> Samples:
+        """Return the true contact force in N at each time, shape of `time_s`."""
+        return np.maximum(self.relaxation.felt_along(self.times_s, self.forces_n, time_s), 0.0)
 
-Motion = tuple[Push, ...] | ForcePath
+    def elastic_n(self, time_s: Samples) -> Samples:
+        """Return the elastic force in N, whose dent the wall shows, at each time; 0 where the needle has let go."""
+        driven_n = np.interp(time_s, self.times_s, self.forces_n)
+        return np.where(self.felt_n(time_s) > 0.0, driven_n, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,49 +78,49 @@ class ForceSensor:
 
 
 def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.random.Generator) -> tuple[Push, ...]:
-    """Draw the timing of a push for each force (at its frame), with one eye's relaxation. 0 N: the needle stays off."""
-    relaxes = {name: draw(getattr(phantom, name), rng) for name in ("relaxation_fraction", "relaxation_time_s")}
+    """Draw the timing of a push for each force (at its frame). 0 N: the needle stays off."""
     start_s = draw(phantom.approach_s, rng)
     pushes = []
     for force_n in forces_n:
         ramp_s, hold_s, delay_s = draw(phantom.ramp_s, rng), draw(phantom.hold_s, rng), draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
-        times = {"start_s": start_s, "ramp_s": ramp_s, "hold_s": hold_s, "frame_s": frame_s}
-        pushes.append(Push(force_n=force_n, **times, **relaxes))
+        pushes.append(Push(force_n=force_n, start_s=start_s, ramp_s=ramp_s, hold_s=hold_s, frame_s=frame_s))
         start_s = pushes[-1].end_s + draw(phantom.rest_s, rng)
     return tuple(pushes)
 
 
+def path_of_pushes(pushes: Sequence[Push], relaxation: PronySeries) -> NeedlePath:
+    """Return the travel with which the force on the needle is that of each push at its frame.
+
+    What the tissue remembers of earlier pushes lowers the force of a later one, so its dent is the deeper.
+    """
+    elastic_n: list[float] = []
+    for push in pushes:
+        at_frame = np.array([push.frame_s])
+        responses = [float(relaxation.felt_along(one.corners_s, UNIT_PUSH, at_frame)[0]) for one in pushes]
+        remembered_n = sum(part_n * response for part_n, response in zip(elastic_n, responses, strict=False))
+        own = responses[len(elastic_n)]
+        elastic_n.append((push.force_n - remembered_n) / own if push.force_n > 0.0 else 0.0)
+    corners_s = [time_s for push in pushes for time_s in push.corners_s]
+    corners_n = [float(part_n * share) for part_n in elastic_n for share in UNIT_PUSH]
+    return NeedlePath(tuple(corners_s), tuple(corners_n), relaxation)
+
+
 def plan_path(
-    forces_n: tuple[float, ...], ramp_n_per_s: float, hold_s: float, phantom: PhantomStudy, rng: np.random.Generator
-) -> ForcePath:
-    """Lay a path through forces: off the eye for a drawn time, then a ramp to each and a hold; nothing relaxes."""
+    forces_n: tuple[float, ...],
+    ramp_n_per_s: float,
+    hold_s: float,
+    phantom: PhantomStudy,
+    relaxation: PronySeries,
+    rng: np.random.Generator,
+) -> NeedlePath:
+    """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to each and a hold."""
     times_s, path_n = [0.0, draw(phantom.approach_s, rng)], [0.0, 0.0]
     for force_n in forces_n:
         reached_s = times_s[-1] + abs(force_n - path_n[-1]) / ramp_n_per_s
         times_s += [reached_s, reached_s + hold_s]
         path_n += [force_n, force_n]
-    return ForcePath(tuple(times_s), tuple(path_n))
-
-
-def motion_end_s(motion: Motion) -> float:
-    """Return the time at which the last push, or the path, ends."""
-    return motion.times_s[-1] if isinstance(motion, ForcePath) else motion[-1].end_s
-
-
-def true_force(motion: Motion, time_s: Samples) -> Samples:
-    """Return the true contact force in N at each time, shape of `time_s`."""
-    if isinstance(motion, ForcePath):
-        return np.asarray(np.interp(time_s, motion.times_s, motion.forces_n), dtype=np.float64)
-    force_n = np.zeros_like(time_s)
-    for push in motion:
-        hold_s = push.start_s + push.ramp_s
-        relaxed = _relaxed(push, np.clip(time_s - hold_s, 0.0, push.hold_s))
-        coming = np.clip((time_s - push.start_s) / push.ramp_s, 0.0, 1.0)
-        leaving = np.clip((push.end_s - time_s) / push.ramp_s, 0.0, 1.0)
-        at_frame = _relaxed(push, np.array(push.frame_s - hold_s))
-        force_n += push.force_n * np.minimum(coming, leaving) * relaxed / at_frame
-    return force_n
+    return NeedlePath(tuple(times_s), tuple(path_n), relaxation)
 
 
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
@@ -120,14 +138,14 @@ def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSenso
 
 
 def sense(
-    motion: Motion, sensor: ForceSensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator
+    path: NeedlePath, sensor: ForceSensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator
 ) -> Samples:
     """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
 
     `axis` (0, 1 or 2) is the force axis along the needle, `sign` its sign in contact; the log runs from 0 to `stop_s`.
     """
     time_s = np.arange(round(stop_s * sensor.rate_hz)) / sensor.rate_hz
-    force_n = true_force(motion, time_s)
+    force_n = path.felt_n(time_s)
     log = rng.standard_normal((len(time_s), 7))
     log[:, 0] = time_s
     log[:, 1:4] *= sensor.noise_n
@@ -146,8 +164,3 @@ def format_log(log: Samples) -> str:
     line = f"%.{TIME_DIGITS}f,%.4f,%.4f,%.4f,%.5f,%.5f,%.5f"
     rounded = np.round(log, 5) + 0.0  # -0.0 becomes 0.0
     return "\n".join([",".join(FORCE_COLUMNS), *(line % tuple(row) for row in rounded.tolist())]) + "\n"
-
-
-def _relaxed(push: Push, held_s: Samples) -> Samples:
-    """Return the share of the first force that is left after a hold."""
-    return 1.0 - push.relaxation_fraction * (1.0 - np.exp(-held_s / push.relaxation_time_s))

@@ -65,9 +65,22 @@ class TissueStudy(Section):
 
     `stiffening` is b of `mechanics.material`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
     tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
+
+    `relaxation` (term, 2): the share of a held force that is lost in the end, and its time constant in s, drawn for
+    each eye (`mechanics.relaxation`); no terms: the tissue is elastic.
     """
 
     stiffening: float = quantity(0.0, None, 0.0, 200.0)
+    relaxation: tuple[tuple[Sampled, ...], ...] = quantity((), None, 0.0, 1e5)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if any(len(term) != 2 for term in self.relaxation):
+            raise StudyError("relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]")
+        if not sum(share.bounds[1] for share, _ in self.relaxation) < 1.0:
+            raise StudyError("relaxation: the shares may add up to 1 or more; a part of the force must be left")
+        if not all(time_s.bounds[0] > 0.0 for _, time_s in self.relaxation):
+            raise StudyError("relaxation: a time constant is 0 s or may be; give a time above 0")
 
 
 @dataclass(frozen=True, kw_only=True)

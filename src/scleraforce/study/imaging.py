@@ -99,8 +99,6 @@ class PhantomStudy(Section):
     hold_s: Sampled = quantity(Range(min=7.0, max=8.0), None, 0.5, 600.0)
     rest_s: Sampled = quantity(Range(min=1.5, max=2.5), None, 0.0, 600.0)
     frame_delay_s: Sampled = quantity(Range(min=4.0, max=5.0), None, 0.0, 600.0)
-    relaxation_fraction: Sampled = quantity(Range(min=5.0, max=15.0), "percent", 0.0, 90.0)
-    relaxation_time_s: Sampled = quantity(Range(min=1.0, max=3.0), None, 0.05, 600.0)
     # the force sensor
     sample_rate_hz: float = quantity(200.0, None, 100.0, 20_000.0)
     force_step_n: float = quantity(5.0, "mn", 0.0, 1000.0)

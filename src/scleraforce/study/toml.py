@@ -150,7 +150,7 @@ def _value(hint: Any, value: Any, place: str) -> Any:
         if not isinstance(value, list):
             raise StudyError(f"{place}: expected a list")
         _check_length(value, place)
-        return tuple(_scalar(get_args(hint)[0], entry, place) for entry in value)
+        return tuple(_value(get_args(hint)[0], entry, place) for entry in value)
     return _scalar(hint, value, place)
 
 
