@@ -15,7 +15,7 @@ from reference_walls import cut_section, shift_in_plane
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import FrameStep, Skipped
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.calibration.library_eye import SIZE, base_moves, library_eye, without_form
+from scleraforce.calibration.library_eye import base_moves, library_eye, without_form
 from scleraforce.calibration.registration import parameter_sections
 from scleraforce.errors import CalibrationError
 from scleraforce.learning.virtual_eyes import VirtualEye, draw_eye, draw_frames
@@ -24,7 +24,7 @@ from scleraforce.library import Library
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.meridian import meridian_mesh
+from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.polar import base_shift
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Range, ReaderStudy, Study, fixed
@@ -176,8 +176,8 @@ FORCE_RATIO = 0.1e-6
 @pytest.mark.slow
 def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
     moved = FORCE_RATIO * base_moves(STUDY, TURNED, TURNED.polar_rad, LATERAL)
-    shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=TURNED.polar_rad, size=SIZE)
-    mesh = meridian_mesh(12e-3, 0.65e-3, 0.35e-3, np.pi / 2, SIZE)
+    shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=TURNED.polar_rad)
+    mesh = meridian_mesh(12e-3, 0.65e-3, 0.35e-3, np.pi / 2, MeridianSize())
     rings = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
     for side in (-1.0, 1.0):
         lateral_bn = side * np.sqrt(np.maximum(rings**2 - TURNED.gap_m**2, 0.0))

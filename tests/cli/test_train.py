@@ -15,7 +15,7 @@ from scleraforce.learning import generate
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import build as library_build
 from scleraforce.library.store import open_library
-from scleraforce.notebook.training import library_for
+from scleraforce.notebook.libraries import library_for
 from scleraforce.study import parse_study
 
 STUDY = """

@@ -15,7 +15,8 @@ from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook import counting_for
 from scleraforce.notebook.calibrating import calibrate
 from scleraforce.notebook.frames import evaluate, read, segment
-from scleraforce.notebook.training import library_for, train
+from scleraforce.notebook.libraries import library_for
+from scleraforce.notebook.training import train
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Reading
 from scleraforce.study import Study
@@ -114,6 +115,6 @@ def test_linear_mechanics_needs_no_library_and_the_papers_is_the_bundled_readers
     ticks: list[int] = []
     found = library_for(Study(), "finite-strain", counting_for(ticks.append, "library"))
     assert found is not None
-    np.testing.assert_array_equal(found.curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc)
+    np.testing.assert_array_equal(found.walls.values(), load_force_reader(SHIPPED_READER).library.walls.values())
     assert not ticks
     assert not list(tmp_path.iterdir())

@@ -118,7 +118,7 @@ def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(tmp_pat
     run = open_run(tmp_path / "out", framed_for_laboratory(Study()), 1)
     assert run.reader == SHIPPED_READER
     np.testing.assert_array_equal(
-        run_library(run).curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc
+        run_library(run).walls.values(), load_force_reader(SHIPPED_READER).library.walls.values()
     )
 
 

@@ -14,7 +14,7 @@ from scleraforce.library import Library
 from scleraforce.library.build import SolvedPath, solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.library.responses import library_of
-from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
+from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
 from scleraforce.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
@@ -60,6 +60,11 @@ def stiffness(polar_rad):
     return 1.0 + 0.1 * polar_rad**2
 
 
+def whole_curves(curves_tpdbnc):
+    """Curves of one tissue that are not mixed."""
+    return MixedCurves(WholeCurves(curves_tpdbnc[None]), np.ones(1))
+
+
 def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=81):
     """The library of this eye; of few `nodes` where only forces are asked for."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
@@ -74,7 +79,7 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
         tip_m=d,
         force_ratio_tpd=force_ratio(*grid),
         displaced_tpd=displaced_m3(*grid),
-        curves_tpdbnc=walls,
+        walls=whole_curves(walls),
         undented_tpbnc=np.ascontiguousarray(walls[:, :, 0]),
         radius_m=RADIUS_M,
         poisson_ratio=0.45,
@@ -169,7 +174,7 @@ def made_up_library(most: float = 30.0) -> Library:
         force_ratio_btpd=factor * soft.force_ratio_tpd,
         displaced_btpd=np.tile(soft.displaced_tpd, (count, 1, 1, 1)),
         undented_btpbnc=np.tile(soft.undented_tpbnc, (count, 1, 1, 1, 1, 1)),
-        curves=WholeCurves(np.tile(soft.curves_tpdbnc, (count, 1, 1, 1, 1, 1, 1))),
+        curves=WholeCurves(np.tile(soft.walls.values(), (count, 1, 1, 1, 1, 1, 1))),
     )
     names = ("thickness_m", "tension", "tip_m", "radius_m", "poisson_ratio", "needle_radius_m", "max_force_ratio",
              "polar_rad", "stiffness_atpd", "contact_polar_rad")  # fmt: skip

@@ -19,7 +19,6 @@ from scleraforce.calibration import registration, roukf
 from scleraforce.calibration.eye_model import EyeConstants, Parameter, ParameterSpace, known_of_constants, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye, without_form
-from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
 from scleraforce.library.placement import Places, curve_depths
@@ -42,7 +41,7 @@ SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the colum
 class EyeFilter:
     """The constant part: the eye, its uncertain parameters, the settings of the filter."""
 
-    model: registration.EyeModel
+    model: "registration.EyeModel"
     space: ParameterSpace
     params: roukf.FilterParams
     study: CalibrationStudy
@@ -77,7 +76,7 @@ class Skipped:
 
 
 def eye_filter(
-    model: registration.EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)
+    model: "registration.EyeModel", study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)
 ) -> EyeFilter:
     """Set up the filter of an eye for parameters named as on the command line; a rigidity is added by itself."""
     if not parameters or set(parameters) - set(PARAMETERS) or len(set(parameters)) < len(parameters):
@@ -286,6 +285,8 @@ def begin(
 ) -> EyeSession:
     """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`."""
     if library is None:
+        from scleraforce.calibration.linear_eye import linear_eye
+
         model: registration.EyeModel = linear_eye(study, constants, "thickness" in parameters)
     else:
         model = library_eye(study, constants, library)
@@ -293,7 +294,7 @@ def begin(
 
 
 def begin_with(
-    model: registration.EyeModel,
+    model: "registration.EyeModel",
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Array = ZERO_PRIOR,

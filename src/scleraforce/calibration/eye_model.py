@@ -7,11 +7,10 @@ unit, the prior's mean, only keeps the coordinates of order one.
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from math import ceil, log, prod, sqrt
+from math import log, prod, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 
@@ -182,7 +181,9 @@ def smoothed(curves: Array, sd_m: float) -> Array:
     if sd_m == 0:
         return curves
     sd = sd_m / SAMPLE_STEP_M
-    inside = slice(ceil(4 * sd), -ceil(4 * sd))
-    result = curves.copy()
-    result[..., inside, :] = gaussian_filter1d(curves, sd, axis=-2)[..., inside, :]
+    reach = round(4 * sd)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sd) ** 2)
+    result, last = curves.copy(), curves.shape[-2] - 2 * reach
+    parts = (weight * curves[..., first : first + last, :] for first, weight in enumerate(weights / weights.sum()))
+    result[..., reach:-reach, :] = sum(parts)
     return result

@@ -19,7 +19,6 @@ from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from scleraforce.calibration import eye_model
 from scleraforce.errors import CalibrationError, InputError
@@ -30,19 +29,31 @@ from scleraforce.library.fit import NO_WALL_M, fit_boundaries
 from scleraforce.library.prior import form_size, prior_of
 from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.library.sections import cut_rings
+from scleraforce.library.splines import CubicSpline
 from scleraforce.library.unknowns import FORM, form_depths
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy, Study
 from scleraforce.units import from_si
 
 Array = NDArray[np.float64]
 
-SIZE = MeridianSize()
 SHIFTS = 8  # in the cache: an eye has one to three, the same for all tissues that are tried
 
-_cached_shift = lru_cache(maxsize=SHIFTS)(base_shift)
+
+@lru_cache(maxsize=SHIFTS)
+def _shift(
+    radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, polar_rad: float
+) -> tuple[Array, Array]:
+    """Return the rings (boundary, node) of a wall, and their shift by a needle (boundary, node, harmonic, 3)."""
+    # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a stated direction only.
+    from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
+    from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
+
+    polar_rad, size = min(polar_rad, LARGEST_POLAR_RAD), MeridianSize()
+    shift = base_shift(radius_m, thickness_m, poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=size)
+    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, np.pi / 2, size)
+    rings_bn = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
+    return rings_bn, shift.needle_mbnc.transpose(1, 2, 0, 3)
 
 
 def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
@@ -53,18 +64,14 @@ def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float
     """
     if polar_rad == 0.0 or constants.direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
-    wall = (study.eye.radius_m, constants.thickness_m)
-    needle_radius_m = study.needle.outer_diameter_m / 2
-    polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
-    shift = _cached_shift(*wall, study.eye.poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=SIZE)
-    mesh = meridian_mesh(*wall, needle_radius_m, np.pi / 2, SIZE)
-    rings_bn = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
+    wall = (study.eye.radius_m, constants.thickness_m, study.eye.poisson_ratio, study.needle.outer_diameter_m / 2)
+    rings_bn, shift_bnmc = _shift(*wall, polar_rad)
     inside = np.arctan2(constants.gap_m, lateral_m)  # angle about the needle axis, from the lateral axis
     distance_m = np.hypot(lateral_m, constants.gap_m)
     return np.array(
         [
             _displacement(shift_nmc, rings, distance_m, inside, constants.direction_rad)
-            for shift_nmc, rings in zip(shift.needle_mbnc.transpose(1, 2, 0, 3), rings_bn, strict=True)
+            for shift_nmc, rings in zip(shift_bnmc, rings_bn, strict=True)
         ]
     )
 
@@ -201,10 +208,9 @@ class LibraryEye:
     @cached_property
     def _fine(self) -> Array:
         """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
-        at_rest = self.library.curves_tpdbnc[0, 0, 0, 0].astype(np.float64)
-        along = self.library.radius_m * np.arctan2(at_rest[:, 0], self.library.radius_m - at_rest[:, 1])
+        along = self.library.radius_m * self.library.node_angles()
         fine = np.linspace(along[0], along[-1], int((along[-1] - along[0]) / FINE_STEP_M) + 1)
-        return np.asarray(CubicSpline(along, np.eye(len(along)))(fine), dtype=np.float64)
+        return CubicSpline(along).shares(fine)
 
 
 def library_eye(study: Study, constants: eye_model.EyeConstants, library: Library) -> LibraryEye:
@@ -224,10 +230,7 @@ def library_eye(study: Study, constants: eye_model.EyeConstants, library: Librar
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = eye_model.polar_nodes(constants)
     moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
-    # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
-    near = library.within(0.85 * library.radius_m)
-    middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends
-    near = near.nearest_contact(middle_rad)
+    near = library.nearest_contact(0.5 * (min(polars) + max(polars)))  # forces hardly change between the ends
     return LibraryEye(constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m)
 
 

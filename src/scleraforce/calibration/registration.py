@@ -8,20 +8,24 @@ frame as a belief; a frame's pose is a draw about it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import WallState, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye
-from scleraforce.calibration.linear_eye import LinearEye
 from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.library import placement
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
+if TYPE_CHECKING:  # its mechanics takes a third of a second to import
+    from scleraforce.calibration.linear_eye import LinearEye
+
+    EyeModel = LibraryEye | LinearEye
+
 Array = NDArray[np.float64]
-EyeModel = LibraryEye | LinearEye
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the
 # segmentation's, or a wall that is not as thick as stated).
@@ -35,7 +39,7 @@ FORCE_STEP_N = 1e-4
 
 
 def parameter_sections(
-    model: EyeModel, names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
+    model: "EyeModel", names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
 ) -> Array:
     """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
@@ -47,7 +51,7 @@ def place_section(curves: Array, nuisance: Array) -> Array:
     return placement.place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
 
 
-def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> Array:
+def polar_derivative(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> Array:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
     low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
@@ -57,7 +61,7 @@ def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places:
     return (above - below) / (high - low)
 
 
-def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> placement.Placed:
+def predict_frame(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> placement.Placed:
     """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
     states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
@@ -73,7 +77,7 @@ def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: pl
     return placement.Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 
-def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places: placement.Places) -> Array:
+def force_derivative(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> Array:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
     less, more = (placement.curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
@@ -110,7 +114,7 @@ class Registered:
     wall: WallState
 
 
-def first_belief(model: EyeModel) -> PoseBelief:
+def first_belief(model: "EyeModel") -> PoseBelief:
     """Return the belief before the first frame: a wide one of the pose."""
     mean = np.zeros(5)
     mean[BY_POLAR] = model.constants.polar_rad
@@ -136,7 +140,7 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
 
 
 def register(
-    model: EyeModel,
+    model: "EyeModel",
     boundaries: Boundaries,
     force_n: float,
     modulus_pa: float,
@@ -168,7 +172,7 @@ class _Fit:
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
 
-    def __init__(self, model: EyeModel, columns: placement.Columns, sought: WallState, prior: PoseBelief) -> None:
+    def __init__(self, model: "EyeModel", columns: placement.Columns, sought: WallState, prior: PoseBelief) -> None:
         self.model, self.columns, self.sought = model, columns, sought
         globe = model.constants.globe
         own = [log(sought.youngs_modulus_pa), sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY]

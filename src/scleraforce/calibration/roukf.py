@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 
 class SigmaPoints(NamedTuple):
@@ -307,6 +306,12 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
     ratio = np.sqrt(nis / count)
-    if nis > chdtri(count, DIVERGENCE_PROBABILITY) and ratio > DIVERGED_SD:
+    if ratio > DIVERGED_SD and nis > _largest_by_chance(count):
         return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"
     return "ok"
+
+
+def _largest_by_chance(count: int) -> float:
+    from scipy.special import chdtri  # a tenth of a second, which a filter that keeps to its frames does not wait for
+
+    return float(chdtri(count, DIVERGENCE_PROBABILITY))

@@ -87,8 +87,7 @@ def calibrate(
         result = {"model": str(out), "from": str(model), "stretches": list(map(asdict, found)), "notes": notes}
         return Report(result, [*_stretches(found), f"wrote {out}"])
     import scleraforce as sf
-    from scleraforce.calibration.result import calibration_as_json
-    from scleraforce.report.shown_recordings import calibration_lines
+    from scleraforce.calibration.result import calibration_as_json, calibration_lines
 
     calibration = sf.calibrate(
         recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given

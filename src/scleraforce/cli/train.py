@@ -60,7 +60,7 @@ def generate(
     """
     from scleraforce.learning.dataset import read_population_modulus
     from scleraforce.learning.generate import generate_dataset
-    from scleraforce.notebook.training import library_for
+    from scleraforce.notebook.libraries import library_for
     from scleraforce.study.unused import refuse_unused
 
     kind = mechanics or study.mechanics.kind

@@ -70,8 +70,8 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
         InputError: the library is too large for a model folder, or cannot be stored with the allowed error.
     """
     walls = walls_of(library)
-    _check_size(library.curves_tpdbnc.size * len(walls.stiffening))
-    curves, of_curves = _reduced(CURVES, walls.curves_btpdbnc)
+    _check_size(prod(library.walls.shape) * len(walls.stiffening))
+    curves, of_curves = _reduced(CURVES, walls.curves.whole())
     stiffness, of_stiffness = _reduced(STIFFNESS, np.moveaxis(library.stiffness_atpd, 0, 2))
     plain = {name: np.asarray(getattr(library, name)) for name in AXES}
     plain |= {name: np.asarray(getattr(walls, name)) for name in WALLS}

@@ -24,7 +24,7 @@ from scleraforce.errors import InputError
 from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
 from scleraforce.library.states import Responses, SplineTables, curves_of, values_at
-from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
+from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.units import HumanUnit, from_si
 
@@ -87,12 +87,12 @@ def check_arrays(library: "Library") -> None:
         "force_ratio_tpd": shape,
         "displaced_tpd": shape,
         "stiffness_atpd": (len(polar_rad), *shape),
-        "curves_tpdbnc": (*shape, 2, library.curves_tpdbnc.shape[-2], 2),
         "undented_tpbnc": (*shape[:2], 2, library.undented_tpbnc.shape[-2], 2),
     }
     arrays = {name: getattr(library, name) for name in shapes}
-    for name, array in arrays.items():
-        if array.shape != shapes[name] or ("bn" in name and array.shape[-2] < 2):
+    shapes["walls"] = (*shape, 2, library.walls.shape[-2], 2)
+    for name, array in (*arrays.items(), ("walls", library.walls)):
+        if array.shape != shapes[name] or (name in ("walls", "undented_tpbnc") and array.shape[-2] < 2):
             raise InputError(f"library: {name} {array.shape}: two points at least, of the axes {shape}")
     axes = (polar_rad, library.thickness_m, library.tension, library.tip_m)
     check_inside("polar angle", np.asarray(library.contact_polar_rad), polar_rad[0], polar_rad[-1], "deg")
@@ -116,7 +116,36 @@ Curves = NDArray[np.float32]
 Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
-OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 30 MB
+OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
+
+
+@dataclass(frozen=True, eq=False)
+class SplineWeights:
+    """Spline weights over a library's axes: `thickness_m` (t,), `tension` (p,), `tip_m` (d,). Each is computed once."""
+
+    thickness_m: Floats
+    tension: Floats
+    tip_m: Floats
+    walls: MixedCurves
+    undented_tpbnc: Curves
+
+    @cached_property
+    def splines(self) -> tuple[splines.CubicSpline, splines.CubicSpline, splines.CubicSpline]:
+        """Splines over log thickness, log tension, tip."""
+        axes = (np.log(self.thickness_m), np.log(self.tension), self.tip_m)
+        thickness, tension, tip = map(splines.CubicSpline, axes)
+        return thickness, tension, tip
+
+    @cached_property
+    def of_curves(self) -> Curves:
+        """Spline weights of the curves (t p d, b n c)."""
+        return self.walls.coefficients(self.splines)
+
+    @cached_property
+    def of_undented(self) -> Floats:
+        """Spline weights of the walls without the needle (t p, b n c)."""
+        weights = splines.tensor_coefficients(self.splines[:2], self.undented_tpbnc.astype(np.float64))
+        return weights.reshape(len(self.thickness_m) * len(self.tension), -1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +156,7 @@ class Library:
 
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
     `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
-    at one pressure, and `curves_tpdbnc` the curves of `Responses`, of walls clamped 90 degrees from the needle axis.
+    at one pressure, and `walls` the curves of `Responses`, of walls clamped 90 degrees from the needle axis.
     `undented_tpbnc` are the walls without the needle, from axis to clamp. `stiffness_atpd` is the factor of the force
     for contacts at the polar angles `polar_rad` (a,), from 0; the library answers for `contact_polar_rad`.
     `max_force_ratio` is its largest F/E. The walls' tissue stiffens by `stiffening` (`mechanics.material`); `stiffened`
@@ -139,7 +168,7 @@ class Library:
     tip_m: Floats
     force_ratio_tpd: Floats
     displaced_tpd: Floats
-    curves_tpdbnc: Curves
+    walls: MixedCurves
     undented_tpbnc: Curves
     radius_m: float
     poisson_ratio: float
@@ -150,13 +179,13 @@ class Library:
     contact_polar_rad: float
     stiffening: float = 0.0
     stiffened: StiffenedWalls | None = None
-    weights: InitVar[splines.SplineWeights | None] = None  # of its walls, where another library has them already
-    _weights: splines.SplineWeights = field(init=False, repr=False, compare=False)
+    weights: InitVar["SplineWeights | None"] = None  # of its walls, where another library has them already
+    _weights: "SplineWeights" = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
 
-    def __post_init__(self, weights: splines.SplineWeights | None) -> None:
+    def __post_init__(self, weights: "SplineWeights | None") -> None:
         check_arrays(self)
-        own = splines.SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
+        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.walls, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if weights is None else weights)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -203,7 +232,7 @@ class Library:
 
     def node_angles(self) -> Floats:
         """Return the angles from the needle axis at which the nodes of the curves lie at rest (node,)."""
-        return self._angles[: self.curves_tpdbnc.shape[4]]
+        return self._angles[: self.walls.shape[4]]
 
     @cached_property
     def _angles(self) -> Floats:
@@ -282,13 +311,10 @@ class Library:
 
         One node beyond is kept. It is smaller and faster, for slices that do not show the rest.
         """
-        near = (self.curves_tpdbnc[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
+        near = (self.walls.values()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
         nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
         stiffened = None if self.stiffened is None else self.stiffened.within(nodes)
-        curves_tpdbnc = np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :])
-        return replace(
-            self, curves_tpdbnc=curves_tpdbnc, stiffened=stiffened, weights=self._weights.within(curves_tpdbnc)
-        )
+        return replace(self, walls=self.walls.within(nodes), stiffened=stiffened, weights=None)
 
     @cached_property
     def tables(self) -> SplineTables:
@@ -362,7 +388,7 @@ class Library:
     def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
         """Return the curves of states whose tips lie in the library."""
         self.check_walls(thickness_m, iop_ratio)
-        found = np.empty((len(tip_m), *self.curves_tpdbnc.shape[3:]), dtype=np.float32)
+        found = np.empty((len(tip_m), *self.walls.shape[3:]), dtype=np.float32)
         thickness, ratio, tip = _samples(thickness_m, iop_ratio, tip_m)
         curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
         return found
@@ -408,5 +434,5 @@ def walls_of(library: Library) -> StiffenedWalls:
         force_ratio_btpd=library.force_ratio_tpd[None],
         displaced_btpd=library.displaced_tpd[None],
         undented_btpbnc=library.undented_tpbnc[None],
-        curves=WholeCurves(library.curves_tpdbnc[None]),
+        curves=WholeCurves(library.walls.values()[None]),
     )

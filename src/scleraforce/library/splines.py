@@ -10,9 +10,8 @@ is the force at increasing tips with its slope there; between two tips it is a c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +57,18 @@ class CubicSpline:
 
     def shares(self, places: Floats) -> Floats:
         """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
-        return np.asarray(np.linalg.solve(self._spread(self.nodes).T, self._spread(places).T).T)
+        left, right = self._spread(self.nodes).T.copy(), self._spread(places).T.copy()
+        # Elimination without pivoting: B-splines' matrices are banded and totally positive (de Boor, XIII), and the
+        # threads of LAPACK wait for busy cores.
+        for row in range(len(left)):
+            below, beside = slice(row + 1, row + SUPPORT), slice(row, row + SUPPORT)
+            factor = left[below, row, None] / left[row, row]
+            left[below, beside] -= factor * left[row, beside]
+            right[below] -= factor * right[row]
+        for row in range(len(left) - 1, -1, -1):
+            after = slice(row + 1, row + SUPPORT)
+            right[row] = (right[row] - left[row, after] @ right[after]) / left[row, row]
+        return np.ascontiguousarray(right.T)
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
@@ -151,51 +161,6 @@ def values_and_slopes(splines: Sequence[CubicSpline], values: Floats, axis: int)
     others = [spline for number, spline in enumerate(splines) if number != axis]
     both = tensor_coefficients(others, np.concatenate([moved, slopes], axis=2))
     return both.reshape(-1, both.shape[2])
-
-
-Curves = NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
-class SplineWeights:
-    """Spline weights over a library's axes: `thickness_m` (t,), `tension` (p,), `tip_m` (d,). Each is computed once.
-
-    `longer` has the weights of the same walls with more nodes of the curves; its first weights are these.
-    """
-
-    thickness_m: Floats
-    tension: Floats
-    tip_m: Floats
-    curves_tpdbnc: Curves
-    undented_tpbnc: Curves
-    longer: "SplineWeights | None" = None
-
-    def within(self, curves_tpdbnc: Curves) -> "SplineWeights":
-        """Return the weights of the same walls with the first nodes of their curves."""
-        return replace(self, curves_tpdbnc=curves_tpdbnc, longer=self)
-
-    @cached_property
-    def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
-        """Splines over log thickness, log tension, tip."""
-        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.tension)), CubicSpline(self.tip_m)
-
-    @cached_property
-    def of_curves(self) -> Curves:
-        """Spline weights of the curves (t p d, b n c)."""
-        states, (boundaries, nodes, _) = prod(self.curves_tpdbnc.shape[:3]), self.curves_tpdbnc.shape[3:]
-        if self.longer is not None:
-            longer = self.longer.of_curves.reshape(states, boundaries, -1, 2)
-            return np.ascontiguousarray(longer[:, :, :nodes]).reshape(states, -1)
-        weights = tensor_coefficients(self.splines, self.curves_tpdbnc.astype(np.float64))
-        return weights.reshape(states, -1).astype(np.float32)
-
-    @cached_property
-    def of_undented(self) -> Floats:
-        """Spline weights of the walls without the needle (t p, b n c)."""
-        if self.longer is not None:
-            return self.longer.of_undented
-        weights = tensor_coefficients(self.splines[:2], self.undented_tpbnc.astype(np.float64))
-        return weights.reshape(prod(self.undented_tpbnc.shape[:2]), -1)
 
 
 MOST_STEPS = 50  # bisections of an interval of 0.25 mm end far below a rounding error of its ends

@@ -10,7 +10,9 @@ small steps. What the rounding leaves stays in the rest, so that later parts tak
 value is off by more than it may be. It sums up without BLAS: the result is the same for any number of threads.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.library.plan import stiffening_place
-from scleraforce.library.splines import SUPPORT, CubicSpline
+from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients
 
 Floats = NDArray[np.float64]
 Steps = NDArray[np.signedinteger]
@@ -44,14 +46,10 @@ class ReducedRows:
         steps_rk = np.concatenate([part.astype(np.float64) for part in self.steps], axis=1)
         return steps_rk @ self.basis_kv.astype(np.float64)
 
-    def mixed_rows(self, weights: Floats) -> Floats:
-        """Return the sum of equal parts of the rows (row / part, value), each of a weight (part,)."""
-        size = len(self.steps[0]) // len(weights)
-        steps_rk = np.zeros((size, len(self.basis_kv)))
-        for part in np.flatnonzero(weights):
-            steps = [steps[part * size : (part + 1) * size].astype(np.float64) for steps in self.steps]
-            steps_rk += weights[part] * np.concatenate(steps, axis=1)
-        return steps_rk @ self.basis_kv.astype(np.float64)
+    def share(self, number: int, shares: int) -> "ReducedRows":
+        """Return one of equal shares of the rows."""
+        size = len(self.steps[0]) // shares
+        return replace(self, steps=tuple(steps[number * size : (number + 1) * size] for steps in self.steps))
 
 
 def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:
@@ -101,6 +99,7 @@ def _by_size(rows_rv: NDArray[np.floating], directions: list[NDArray[np.float32]
 
 
 Curves = NDArray[np.float32]
+Splines = Sequence[CubicSpline]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +112,11 @@ class WholeCurves:
         if not np.isfinite(self.curves_btpdbnc).all():
             raise InputError("library: values that are not finite")
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of all curves."""
+        return self.curves_btpdbnc.shape
+
     def mixed(self, weights_b: Floats) -> Curves:
         """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
         used = np.flatnonzero(weights_b)
@@ -121,6 +125,14 @@ class WholeCurves:
             mixed = np.tensordot(weights_b.astype(np.float32), self.curves_btpdbnc, axes=1)
         return mixed
 
+    def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
+        """Return the spline weights of `mixed` over the first three axes."""
+        return tensor_coefficients(splines, self.mixed(weights_b).astype(np.float64)).astype(np.float32)
+
+    def within(self, nodes: int) -> "WholeCurves":
+        """Return the first nodes of the curves."""
+        return WholeCurves(np.ascontiguousarray(self.curves_btpdbnc[..., :nodes, :]))
+
     def whole(self) -> Curves:
         """Return all curves (b, t, p, d, boundary, node, 2), m."""
         return self.curves_btpdbnc
@@ -128,27 +140,80 @@ class WholeCurves:
 
 @dataclass(frozen=True, eq=False)
 class ReducedCurves:
-    """Curves in a reduced basis: rows of (b t p d,), and the shape of all (b, t, p, d, boundary, node, 2)."""
+    """Curves in a reduced basis: rows of (b t p d,), and the shape of all (b, t, p, d, boundary, node, 2).
+
+    Splines over t, p and d are through the steps. Their weights for each b, cached, are the sums' of different b, too.
+    """
 
     rows: ReducedRows
     shape: tuple[int, ...]
+    _cached: dict[int, Curves] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        most = [float(np.iinfo(steps.dtype).max) * steps.shape[1] for steps in self.rows.steps]
+        if not np.abs(self.rows.basis_kv).max(initial=0.0) * max(most) < np.finfo(np.float32).max:
+            raise InputError("library: values that are not finite")
 
     def mixed(self, weights_b: Floats) -> Curves:
         """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
-        values = self.rows.mixed_rows(weights_b)
-        return values.astype(np.float32).reshape(self.shape[1:])
+        used = np.flatnonzero(weights_b).tolist()
+        values = sum(weights_b[b] * self.rows.share(b, len(weights_b)).rows() for b in used)
+        return np.asarray(values, dtype=np.float32).reshape(self.shape[1:])
+
+    def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
+        """Return the spline weights of `mixed` over the first three axes, right to 20 nm: as exact as the curves."""
+        steps_rk = sum(np.float32(weights_b[b]) * self._steps(b, splines) for b in np.flatnonzero(weights_b).tolist())
+        return np.asarray(steps_rk @ self.rows.basis_kv).reshape(self.shape[1:])
+
+    def _steps(self, b: int, splines: Splines) -> Curves:
+        """Return the spline weights of the steps of one b (t p d, part)."""
+        if b not in self._cached:
+            steps_rk = np.concatenate(self.rows.share(b, self.shape[0]).steps, axis=1, dtype=np.float64)
+            weights = tensor_coefficients(splines, steps_rk.reshape(*self.shape[1:4], -1))
+            self._cached[b] = weights.astype(np.float32).reshape(steps_rk.shape)
+        return self._cached[b]
+
+    def within(self, nodes: int) -> "ReducedCurves":
+        """Return the first nodes of the curves."""
+        parts, shape = len(self.rows.basis_kv), (*self.shape[:5], nodes, 2)
+        basis_kbnc = self.rows.basis_kv.reshape(parts, *self.shape[4:])[:, :, :nodes]
+        return replace(self, rows=replace(self.rows, basis_kv=basis_kbnc.reshape(parts, -1)), shape=shape)
 
     def whole(self) -> Curves:
         """Return all curves (b, t, p, d, boundary, node, 2), m."""
         return self.rows.rows().astype(np.float32).reshape(self.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class MixedCurves:
+    """Curves of one tissue (t, p, d, boundary, node, 2), m: a sum by weights (b,). They are unpacked lazily."""
+
+    of: WholeCurves | ReducedCurves
+    weights_b: Floats
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the curves."""
+        return self.of.shape[1:]
+
+    def values(self) -> Curves:
+        """Return the curves."""
+        return self.of.mixed(self.weights_b)
+
+    def coefficients(self, splines: Splines) -> Curves:
+        """Return their spline weights over the first three axes (t p d, b n c)."""
+        return self.of.coefficients(self.weights_b, splines).reshape(prod(self.shape[:3]), -1)
+
+    def within(self, nodes: int) -> "MixedCurves":
+        """Return the first nodes of the curves."""
+        return replace(self, of=self.of.within(nodes))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StiffenedWalls:
     """A library's walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
 
-    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are the arrays of `Library`, for each b. Of the
-    curves only the first `nodes` are given.
+    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are the arrays of `Library`, for each b.
     """
 
     stiffening: Floats
@@ -156,7 +221,6 @@ class StiffenedWalls:
     displaced_btpd: Floats
     undented_btpbnc: Curves
     curves: WholeCurves | ReducedCurves
-    nodes: int | None = None
 
     def __post_init__(self) -> None:
         count = len(self.stiffening)
@@ -178,17 +242,12 @@ class StiffenedWalls:
             "force_ratio_tpd": np.tensordot(weights, self.force_ratio_btpd, axes=1),
             "displaced_tpd": np.tensordot(weights, self.displaced_btpd, axes=1),
             "undented_tpbnc": undented.astype(np.float32),
-            "curves_tpdbnc": np.ascontiguousarray(self.curves.mixed(weights)[..., : self.nodes, :]),
+            "walls": MixedCurves(self.curves, weights),
         }
-
-    @property
-    def curves_btpdbnc(self) -> Curves:
-        """All curves."""
-        return np.ascontiguousarray(self.curves.whole()[..., : self.nodes, :])
 
     def within(self, nodes: int) -> "StiffenedWalls":
         """Return the walls with the first nodes of their curves."""
-        return replace(self, nodes=nodes)
+        return replace(self, curves=self.curves.within(nodes))
 
     def _weights(self, stiffening: float) -> Floats:
         """Return the weight of each b at another (b,)."""

@@ -23,7 +23,7 @@ from scleraforce.models import (
 )
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
-from scleraforce.notebook.training import library_for
+from scleraforce.notebook.libraries import library_for
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording

@@ -9,11 +9,10 @@ from scleraforce.learning.dataset import Dataset, open_dataset
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.library import Library
 from scleraforce.library.build import build_library, cached_library
-from scleraforce.library.plan import plan_library
 from scleraforce.library.store import open_library
-from scleraforce.models import LIBRARY_FILE, SHIPPED_READER, read_folder
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import load_model
+from scleraforce.notebook.libraries import library_for
 from scleraforce.reader import Reader
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
@@ -51,20 +50,6 @@ def library_of(
         return cached_library(study, workers=workers, progress=progress)
     build_library(study, Path(out), workers=workers, progress=progress)
     return open_library(out)
-
-
-def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
-    """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
-    if mechanics == "linear":
-        return None
-    from scleraforce.library.files import load_library
-    from scleraforce.models import folder_study
-
-    plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
-    if plan_library(folder_study(shipped)).key == plan.key:
-        return load_library(shipped.path / LIBRARY_FILE, shipped.files[LIBRARY_FILE])
-    with counting("library", plan.units) as advance:
-        return cached_library(study, workers=workers, progress=advance)
 
 
 def generate(

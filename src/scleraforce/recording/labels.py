@@ -168,7 +168,7 @@ def low_pass(force_n: Samples, time_s: Samples) -> Samples:
 
 
 def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
-    from scipy import signal  # half a second, which who only reads frames does not wait for
+    from scleraforce.recording.low_pass import smoothed  # the import of Numba
 
     span_s = float(time_s[-1] - time_s[0])
     if span_s < LONGEST_GAP_S / 4.0:
@@ -177,10 +177,8 @@ def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
     steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
-    sections = signal.butter(2, CUTOFF_HZ, fs=rate_hz, output="sos")
-    even_n = np.interp(even_s, time_s, force_n)
-    reach = min(round(3 * rate_hz / CUTOFF_HZ), len(even_n) - 1)
-    smooth_n = signal.sosfiltfilt(sections, even_n, padtype="even", padlen=reach)
+    reach = min(round(3 * rate_hz / CUTOFF_HZ), steps)
+    smooth_n = smoothed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz, reach)
     return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
 
 

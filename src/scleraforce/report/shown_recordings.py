@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.calibration.result import Calibration, EyeCalibration, found_words, parse_calibration
+from scleraforce.calibration.result import calibration_lines, parse_calibration
 from scleraforce.errors import InputError, MessageError, RecordingError
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.models import SHIPPED_READER
-from scleraforce.plain_text import wrapped
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
@@ -29,7 +28,6 @@ from scleraforce.units import HumanUnit, from_si
 
 LISTED = 12  # frames of a recording (`evaluate` lists all), withdrawals of a log
 CLASSES = ClassesStudy()  # the paper's bounds
-BENDS_OTHERWISE = 0.1  # relative difference between the moduli of low and high forces that is worth a remark
 SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}
 
 
@@ -135,44 +133,6 @@ def show_calibration(path: Path) -> Thing:
         lines=tuple(calibration_lines(calibration)),
         draw=lambda: draw_calibration(calibration),
     )
-
-
-def calibration_lines(calibration: Calibration) -> list[str]:
-    """Return a table of the eyes, the population below, and a note for each doubt about a recording."""
-    lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
-    lines += [_line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()]
-    notes = [wrapped(f"{entry.path}: {doubt}", "note: ") for eye in calibration.eyes.values()
-             for entry in eye.recordings for doubt in entry.doubts]  # fmt: skip
-    mean_pa, sd_pa = calibration.population
-    population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
-    if sd_pa is None:
-        population = wrapped("the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  ")
-    else:
-        population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
-    return [*lines, population, *notes]
-
-
-def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
-    gated = sum(len(frame.gated) for frame in eye.used)
-    remarks = [
-        f"{gated} outlying points left out" if gated else "",
-        "" if eye.status == "ok" else eye.status,
-        _softening(eye, bounds_n),
-        *found_words(eye),
-    ]
-    text = "; ".join(remark for remark in remarks if remark)
-    modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
-    return wrapped(text, f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  ")
-
-
-def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
-    """Return a remark where low and high forces do not agree on E; a frame alone cannot tell E from a rigidity."""
-    _, low, high = eye.by_class(bounds_n)
-    if eye.globe.can_be_sealed or low is None or high is None or abs(high / low - 1) < BENDS_OTHERWISE:
-        return ""
-    force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
-    moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
-    return f"E is {moduli}: the wall bends otherwise than the model"
 
 
 def show_decision_log(path: Path) -> Thing:
