@@ -1,3 +1,4 @@
+from dataclasses import replace
 from math import pi, radians
 
 import numpy as np
@@ -141,4 +142,19 @@ def test_any_other_support_leaves_the_studys_mesh(kind: str) -> None:
 
 def test_a_bed_needs_a_graded_mesh() -> None:
     with pytest.raises(InputError, match="whole globe"):
-        supported_mesh(Study(supports=SupportsStudy(kind="bed")), 0.5e-3, CONTACT)
+        supported_mesh(Study(mesh=MeshStudy(kind="hexahedra"), supports=SupportsStudy(kind="bed")), 0.5e-3, CONTACT)
+
+
+def same_mesh(study: Study, other: MeshStudy, contact: Contact, *, alone: bool) -> bool:
+    mesh = supported_mesh(study, T, contact, alone=alone)
+    return np.array_equal(mesh.points_nc, supported_mesh(replace(study, mesh=other), T, contact).points_nc)
+
+
+def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
+    graded, even = MeshStudy(kind="graded"), MeshStudy(kind="hexahedra")
+    assert same_mesh(Study(), graded, CONTACT, alone=True)
+    assert same_mesh(Study(supports=SupportsStudy(kind="bed")), graded, CONTACT, alone=False)
+    assert same_mesh(Study(), even, CONTACT, alone=False)
+    assert same_mesh(Study(), even, Contact(polar_rad=radians(65.0)), alone=True)  # a graded mesh does not reach there
+    for stated in (even, MeshStudy(divisions=8), MeshStudy(level=0)):  # their study decides
+        assert same_mesh(Study(mesh=stated), replace(stated, kind="hexahedra"), CONTACT, alone=True)

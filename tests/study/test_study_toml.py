@@ -140,7 +140,7 @@ BAD = [
     ("[mesh]\norder = 2\ndivisions = 7", 3, "mesh.divisions: 7 is odd"),
     ("[mesh]\norder = 1.5", 2, "mesh.order: expected a whole number, found 1.5"),
     ("[mesh]\norder = true", 2, "mesh.order: expected a whole number, found True"),
-    ('[mesh]\nkind = "tetrahedra"', 2, "mesh.kind: 'tetrahedra' is not one of hexahedra"),
+    ('[mesh]\nkind = "tetrahedra"', 2, "mesh.kind: 'tetrahedra' is not one of automatic, hexahedra"),
     ("[classes]\nbounds_mn = [30, 5]", 2, "classes.bounds_mn: give two increasing forces"),
     ("[classes]\nbounds_mn = 5", 2, "classes.bounds_mn: expected a list"),
     ("[calibration]\npositive = 1", 2, "calibration.positive: expected true or false, found 1"),

@@ -25,7 +25,7 @@ nodes, and its value under the needle. In turns, in one process."""
 
 def measure(run: Run) -> Table:
     """Time further loads, in this package and with a factor that one keeps oneself."""
-    wall = LinearWall(r1_mesh("default", run.quick), NU)
+    wall = LinearWall(r1_mesh("even", run.quick), NU)
     others = iter(np.random.default_rng(0).uniform([0.4, -3.0], [0.8, 3.0], (2000, 2)).tolist())
     needle_nc = wall.needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0]
     peer = assemble(run.quick)

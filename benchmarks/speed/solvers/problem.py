@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 
 from reference_r1 import CONTACT, CONVERGED_MM, FORCE_N, RADIUS_M, SPREAD_M, gaussian_load
 from reference_walls import wall_mesh
-from scleraforce.mechanics.graded import graded_mesh, study_mesh
+from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.study import Study
+from scleraforce.study import MeshStudy, Study
 
 THICKNESS_M = 0.5e-3
 QUICK: dict[str, Any] = {"divisions": 4, "level": 0}
+SMALL = Study(mesh=MeshStudy(core=2, rings=6))
 MESHES: dict[str, Callable[[bool], HexMesh]] = {
-    "default": lambda quick: _even(**QUICK) if quick else study_mesh(Study(), THICKNESS_M, CONTACT),
+    "default": lambda quick: supported_mesh(SMALL if quick else Study(), THICKNESS_M, CONTACT, alone=True),
+    "even": lambda quick: _even(**(QUICK if quick else {})),
     "20-node": lambda quick: _even(**(QUICK if quick else {}), twenty_nodes=True),
-    "graded": lambda quick: graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, *((2, 6) if quick else ())),
     "paper's": lambda quick: _even(**(QUICK if quick else {"level": 2}), layers=2, order=1),
 }
 

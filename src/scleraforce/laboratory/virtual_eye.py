@@ -254,7 +254,7 @@ def linear_wall(
 ) -> LinearWall:
     """Factor a wall on the study's supports; a command's study must have no keys that linear mechanics does not use."""
     refuse_unused(study, command, "linear")
-    mesh = supported_mesh(study, thickness_m, contact)
+    mesh = supported_mesh(study, thickness_m, contact, alone=command == "simulate")
     springs = study_springs(study.supports, mesh)
     return LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=youngs_modulus_pa)
 

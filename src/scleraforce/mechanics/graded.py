@@ -136,9 +136,9 @@ def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:
 
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
-    """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact."""
+    """Return a study's mesh with one of its wall thicknesses, for many contacts; a graded one needs the contact."""
     mesh, radius_m = study.mesh, study.eye.radius_m
-    if mesh.kind == "hexahedra":
+    if mesh.kind != "graded":
         return build_mesh(radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
     if contact is None:
         raise InputError('mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"')
@@ -154,10 +154,14 @@ def graded_eye(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
     )  # fmt: skip
 
 
-def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
-    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere."""
-    if not study.supports.has_bed:
+def supported_mesh(study: Study, thickness_m: float, contact: Contact, *, alone: bool = False) -> HexMesh:
+    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
+
+    `alone`: the wall serves this contact only, and its answer is not compared with walls of other contacts.
+    """
+    if study.supports.has_bed:
+        if not study.mesh.grades_alone:
+            raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; use mesh kind "graded"')
+    elif not (alone and study.mesh.grades_alone and contact.polar_rad <= LARGEST_POLAR_RAD):
         return study_mesh(study, thickness_m, contact)
-    if study.mesh.kind != "graded":
-        raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; use mesh kind "graded"')
     return graded_eye(study, thickness_m, contact)

@@ -21,9 +21,14 @@ class EyeStudy(Section):
 
 @dataclass(frozen=True)
 class MeshStudy(Section):
-    """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as finite strain always is)."""
+    """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as finite strain always is).
 
-    kind: str = option("hexahedra", "hexahedra", "graded")
+    "automatic": graded where a wall serves one contact alone, as in `simulate`, or is a whole globe on a bed; otherwise
+    "hexahedra", so that the walls of `phantom`, `calibrate` and `generate` are alike. `divisions` and `level` belong
+    to "hexahedra": a study that sets them gets it.
+    """
+
+    kind: str = option("automatic", "automatic", "hexahedra", "graded")
     divisions: int = quantity(10, None, 2, 200)
     level: int = quantity(1, None, 0, 6)
     core: int = quantity(6, None, 2, 40)
@@ -37,6 +42,12 @@ class MeshStudy(Section):
             raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
         if self.core % 2:
             raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
+
+    @property
+    def grades_alone(self) -> bool:
+        """A wall that serves one contact alone is graded."""
+        cube = self.divisions, self.level
+        return self.kind == "graded" or (self.kind == "automatic" and cube == (MeshStudy.divisions, MeshStudy.level))
 
 
 @dataclass(frozen=True, kw_only=True)
