@@ -90,7 +90,12 @@ def read_folder(path: Path) -> ModelFolder:
     record = _read_record(path / RECORD_FILE)
     files = {name: read_bytes(path / name, KINDS["model file"]) for name in FILES[record["kind"]]}
     for name, content in files.items():
-        _check_hash(path, name, content, record["files"])
+        expected, found = record["files"].get(name), sha256(content)
+        if expected != found:
+            raise ModelError(
+                f"{path / name}: SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}; the "
+                "file was changed after training: train the model again"
+            )
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
 
 
@@ -108,15 +113,6 @@ def _read_record(path: Path) -> dict[str, Any]:
     if not isinstance(record.get("files"), dict):
         raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
     return record
-
-
-def _check_hash(path: Path, name: str, content: bytes, hashes: Mapping[str, Any]) -> None:
-    expected, found = hashes.get(name), sha256(content)
-    if expected != found:
-        raise ModelError(
-            f"{path / name}: SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}; the file "
-            "was changed after training: train the model again"
-        )
 
 
 def check_place(out: Path) -> None:

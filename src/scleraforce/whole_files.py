@@ -22,7 +22,9 @@ BYTE_ORDER_MARKS = {
     codecs.BOM_UTF32_BE: "utf-32-be",
     codecs.BOM_UTF16_LE: "utf-16-le",
     codecs.BOM_UTF16_BE: "utf-16-be",
+    b"": "utf-8",
 }
+NOUNS = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
 def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
     """Check that a path is a regular file of an allowed size."""
     if not stat.S_ISREG(found.st_mode):
-        raise kind.error(f"{path}: {_noun(found.st_mode)}; give a regular file")
+        raise kind.error(f"{path}: {NOUNS.get(stat.S_IFMT(found.st_mode), 'no regular file')}; give a regular file")
     if found.st_size > kind.max_bytes:
         limit = f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
         raise kind.error(f"{path}: {limit}")
@@ -88,29 +90,14 @@ def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
 def read_text(path: Path, kind: FileKind) -> str:
     """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out."""
     data = read_bytes(path, kind)
-    for mark, encoding in BYTE_ORDER_MARKS.items():
-        if data.startswith(mark):
-            return _decode(path, data[len(mark) :], encoding, kind)
-    return _decode(path, data, "utf-8", kind)
-
-
-def _decode(path: Path, data: bytes, encoding: str, kind: FileKind) -> str:
+    mark = next(filter(data.startswith, BYTE_ORDER_MARKS))
+    data, encoding = data.removeprefix(mark), BYTE_ORDER_MARKS[mark]
     try:
         return data.decode(encoding).replace("\r\n", "\n")
     except UnicodeDecodeError as fault:
         line = data[: fault.start].count(b"\n") + 1
         byte = f"byte 0x{data[fault.start]:02x}"
         raise kind.error(f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8") from fault
-
-
-def _noun(mode: int) -> str:
-    if stat.S_ISDIR(mode):
-        return "a folder"
-    if stat.S_ISFIFO(mode):
-        return "a named pipe"
-    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
-        return "a device"
-    return "no regular file"
 
 
 def hash_sources(*places: str) -> str:

@@ -104,7 +104,8 @@ def run(arguments: list[str]) -> int:
         click.echo(usage.format_message())
         return 2
     except click.UsageError as usage:
-        return fail(_with_help(usage), 2)
+        path = "scleraforce" if usage.ctx is None else usage.ctx.command_path
+        return fail(f"{usage.format_message().rstrip('.')}; see `{path} --help`", 2)
     except click.ClickException as fault:
         return fail(fault.format_message(), 2)
     except InputError as fault:
@@ -125,11 +126,6 @@ def run(arguments: list[str]) -> int:
             return fail(": ".join(str(part) for part in (fault.filename, fault.strerror) if part), 2)
         return fail(f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)", 1)
     return done if isinstance(done, int) else 0
-
-
-def _with_help(usage: click.UsageError) -> str:
-    path = "scleraforce" if usage.ctx is None else usage.ctx.command_path
-    return f"{usage.format_message().rstrip('.')}; see `{path} --help`"
 
 
 def fail(message: str, code: int) -> int:

@@ -81,17 +81,14 @@ def _study(ctx: click.Context, _: click.Parameter, path: Path | None) -> Study:
     return read_study(path)
 
 
-def _finder(_: click.Context, __: click.Parameter, folder: Path | None) -> Path | None:
-    return None if folder == Path("none") else folder or SHIPPED_WALL_FINDER
-
-
 # Of each argument: the option, its type or other settings, and its help.
 TABLE: Mapping[str, tuple[str, Any, str]] = {
     "study": ("--study", {"type": PATH, "callback": _study}, "Study file; default: the paper's study."),
     "calibration": ("--calibration", PATH, "File of `calibrate`: gives the eye's modulus."),
-    "wall_finder": ("--wall-finder", {"type": PATH, "callback": _finder, "metavar": "MODEL"},
-               "Model of `train --kind wall-finder` that checks the walls; `none`: no check. Default: the bundled "
-               "one."),
+    "wall_finder": ("--wall-finder", {"type": PATH, "callback": lambda _, __, folder: None if folder == Path("none")
+                    else folder or SHIPPED_WALL_FINDER, "metavar": "MODEL"},
+                    "Model of `train --kind wall-finder` that checks the walls; `none`: no check. Default: the bundled "
+                    "one."),
     "html": ("--html", {"type": PATH, "callback": new_file}, "Page to write as well; must not exist."),
     "plot": ("--plot", {"type": PATH, "callback": _new_figure},
              "Picture to write as well (PNG, SVG, PDF); must not exist."),

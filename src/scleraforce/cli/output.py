@@ -63,10 +63,8 @@ class Command(click.Command):
 
 
 def _flag(key: str, *names: str, help: str) -> click.Option:  # noqa: A002 - click's name
-    def keep(context: click.Context, _: click.Parameter, given: bool) -> None:
-        context.meta[key] = given
-
-    return click.Option(names, is_flag=True, expose_value=False, callback=keep, help=help)
+    return click.Option(names, is_flag=True, expose_value=False, help=help,
+                        callback=lambda context, _, given: context.meta.update({key: given}))  # fmt: skip
 
 
 def _by_options(text: str, ctx: click.Context) -> str:

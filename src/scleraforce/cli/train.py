@@ -142,12 +142,15 @@ def train(
 
         with count_bar("batches", study.wall_finder.batches) as advance:
             train_wall_finder(study, out, workers, advance)
-        result = _of_finder(read_folder(out).record)
+        record = read_folder(out).record
+        result = {"batches": record["batches"], "scenes": record["scenes"]["training"], **record["metrics"]}
     elif kind == "classifier":
         given = ctx.get_parameter_source("study") != ParameterSource.DEFAULT
         dataset = sf.open_dataset(dataset_path)
         model = sf.train(dataset, out, study if given else None, search=search, workers=workers, counting=count_bar)
-        result = _of_classifier(model.record, model.study.network.hidden)
+        reached = {key: model.record["metrics"][key] for key in (*ACCURACY, "validation_loss")}
+        result = {"hidden": model.study.network.hidden, **reached,
+                  "epochs": model.record["epochs"], "search": model.record["search"]}  # fmt: skip
     else:
         refuse_unused(study, f"train --kind {kind}")  # before the library is opened
         result = _of_reader(sf.train(sf.open_library(dataset_path), out, study, kind=kind, counting=count_bar).record)
@@ -156,18 +159,11 @@ def train(
     return Report({"model": str(out), "kind": kind, **result, "seconds": seconds}, lines)
 
 
-def _of_finder(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {"batches": record["batches"], "scenes": record["scenes"]["training"], **record["metrics"]}
-
-
-def _of_classifier(record: Mapping[str, Any], hidden: Sequence[int]) -> dict[str, Any]:
-    keys = ("validation_accuracy", "validation_interval", "validation_loss")
-    reached = {key: record["metrics"][key] for key in keys}
-    return {"hidden": hidden, **reached, "epochs": record["epochs"], "search": record["search"]}
+ACCURACY = ("validation_accuracy", "validation_interval")
 
 
 def _of_reader(record: Mapping[str, Any]) -> dict[str, Any]:
-    keys = ("validation_accuracy", "validation_interval", "mae_mn", "coverage", "lateral_mae_mm")
+    keys = (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")
     steps, samples = ("batches", "frames") if "batches" in record else ("epochs", "samples")
     learned = {steps: record[steps], samples: record["samples"]["training"]}
     return {key: record["metrics"][key] for key in keys} | learned

@@ -119,9 +119,7 @@ def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
     return _bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
 
 
-@cache
-def _bundled_finder() -> WallFinder:
-    return load_wall_finder(SHIPPED_WALL_FINDER)
+_bundled_finder = cache(lambda: load_wall_finder(SHIPPED_WALL_FINDER))
 
 
 def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER) -> Reader:

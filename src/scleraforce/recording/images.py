@@ -155,20 +155,16 @@ def _exif_orientation(exif: bytes) -> int:
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
     """Return the frames of an array; `array` is its name in a .npz, by default the only one of two or three axes."""
     with named_faults(path, "NumPy file of numbers"):
-        return array_scan(path, _numpy_array(path, array), axes)
-
-
-def _numpy_array(path: Path, array: str | None) -> NDArray[Any]:
-    with path.open("rb") as file:
-        if file.read(2) != b"PK":
-            return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-    with np.load(path, allow_pickle=False) as held:
-        check_bytes(sum(info.file_size for info in held.zip.infolist()))
-        found = {name: held[name] for name in held.files}
-    frames = {name: value for name, value in found.items() if value.ndim in (2, 3) and value.size > 1}
-    if array is None and len(frames) != 1:
-        raise UnansweredError("--array", f"which array has the frames? There are {', '.join(found) or 'none'}")
-    name = array or next(iter(frames))
-    if name not in found:
-        raise FrameError(f"no array {name!r}; there are {', '.join(found)}")
-    return np.asarray(found[name])
+        with path.open("rb") as file:
+            if file.read(2) != b"PK":
+                return array_scan(path, np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)), axes)
+        with np.load(path, allow_pickle=False) as held:
+            check_bytes(sum(info.file_size for info in held.zip.infolist()))
+            found = {name: held[name] for name in held.files}
+        frames = [name for name, value in found.items() if value.ndim in (2, 3) and value.size > 1]
+        if array is None and len(frames) != 1:
+            raise UnansweredError("--array", f"which array has the frames? There are {', '.join(found) or 'none'}")
+        name = array or frames[0]
+        if name not in found:
+            raise FrameError(f"no array {name!r}; there are {', '.join(found)}")
+        return array_scan(path, np.asarray(found[name]), axes)

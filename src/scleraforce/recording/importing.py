@@ -93,14 +93,6 @@ class Asker:
     again: Callable[[InputError], None]  # reports a wrong answer, before the next round
 
 
-# The options that act on one kind of source.
-ACT_ON = {
-    "a force log": ("axis", "contact_sign", "average_s", "clock_offset_s"),
-    "a force log of text": ("columns",),
-    "a ROS bag": ("image_topic", "force_topic", "by_arrival"),
-    "an .npz file": ("array",),
-    "frames whose axes are not fixed": ("axes",),
-}
 SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
@@ -211,16 +203,17 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
 
 
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
+    """Check that an option that acts on one kind of source has such a source."""
     kinds = {kind for _, kind in gathered.files}
-    there = {
-        "a force log": gathered.log is not None,
-        "a force log of text": "log" in kinds,
-        "a ROS bag": "bag" in kinds,
-        "an .npz file": any(path.suffix.lower() == ".npz" for path, _ in gathered.files),
-        "frames whose axes are not fixed": bool(kinds - {"thorlabs", "log"}),
-    }
-    for what, names in ACT_ON.items():
-        unused = [name for name in names if origins.get(name) == OPTION and not there[what]]
+    packed = any(path.suffix.lower() == ".npz" for path, _ in gathered.files)
+    for what, there, names in (
+        ("a force log", gathered.log is not None, ("axis", "contact_sign", "average_s", "clock_offset_s")),
+        ("a force log of text", "log" in kinds, ("columns",)),
+        ("a ROS bag", "bag" in kinds, ("image_topic", "force_topic", "by_arrival")),
+        ("an .npz file", packed, ("array",)),
+        ("frames whose axes are not fixed", bool(kinds - {"thorlabs", "log"}), ("axes",)),
+    ):
+        unused = [name for name in names if origins.get(name) == OPTION and not there]
         if unused:
             raise InputError(f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out")
 

@@ -175,20 +175,19 @@ def source_kind(path: Path) -> str:
     return kind
 
 
+VOLUMES = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}
+STACKS = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": film.read_film}
+
+
 def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
     """Return the frames of a source of a kind that `source_kind` returns."""
-    match kind:
-        case "thorlabs":
-            return thorlabs.read_thorlabs(path)
-        case "numpy":
-            return images.read_numpy(path, axes, array)
-        case "nifti" | "nrrd" | "metaimage":
-            read = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}[kind]
-            return read(path, axes)
-        case "picture":
-            return _oriented(path, images.read_image(path)[1], axes)
-    stack = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": film.read_film}[kind](path)
-    return _oriented(path, stack, axes)
+    if kind == "thorlabs":
+        return thorlabs.read_thorlabs(path)
+    if kind == "numpy":
+        return images.read_numpy(path, axes, array)
+    if kind in VOLUMES:
+        return VOLUMES[kind](path, axes)
+    return _oriented(path, images.read_image(path)[1] if kind == "picture" else STACKS[kind](path), axes)
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:

@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -46,12 +47,9 @@ class AnsweredFrame:
 
 def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
-    recordings: dict[str, Recording] = {}
-    looks = []
+    opened, looks = cache(read_recording), []
     for answer in answers:
-        if answer.recording not in recordings:
-            recordings[answer.recording] = read_recording(answer.recording)
-        recording = recordings[answer.recording]
+        recording = opened(answer.recording)
         entry = next(entry for entry in recording.frames if entry.file == answer.file)
         looks.append(AnsweredFrame(answer, recording, recording.frame(entry)))
     return tuple(looks)

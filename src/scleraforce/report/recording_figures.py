@@ -24,9 +24,9 @@ OF_DIFFERENT_FORCE = 3
 
 
 @style.styled
-def draw_preview(recording: Recording, count: int = SHOWN_FRAMES) -> Figure:
+def draw_preview(recording: Recording) -> Figure:
     """Draw a recording's first frames side by side, to scale, and the contact force with the times of all frames."""
-    entries = recording.frames[:count]
+    entries = recording.frames[:SHOWN_FRAMES]
     frames = [recording.frame(entry) for entry in entries]
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)

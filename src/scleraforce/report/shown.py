@@ -74,12 +74,9 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
 
 
 def _kind_of_folder(path: Path) -> str | None:
-    if (path / RECORDING_FILE).exists():
-        return "recording"
-    if (path / RECORD_FILE).exists():
-        return "model"
-    if (path / STORE_FILE).exists():
-        return _kind_of_store(path / STORE_FILE)
+    for name, kind in PARTS.items():
+        if (path / name).exists():
+            return _kind_of_store(path / name) if kind == "store" else kind
     if any(next(folder.glob(LOG_FILES), None) for folder in (path, path / "log")):
         return "decision log"
     return "study" if (path / STUDY_FILE).exists() else None

@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from math import radians
 from pathlib import Path
@@ -20,7 +20,7 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.evaluation_page import write_evaluation_html
 from scleraforce.report.frames import look_at_all, shown_frames
-from scleraforce.study import Study, study_hash
+from scleraforce.study import MechanicsStudy, MeshStudy, Study, study_hash
 from scleraforce.units import to_si
 
 EYE = PhantomEye(
@@ -59,40 +59,24 @@ def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] |
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder with --out")
     reach = progress or (lambda _: None)
+    recording, calibration, page = out / "eye", out / "modulus.json", out / "answers.html"
+    mesh, mechanics = MeshStudy(core=MESH_CORE, rings=MESH_RINGS), MechanicsStudy(kind="finite-strain")
+    study = Study(mesh=mesh, mechanics=mechanics)
     try:
-        return _session(out, made_at, reach)
+        sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
+        write_phantom(recording, plan_phantom(EYE, FORCES_N, study, study.phantom.seed), sections_at, study)
+        reader, finder = load_force_reader(SHIPPED_READER), load_wall_finder(SHIPPED_WALL_FINDER)
+        opened = [read_recording(recording)]
+        found = calibrate_recordings(
+            opened, reader.study, study_hash(reader.study), reader.library, frames=TAUGHT, finder=finder
+        )
+        write_calibration(calibration_as_json(found), calibration)
+        reach(CALIBRATION_DONE)
+        evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))
+        reach(FRAMES_READ)
+        write_evaluation_html(evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at)
+        reach(1.0)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
-
-
-def _session(out: Path, made_at: datetime, reach: Callable[[float], object]) -> Demo:
-    recording, calibration, page = out / "eye", out / "modulus.json", out / "answers.html"
-    study = _coarse(Study())
-    sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
-    write_phantom(recording, plan_phantom(EYE, FORCES_N, study, study.phantom.seed), sections_at, study)
-    reader, finder = load_force_reader(SHIPPED_READER), load_wall_finder(SHIPPED_WALL_FINDER)
-    found = calibrate_recordings(
-        [read_recording(recording)],
-        reader.study,
-        study_hash(reader.study),
-        reader.library,
-        frames=TAUGHT,
-        finder=finder,
-    )
-    write_calibration(calibration_as_json(found), calibration)
-    reach(CALIBRATION_DONE)
-    evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))
-    reach(FRAMES_READ)
-    write_evaluation_html(evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at)
-    reach(1.0)
     return Demo(recording, calibration, page, found.eyes[EYE.id].mean_pa, evaluation)
-
-
-def _coarse(study: Study) -> Study:
-    """Return a study at finite strain on a coarse mesh."""
-    return replace(
-        study,
-        mesh=replace(study.mesh, core=MESH_CORE, rings=MESH_RINGS),
-        mechanics=replace(study.mechanics, kind="finite-strain"),
-    )

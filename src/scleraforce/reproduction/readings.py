@@ -52,13 +52,9 @@ def bent_recordings(run: Run) -> list[Path]:
 def bend_eyes(run: Run, progress: Progress) -> None:
     """Compute and image the eyes, an eye a process; `progress` counts eyes."""
     run.bent_recordings.mkdir(parents=True)
-    prepare = partial(_prepared, run.study, run.bent_recordings)
+    prepare = partial(partial, _bend_eye, run.study, run.bent_recordings)  # gives the function of an eye's number
     for _ in work_units(prepare, range(len(bent_trials(run.study))), run.workers):
         progress(1)
-
-
-def _prepared(study: Study, folder: Path) -> Callable[[int], None]:
-    return partial(_bend_eye, study, folder)
 
 
 def _bend_eye(study: Study, folder: Path, number: int) -> None:

@@ -20,7 +20,11 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
     the frame's.
     """
     rows, columns = size or pixels.shape
-    picture = cv2.cvtColor(_scaled(_grey(pixels), rows, columns), cv2.COLOR_GRAY2BGR)
+    grey = _grey(pixels)
+    if grey.shape != (rows, columns):
+        method = cv2.INTER_AREA if rows * columns < grey.size else cv2.INTER_LINEAR
+        grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8)
+    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
     width = max(1, min(rows, columns) // 300)
     inner = INNER if found.inner_found else INNER_NOT_SEEN
@@ -42,11 +46,3 @@ def _grey(pixels: Pixels) -> NDArray[np.uint8]:
     lit = pixels[pixels > 0]
     low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)
     return np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
-
-
-def _scaled(grey: NDArray[np.uint8], rows: int, columns: int) -> NDArray[np.uint8]:
-    if grey.shape == (rows, columns):
-        return grey
-    smaller = rows * columns < grey.size
-    scaled = cv2.resize(grey, (columns, rows), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
-    return np.asarray(scaled, dtype=np.uint8)

@@ -71,9 +71,10 @@ class WallFinder:
     """
 
     def __init__(self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str) -> None:
-        self.session = session
-        self._study, self._place = study, place
-        self._check()
+        self.session, self._study, self._place = session, study, place
+        frames, walls = [study.rows, study.columns], [study.columns // 2]
+        outputs = {FINDER_ROWS: ("tensor(float)", [2, study.rows, *walls]), FINDER_WALL: ("tensor(float)", walls)}
+        check_interface(session, {FINDER_FRAMES: ("tensor(float)", frames)}, outputs, place)
 
     def find(self, frame: Pixels) -> SeenWall:
         """Return the wall that the network sees in a frame of counts (row, column).
@@ -89,7 +90,7 @@ class WallFinder:
         (outer, outer_sd), (inner, inner_sd) = (
             _moved(of, path) for of, path in zip(probability[0], paths, strict=True)
         )
-        outer, inner = _beyond(outer, outer < EDGE_ROWS, -1.0), _beyond(inner, inner > rows - 1.0 - EDGE_ROWS, rows)
+        outer, inner = np.where(outer < EDGE_ROWS, -1.0, outer), np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
         stretch = frame.shape[0] / rows
         return SeenWall(
             reduced_columns(frame.shape[1], columns // 2),
@@ -100,20 +101,6 @@ class WallFinder:
             there & (inner - outer > LEAST_THICKNESS_ROWS),
             stretch,
         )
-
-    def _check(self) -> None:
-        rows, columns = self._study.rows, self._study.columns
-        outputs = {
-            FINDER_ROWS: ("tensor(float)", [2, rows, columns // 2]),
-            FINDER_WALL: ("tensor(float)", [columns // 2]),
-        }
-        check_interface(self.session, {FINDER_FRAMES: ("tensor(float)", [rows, columns])}, outputs, self._place)
-
-
-def _beyond(boundary: Curve, outside: NDArray[np.bool_], row: float) -> Curve:
-    """Return a boundary with `row` where it lies outside."""
-    moved: Curve = np.where(outside, row, boundary)
-    return moved
 
 
 def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -105,7 +105,9 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
         if key not in known:
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
         item = known[key]
-        hint = _required(hints[item.name])
+        hint = hints[item.name]
+        if isinstance(hint, UnionType) and len(kinds := [kind for kind in get_args(hint) if kind is not NoneType]) == 1:
+            hint = kinds[0]
         if is_dataclass(hint):
             if not isinstance(value, dict):
                 raise StudyError(f"{place}: expected a table [{key}]")
@@ -134,13 +136,6 @@ def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: s
         raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
     _check_length(value, place)
     return tuple(_record(kind, entry, path, lines, name, nth) for nth, entry in enumerate(value, start=1))
-
-
-def _required(hint: Any) -> Any:
-    if not isinstance(hint, UnionType) or NoneType not in get_args(hint):
-        return hint
-    kinds = [kind for kind in get_args(hint) if kind is not NoneType]
-    return kinds[0] if len(kinds) == 1 else hint
 
 
 def _value(hint: Any, value: Any, place: str) -> Any:
