@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from foreign_files import FRAMES, options_of
+from waiting import FUSE_S, ends
 
 from scleraforce.cli import main as entry
 from scleraforce.cli.main import COMMANDS, cli, run
@@ -87,7 +88,7 @@ def test_help_needs_no_arguments_and_imports_no_package_of_numerics(shell) -> No
     assert "reproduce" in shell.run(code=2)[0]
     assert shell.text("--version").startswith("scleraforce, version ")
     code = "import sys; from scleraforce.cli.main import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=FUSE_S)
     assert not {"numpy", "cv2", "torch", "matplotlib"} & set(done.stderr.split())
 
 
@@ -132,9 +133,10 @@ def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
     )
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout is not None
-    assert child.stdout.readline() == "ready\n"
+    with ends(child.stdout, FUSE_S):
+        assert child.stdout.readline() == "ready\n"
     child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=300)
+    _, err = child.communicate(timeout=FUSE_S)
     assert child.returncode == 130
     assert err.strip() == "error: interrupted"  # click puts a line feed before, to leave the terminal's ^C alone
 
@@ -142,7 +144,9 @@ def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
 def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*SCLERAFORCE, "--help"], stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(
+        [*SCLERAFORCE, "--help"], stdout=write, stderr=subprocess.PIPE, text=True, check=False, timeout=FUSE_S
+    )
     os.close(write)
     assert "Traceback" not in done.stderr
     assert "Exception ignored" not in done.stderr
@@ -160,7 +164,7 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
         time.sleep(0.002)
     child.send_signal(signal.SIGTERM)
-    _, error = child.communicate(timeout=300)
+    _, error = child.communicate(timeout=FUSE_S)
     assert (child.returncode, error.strip()) == (130, "error: interrupted")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
 
@@ -185,7 +189,9 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
 
     def said(*call: str, **more: str) -> str:
-        return subprocess.run(call, env=environment | more, capture_output=True, text=True, check=True).stdout
+        return subprocess.run(
+            call, env=environment | more, capture_output=True, text=True, check=True, timeout=FUSE_S
+        ).stdout
 
     script.write_text(said("scleraforce", _SCLERAFORCE_COMPLETE="bash_source"))
     for line, offered in (
@@ -203,5 +209,9 @@ def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) ->
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
     given = ("a.png", "--out", "i", *map(str, options_of("--bits", 13, "--width-mm", 10, "--depth-mm", 4)))
     subprocess.run(
-        [*SCLERAFORCE, "import", *given], cwd=tmp_path, env=os.environ | {"MPLBACKEND": "refused"}, check=True
+        [*SCLERAFORCE, "import", *given],
+        cwd=tmp_path,
+        env=os.environ | {"MPLBACKEND": "refused"},
+        check=True,
+        timeout=FUSE_S,
     )

@@ -14,7 +14,8 @@ import pytest
 from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from commands import BINS, Started, monitor_folder, started
 from small_models import fixed_study
-from small_monitor import FUSE_S, Peer, wait_until
+from small_monitor import Peer
+from waiting import FUSE_S, wait_until
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError

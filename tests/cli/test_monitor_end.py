@@ -13,7 +13,8 @@ from time import monotonic
 
 import pytest
 from commands import monitor_folder, program, started
-from small_monitor import FUSE_S, Peer, wait_until
+from small_monitor import Peer
+from waiting import FUSE_S, wait_until
 
 from scleraforce.service.decision_log import read_log
 

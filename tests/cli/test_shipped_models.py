@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import pytest
 from analytic_frames import image, recording_toml, tip_of, wall_section
+from waiting import FUSE_S
 
 from scleraforce.models import SHIPPED_READER
 
@@ -61,6 +62,6 @@ def test_reading_a_frame_imports_nothing_that_it_does_not_need(frame: Path) -> N
         f"import sys; from scleraforce.cli.main import run; code = run({words!r})\n"
         f"print(*[name for name in {NOT_FOR_A_FRAME!r} if name in sys.modules], file=sys.stderr); sys.exit(code)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=FUSE_S)
     assert "mN (90 %:" in done.stdout
     assert done.stderr.split() == []

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import termios
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 from analytic_frames import drawn_counts
 from commands import cache_of_its_own
 from small_recordings import write_notebook_folder
+from waiting import ends
 
 from scleraforce.cli.main import COMMANDS
 from scleraforce.library import build as library_build
@@ -136,13 +138,11 @@ def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tup
         call, cwd=folder, env=os.environ | environment, stdout=subprocess.PIPE, stderr=theirs, text=True
     ) as process:
         os.close(theirs)
-        shown = b""
-        while True:
-            try:
-                shown += os.read(ours, 4096)
-            except OSError:  # the other end is closed
-                break
         assert process.stdout is not None
+        shown = b""
+        with ends(process.stdout), suppress(OSError):  # the other end is closed
+            while True:
+                shown += os.read(ours, 4096)
         printed = process.stdout.read()
     os.close(ours)
     assert process.returncode == 0, shown

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from small_recordings import calibration_text
+from waiting import FUSE_S
 
 from scleraforce.cli.output import count_bar
 from scleraforce.learning import generate
@@ -82,14 +83,14 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp
         assert process.poll() is None
         time.sleep(0.01)
     process.send_signal(sent)
-    message = process.communicate(timeout=300)[1]
+    message = process.communicate(timeout=FUSE_S)[1]
     assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
     if sent == signal.SIGINT:
         assert "Traceback" not in message
         assert "of 3000 images are kept" in message
     kept = len(list(Path(out).glob("slices/c/*/0/0")))
     assert 0 < kept < 15
-    subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=120.0)
     assert open_dataset(out).images == 3000
 
 

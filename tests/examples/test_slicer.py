@@ -10,8 +10,9 @@ import numpy as np
 import pyigtl
 import pytest
 from fake_monitor import fake_monitor
-from small_monitor import FUSE_S, Peer, wait_until
+from small_monitor import Peer
 from sources import example_module
+from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Image, Status
 

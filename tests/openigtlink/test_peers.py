@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_monitor import COLUMNS, FUSE_S, ROWS, SCALE_M, Peer, frame_of, serving, wait_until
+from small_monitor import COLUMNS, ROWS, SCALE_M, Peer, frame_of, serving
 from small_recordings import write_small_recording
+from waiting import FUSE_S, wait_until
 
 from scleraforce.recording.folder import read_recording
 from scleraforce.replay.player import Player

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fake_monitor import ClockedClient, FakeMonitor, MonitorRule, fake_monitor
 from small_recordings import write_small_recording
+from waiting import FUSE_S
 
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError
@@ -269,7 +270,7 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
         while len(images(monitor)) < 6:  # the last one may not have been counted yet
             assert child.poll() is None
         child.send_signal(signal.SIGINT)
-        out, err = child.communicate()
+        out, err = child.communicate(timeout=FUSE_S)
     assert child.returncode == 130
     assert err.strip() == "error: interrupted"
     assert 5 <= json.loads(out)["frames_sent"] < 300

@@ -7,8 +7,9 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 from fake_monitor import ClockedClient, MonitorRule
-from small_monitor import FRAME_S, FUSE_S, SCALE_M, TurnedClock, frame_of, serving
+from small_monitor import FRAME_S, SCALE_M, TurnedClock, frame_of, serving
 from small_recordings import write_small_recording
+from waiting import FUSE_S
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError

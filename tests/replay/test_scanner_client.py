@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
+import waiting
 from fake_monitor import FakeMonitor, fake_monitor
 
 from scleraforce.errors import LinkError
@@ -14,7 +15,6 @@ from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Te
 from scleraforce.recording.folder import OctInfo
 from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, frame_message
 
-FUSE_S = 300.0  # nothing takes so long: what has not come by then never will
 OCT = OctInfo(columns=32, rows=24, bits=12, width_m=8e-3, depth_m=3e-3)
 PIXELS = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32)
 
@@ -37,7 +37,7 @@ def connected(hear, **settings) -> Iterator[tuple[FakeMonitor, ScannerClient]]:
 
 
 def wait_until(client: ScannerClient, done) -> None:
-    client.listen(time.monotonic() + FUSE_S, done)
+    client.listen(time.monotonic() + waiting.FUSE_S, done)
     assert done()
 
 
@@ -72,8 +72,7 @@ def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
     heard = []
     with connected(lambda *said: heard.append(said), observed=True) as (monitor, client):
         monitor.answers = False
-        while len(monitor._peers) < 2:
-            time.sleep(0.001)
+        waiting.wait_until(lambda: len(monitor._peers) == 2)
         for _ in range(3):
             monitor.say_bytes(encode(Text("once"), "ForceReading"))
             client.listen(time.monotonic() + 0.05)
@@ -102,11 +101,10 @@ def test_a_peer_that_leaves_or_does_not_speak_openigtlink_is_an_error() -> None:
     ):
         with connected(lambda *_: None) as (monitor, client):
             monitor.answers = False
-            while not monitor._peers:
-                time.sleep(0.001)
+            waiting.wait_until(lambda: bool(monitor._peers))
             act(monitor)
             with pytest.raises(LinkError, match=words):
-                client.listen(time.monotonic() + FUSE_S)
+                client.listen(time.monotonic() + waiting.FUSE_S)
 
 
 def reading(frame_id: int) -> Text:

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from msgspec import structs
-from small_monitor import FUSE_S, READ_ENTRY, decision, wait_until
+from small_monitor import READ_ENTRY, decision
+from waiting import FUSE_S, wait_until
 
 import scleraforce.service.black_box as module
 import scleraforce.service.decision_log as log_sync

@@ -15,7 +15,8 @@ import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from small_monitor import FUSE_S, READ_ENTRY, verdict, wait_until
+from small_monitor import READ_ENTRY, verdict
+from waiting import FUSE_S, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe

@@ -8,7 +8,8 @@ from contextlib import ExitStack, suppress
 from time import sleep
 
 import pytest
-from small_monitor import FUSE_S, NoGuard, wait_until
+from small_monitor import NoGuard
+from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import WAITING_BYTES, Clients, Connection, ServerSettings

@@ -6,6 +6,7 @@ import sys
 import zlib
 
 import pytest
+from waiting import FUSE_S, ends
 
 from scleraforce.service.decision_log import DecisionLog, read_log
 
@@ -143,12 +144,13 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
     )
     for _ in range(2):
         child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-        for _ in range(300):
-            said = int(child.stdout.readline())
+        with ends(child.stdout, FUSE_S):
+            for _ in range(300):
+                said = int(child.stdout.readline())
         child.send_signal(signal.SIGKILL)
         said = max([said, *map(int, child.stdout.read().split())])
         child.stdout.close()
-        child.wait()
+        child.wait(FUSE_S)
         runs = [record["number"] for record in records(tmp_path)]
         last = len(runs) - 1 - runs[::-1].index(0)  # where this child began
         assert runs[last:] in (list(range(said + 1)), list(range(said + 2)))

@@ -7,7 +7,8 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from small_monitor import FUSE_S, FakeCompanion
+from small_monitor import FakeCompanion
+from waiting import FUSE_S
 
 from scleraforce.errors import InputError
 from scleraforce.known import (
@@ -164,7 +165,7 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
     go_on, lines = Event(), list[str]()
 
     def write(text: str) -> None:
-        go_on.wait()
+        go_on.wait(FUSE_S)
         lines.append(text)
 
     notes = Notes(write)

@@ -3,7 +3,8 @@
 from contextlib import ExitStack
 
 import pytest
-from small_monitor import FUSE_S, TOKEN, Peer, serving
+from small_monitor import TOKEN, Peer, serving
+from waiting import FUSE_S
 
 from scleraforce.openigtlink import Text, encode
 from scleraforce.service.reset import ANSWERED, WITHIN_S, ResetToken, ask_reset, token_digest

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 import pytest
 from fake_monitor import OK, fake_monitor
 from fastcrc.crc64 import ecma_182
+from waiting import FUSE_S, ends
 
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"
-FUSE_S = 300.0  # nothing takes so long: what has not come by then never will
 EMERGENCY = Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")
 
 
@@ -146,9 +146,10 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
         monitor.status = OK
         command = [sys.executable, str(patient), "127.0.0.1", str(monitor.port)]
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert " continue: code 1" in child.stdout.readline()
-        monitor.say(EMERGENCY)
-        assert " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN" in child.stdout.readline()
+        with ends(child.stdout, FUSE_S):
+            assert " continue: code 1" in child.stdout.readline()
+            monitor.say(EMERGENCY)
+            assert " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN" in child.stdout.readline()
         monitor.drop()
         out, err = child.communicate(timeout=FUSE_S)
     assert " WITHDRAW: " in out

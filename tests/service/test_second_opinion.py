@@ -7,7 +7,7 @@ from select import select
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from small_models import write_fixed_reader
-from small_monitor import FUSE_S
+from waiting import FUSE_S
 
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing

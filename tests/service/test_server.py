@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from small_monitor import (
     COLUMNS,
-    FUSE_S,
     HANGS,
     MATRIX,
     RAISES,
@@ -29,8 +28,8 @@ from small_monitor import (
     small_monitor,
     small_server,
     verdict,
-    wait_until,
 )
+from waiting import FUSE_S, wait_until
 
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode

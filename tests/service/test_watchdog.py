@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import pytest
 from small_monitor import Peer, small_monitor
+from waiting import FUSE_S
 
 import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
@@ -77,7 +78,7 @@ def test_the_watchdog_needs_the_standard_library_alone() -> None:
         "import sys; import scleraforce.service.watchdog;"
         "sys.exit(str([name for name in ('numpy', 'cv2', 'json') if name in sys.modules] or ''))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=FUSE_S)
     assert done.stderr.strip() == ""
 
 

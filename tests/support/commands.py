@@ -1,41 +1,18 @@
 """Commands as a user starts them, and a limit on how long a test waits for their output."""
 
-import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Timer
-from typing import IO
 
 from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
 from platformdirs import user_cache_path
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
-
-LIMIT_S = 240.0  # of a test that starts a monitor, on a busy machine
-
-
-@contextmanager
-def ends(pipe: IO[str], seconds: float = LIMIT_S) -> Iterator[None]:
-    """Kill whoever else holds a pipe when this takes longer: whoever reads it then sees its end (Linux only)."""
-    timer = Timer(seconds, _kill_holders, (os.readlink(f"/proc/self/fd/{pipe.fileno()}"),))
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-def _kill_holders(pipe: str) -> None:
-    for place in Path("/proc").glob("[0-9]*/fd/*"):
-        holder = int(place.parts[2])
-        with suppress(OSError):  # it ended meanwhile, or is another user's
-            if holder != os.getpid() and os.readlink(place) == pipe:
-                os.kill(holder, signal.SIGKILL)
+from waiting import ends
 
 
 def cache_of_its_own(folder: Path) -> dict[str, str]:

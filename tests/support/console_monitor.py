@@ -7,7 +7,8 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from small_monitor import FUSE_S, decision
+from small_monitor import decision
+from waiting import FUSE_S
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.pixels import PixelScale

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from commands import ends
 from platformdirs import user_cache_path
+from waiting import ends
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -92,4 +92,4 @@ def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None
     log.unlink()
     files = {Path(base, name) for base, name, flags in OPENED.findall(text)
              if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))}  # fmt: skip
-    return Traced(process.wait(), "".join(lines), frozenset(ADDRESS.findall(text)), frozenset(files))
+    return Traced(process.wait(20.0), "".join(lines), frozenset(ADDRESS.findall(text)), frozenset(files))

@@ -101,7 +101,7 @@ class FakeMonitor(MonitorRule):
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
-        self._threads[0].join()  # nobody comes any more
+        self._threads[0].join(5.0)  # nobody comes any more
         self.drop()
         for thread in self._threads:
             thread.join(5.0)

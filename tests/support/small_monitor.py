@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from threading import RLock, Thread
-from time import monotonic, sleep, time
+from time import monotonic, time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from waiting import FUSE_S, ends
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Verdict
@@ -174,7 +175,6 @@ class FakeCompanion:
 
 MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 SERIALS = count(1)
-FUSE_S = 300.0  # nothing takes so long, on any machine: what has not come by then never will
 FRAME_S = 0.01  # between two frames of a scanner
 LOOK_S = 6.0  # of a watchdog that no busy machine makes impatient
 
@@ -205,13 +205,13 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
     """
     settings.setdefault("clock", TurnedClock())
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
-    thread = Thread(target=server.run)
+    thread = Thread(target=server.run, daemon=True)
     thread.start()
     try:
         yield port
     finally:
         server.stop()
-        thread.join()
+        thread.join(FUSE_S)
         server.close()
 
 
@@ -229,7 +229,8 @@ def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator
     assert process.stdin
     assert process.stdout
     try:
-        port, watchdog_pid = map(int, process.stdout.readline().split())
+        with ends(process.stdout, FUSE_S):
+            port, watchdog_pid = map(int, process.stdout.readline().split())
         yield Running(process, port, watchdog_pid)
     finally:
         process.stdin.close()
@@ -268,6 +269,7 @@ class Peer:
         before = self.readings()
         self.show(force_mn, pixels, **header)
         self.hear(lambda peer: peer.readings() > before)
+        assert self.readings() > before, "a frame was not answered"
 
     def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float = FUSE_S) -> None:
         """Take what comes until `done` or the time is over; a closed connection ends it as well."""
@@ -318,10 +320,3 @@ class Peer:
         while not (found := [status for status in self.statuses()[since:] if status.code == code]):
             self.read(10.0)
         return found[0]
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    end_s = monotonic() + FUSE_S
-    while not holds():
-        assert monotonic() < end_s, "it did not come about"
-        sleep(0.01)

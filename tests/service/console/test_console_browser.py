@@ -14,6 +14,7 @@ import pytest
 from chromium import NEEDS_CHROMIUM, started_chromium
 from console_monitor import TOKEN, ConsoleMonitor, reading
 from playwright.sync_api import Browser, Dialog, Page, expect
+from waiting import FUSE_S
 
 from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
 
@@ -104,13 +105,13 @@ def repeating(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[Non
         while not done.wait(every_s):
             tell()
 
-    thread = Thread(target=run)
+    thread = Thread(target=run, daemon=True)
     thread.start()
     try:
         yield
     finally:
         done.set()
-        thread.join()
+        thread.join(FUSE_S)
 
 
 def watching(monitor: ConsoleMonitor, force_mn: float = 12.3) -> Callable[[], None]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import TOKEN, ConsoleMonitor, reading
-from small_monitor import FUSE_S
+from waiting import FUSE_S, ends
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
@@ -155,7 +155,7 @@ def test_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
 
 def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
     with page(monitor) as link:
-        hello = json.loads(link.recv())
+        hello = json.loads(link.recv(timeout=FUSE_S))
         assert (hello["model"], hello["eye"], hello["bound_mn"]) == ("reader", "eye-a", 30.0)
         assert hello["class_bounds_mn"] == [5.0, 30.0]
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
@@ -278,11 +278,12 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         text=True,
     )
     assert killed.stdout is not None
-    port, pid = (int(word) for word in killed.stdout.readline().split())
+    with ends(killed.stdout, FUSE_S):
+        port, pid = map(int, killed.stdout.readline().split())
     with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:
         assert state_of(link)["state"] == "WATCHING"
         killed.send_signal(signal.SIGKILL)
-        killed.wait()
+        killed.wait(FUSE_S)
         assert state_of(link, monitor="ended")
         close_of(link)
     killed.stdout.close()
@@ -324,14 +325,14 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
             except ConnectionClosed as closed:
                 lost.append(closed)
 
-        thread = Thread(target=answers)
+        thread = Thread(target=answers, daemon=True)
         thread.start()
         for number in range(2 * MOST_PAGES):
             silent = stack.enter_context(page(monitor))
             assert json.loads(silent.recv(timeout=FUSE_S))["kind"] == "hello", number
         assert not lost
         lively.close()
-        thread.join()
+        thread.join(FUSE_S)
 
 
 @pytest.mark.slow
