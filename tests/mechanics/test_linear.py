@@ -119,6 +119,16 @@ def test_reactions_balance_the_loads(load: str) -> None:
     np.testing.assert_allclose(moments, 0.0, atol=1e-8 * size * R)
 
 
+@pytest.mark.parametrize("contacts", [1, 3])
+def test_wanted_nodes_are_those_of_the_full_solution_to_the_last_bit(contacts: int) -> None:
+    wall = coarse_wall()
+    pressed = [Contact(polar_rad=0.4, azimuth_rad=azimuth) for azimuth in range(contacts)]
+    nodes = np.flatnonzero(np.abs(wall.mesh.points_nc @ CONTACT.parallel) < 2e-3)
+    some, every = wall.needle_cnc(pressed, NEEDLE, nodes), wall.needle_cnc(pressed, NEEDLE)
+    np.testing.assert_array_equal(some[:, nodes], every[:, nodes])
+    assert np.isnan(np.delete(some, nodes, axis=1)).all()
+
+
 def test_superposition_is_the_solution_for_the_sum_of_the_loads() -> None:
     wall = coarse_wall()
     needle = wall.needle_cnc([CONTACT], NEEDLE)[0]

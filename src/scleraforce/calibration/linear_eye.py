@@ -18,7 +18,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import locate, surface_weights
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
@@ -50,17 +50,22 @@ def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
 
 
 def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Array) -> Array:
-    """Return the fields of a factored wall about the plane of one contact; one right-hand side is solved."""
+    """Return the fields of a factored wall about the plane of one contact, (field, boundary, line, sample, axis)."""
     mesh = wall.mesh
     axes = _plane_axes(contact, constants)
-    needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[0]
-    solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
     plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
-    fields = [
-        _sample_surface(mesh, quads, radius, solutions, axes, _line_points(radius, *plane))
-        for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
-    ]
-    return np.stack(fields, axis=1)
+    points_blsc = np.stack([_line_points(mesh.radius_m - inward, *plane) for inward in (0.0, mesh.thickness_m)])
+    world = points_blsc @ axes - mesh.radius_m * axes[2]
+    quads, local = locate(mesh, world.reshape(-1, 3))
+    weights = surface_weights(mesh, local)
+    outer, inner = np.split(quads, 2)
+    nodes = np.concatenate([mesh.outer_qn[outer], mesh.inner_qn[inner]])
+    needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2, nodes)[0]
+    solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
+    moved = np.einsum("pn,fpnc->fpc", weights, solutions[:, nodes])
+    stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]
+    fields: Array = np.concatenate([stood[None], moved]) @ axes.T
+    return fields.reshape(4, *points_blsc.shape)
 
 
 def _lateral_samples(
@@ -92,20 +97,6 @@ def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Array, gap_m
     across = gap_m + tan(tilt_rad) * depth + steps
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - across**2)
     return np.stack([np.broadcast_to(lateral_m, across.shape), across, depth], axis=-1)
-
-
-def _sample_surface(
-    mesh: HexMesh, quads_qn: NDArray[np.int64], radius_m: float, solutions_fnc: Array, axes: Array, points_lsc: Array
-) -> Array:
-    """Return position and displacements at points of one surface in the plane's axes, (field, line, sample, 3)."""
-    world = points_lsc @ axes - mesh.radius_m * axes[2]
-    quad, local = locate(mesh, world.reshape(-1, 3) / radius_m)
-    weights = surface_weights(mesh, local)
-    nodes = quads_qn[quad]
-    moved = np.einsum("pn,fpnc->fpc", weights, solutions_fnc[:, nodes])
-    stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]
-    fields = np.concatenate([stood[None], moved]) @ axes.T
-    return fields.reshape(4, *points_lsc.shape)
 
 
 THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, if that is uncertain

@@ -149,7 +149,7 @@ class FrontalFactor:
 
     def __init__(self, dissection: Dissection, element_eiajb: Floats) -> None:
         """Sum up and factor symmetric element matrices (element, 3, node, 3, node)."""
-        self._number_u = dissection.number_u
+        self._dissection, self._number_u = dissection, dissection.number_u
         self._dtype = element_eiajb.dtype
         size = element_eiajb.shape[1] * element_eiajb.shape[2]
         element_eNN = element_eiajb.reshape(-1, size, size)
@@ -166,25 +166,40 @@ class FrontalFactor:
                 factored, left[number] = self._eliminated(front, A)
                 self._fronts.append(factored)
 
-    def solve(self, load: Floats) -> NDArray[np.float64]:
-        """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape."""
+    def solve(self, load: Floats, wanted_u: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+        """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape.
+
+        With `wanted_u` (unknown,) only these are answered, others mean nothing: parts without them are not read.
+        """
         x = np.empty(load.shape, self._dtype)
         x[self._number_u] = load
         with one_blas_thread():
-            self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x)
+            self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x, self._asked(wanted_u))
         return np.asarray(x[self._number_u], dtype=np.float64)
 
-    def _substitute(self, column: Floats) -> None:
+    def _asked(self, wanted_u: NDArray[np.bool_] | None) -> list[bool]:
+        """Return for each front whether it, or one below it, has wanted unknowns."""
+        fronts = self._dissection.fronts
+        if wanted_u is None:
+            return [True] * len(fronts)
+        first = [front.own.start for front in fronts]
+        own = np.searchsorted(first, self._number_u[wanted_u], side="right") - 1
+        asked: list[bool] = (np.bincount(own, minlength=len(fronts)) > 0).tolist()
+        for number, front in enumerate(fronts):  # children come first
+            asked[number] = asked[number] or any(asked[child] for child in front.children)
+        return asked
+
+    def _substitute(self, column: Floats, asked: list[bool]) -> None:
         """Put the answer in place of a load, both in the order of elimination."""
-        fronts = [factored for factored in self._fronts if factored.own.start < factored.own.stop]
-        for one in fronts:
+        for one in self._fronts:
             y = column[one.own]
             if y.any():  # nothing comes of no load
                 column[one.own] = y = self._divided(one, y if one.rows is None else y[one.rows], upper=False)
                 column[one.shared] -= one.Y @ y
-        for one in reversed(fronts):
-            y = column[one.own] - one.Z @ column[one.shared]
-            column[one.own] = self._divided(one, y, upper=True)
+        for one, needed in zip(reversed(self._fronts), reversed(asked), strict=True):
+            if needed and one.own.start < one.own.stop:
+                y = column[one.own] - one.Z @ column[one.shared]
+                column[one.own] = self._divided(one, y, upper=True)
 
     def _divided(self, one: _Factored, y: Floats, *, upper: bool) -> Floats:
         """Return the inverse of U or L times y, (own,) or (own, column)."""

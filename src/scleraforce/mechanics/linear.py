@@ -60,8 +60,12 @@ class LinearWall:
         """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
         return self.solve_one(gravity_load(self.mesh, self._points))
 
-    def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
+    def needle_cnc(
+        self, contacts: Sequence[Contact], needle_radius_m: float, nodes: NDArray[np.int64] | None = None
+    ) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
+
+        `nodes`: those that are wanted, by default all. The others get NaN, and the time is that of the wanted ones.
 
         Raises:
             InputError: a needle reaches over the base plane.
@@ -69,16 +73,23 @@ class LinearWall:
         answer = np.empty((len(contacts), *self.mesh.points_nc.shape))
         for start in range(0, len(contacts), LOADS_AT_ONCE):
             part = slice(start, start + LOADS_AT_ONCE)
-            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m))
+            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m), nodes)
         return answer
 
-    def solve(self, loads_lnc: Floats) -> Floats:
-        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
+    def solve(self, loads_lnc: Floats, nodes: NDArray[np.int64] | None = None) -> Floats:
+        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m.
+
+        `nodes`: as in `needle_cnc`.
+        """
         answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
+        wanted_nc = np.full(self.mesh.points_nc.shape, nodes is None)
+        wanted_nc[[] if nodes is None else nodes] = True
+        wanted_u = None if nodes is None else wanted_nc.ravel()[self._free]
         for start in range(0, len(loads_lnc), LOADS_AT_ONCE):
             part = slice(start, start + LOADS_AT_ONCE)
             loads = loads_lnc[part].reshape(-1, answer.shape[1])[:, self._free]
-            answer[part, self._free] = self._factor.solve(loads.T).T
+            answer[part, self._free] = self._factor.solve(loads.T, wanted_u).T
+        answer[:, ~wanted_nc.ravel()] = np.nan
         return answer.reshape(loads_lnc.shape)
 
     def solve_one(self, load_nc: Floats) -> Floats:
