@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import sample_optics, sample_pose
+from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning.wall_finder import mask_dice, seen_mask
 from scleraforce.mechanics.contact import Section
@@ -33,10 +33,11 @@ from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
-from scleraforce.study import ScenesStudy, Study, WallFinderStudy
+from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 STUDY = Study()
+PLACED = ("surface_depth_m", "eye_shift_m", "eye_shift_m", "eye_tilt_rad")  # of an eye in a frame
 SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew seed 0
 RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
 CELL = (300, 420)  # rows and columns of a picture in the sheet
@@ -61,7 +62,9 @@ def phantoms(count: int) -> Iterator[Case]:
         outer = np.stack([lateral, depth], axis=1)
         section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
         optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
-        bscan = render_bscan(sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng)
+        surface_m, down_m, aside_m, tilt_rad = (draw(getattr(STUDY.phantom, name), rng) for name in PLACED)
+        pose = Pose(lateral_m=aside_m, depth_m=surface_m + down_m, tilt_rad=tilt_rad)
+        bscan = render_bscan(pose.place(section), STUDY.oct, optics, rng)
         yield bscan.frame, PixelScale.of(STUDY.oct), bscan.truth_mask, np.ones(bscan.frame.shape[1], dtype=np.bool_)
 
 

@@ -198,7 +198,8 @@ class CheckedStore:
     def begin(self, attributes: Mapping[str, Any], known: Mapping[str, NDArray[Any]]) -> None:
         """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
         with self._writing():
-            if _occupied(self.path):
+            path = self.path  # an empty folder, or one with a killed run's temporary file, is free
+            if path.exists() and (not path.is_dir() or any(entry.suffix != ".partial" for entry in path.iterdir())):
                 group = self._continued(attributes)
             else:
                 self.path.mkdir(parents=True, exist_ok=True)
@@ -312,13 +313,6 @@ class CheckedStore:
     def _chunk(self, array: StoredArray, index: tuple[int, ...]) -> bytes:
         kind = replace(KINDS["store chunk"], error=self.kind.error, max_bytes=max(MIB, 2 * array.chunk_size))
         return read_bytes(self.path / array.file(index), kind)
-
-
-def _occupied(path: Path) -> bool:
-    """Return whether `path` is taken; an empty directory, or one with a killed run's temporary file, is free."""
-    if not path.exists():
-        return False
-    return not path.is_dir() or any(entry.suffix != ".partial" for entry in path.iterdir())
 
 
 def _ordinary(path: Path) -> bool:

@@ -180,9 +180,8 @@ def _read() -> Finding:
     if answer.force_n is None:
         return Finding(READ, "failed", f"a frame of {from_si(true_n, 'mn'):.1f} mN: {answer.reason}", AGAIN)
     words = f"{from_si(answer.force_n, 'mn'):.1f} mN read of {from_si(true_n, 'mn'):.1f} mN"
-    if abs(answer.force_n - true_n) > READ_WITHIN_N:
-        return Finding(READ, "failed", words, AGAIN)
-    return Finding(READ, "ok", words)
+    right = abs(answer.force_n - true_n) <= READ_WITHIN_N
+    return Finding(READ, "ok", words) if right else Finding(READ, "failed", words, AGAIN)
 
 
 def _train() -> Finding:

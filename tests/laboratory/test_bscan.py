@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from analytic_frames import STEEL
 from hypothesis import given, settings, strategies as st
+from poses import sample_pose
 from scipy import stats
 
 from scleraforce.laboratory.bscan import column_crossings, draw_shaft, render_bscan
@@ -19,7 +20,6 @@ from scleraforce.laboratory.light import (
     Shadow,
     sample_conjunctiva,
     sample_optics,
-    sample_pose,
 )
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
 from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced

@@ -18,6 +18,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_browser_html, write_evaluation_html
+from scleraforce.report.html import Html, write_page
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
@@ -129,7 +130,7 @@ def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -
     with pytest.raises(InputError, match="exists already"):
         write_evaluation_html(answers(), (), path, MADE_AT)
     assert path.read_text() == "mine"
-    write_evaluation_html(answers(), (), path, MADE_AT, overwrite=True)
+    write_page(Html("<!DOCTYPE html>"), path, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):

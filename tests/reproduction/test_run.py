@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from poses import sample_pose
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.laboratory.light import sample_pose
 from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from analytic_frames import STEEL
+from poses import sample_pose
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
-from scleraforce.laboratory.light import Pose, sample_optics, sample_pose
+from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+from poses import sample_pose
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics, sample_pose
+from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale

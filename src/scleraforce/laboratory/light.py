@@ -219,12 +219,6 @@ def sample_needle(
     return drawn(NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m)
 
 
-def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
-    """Draw the pose of an eye in one frame, without a recording that the depth and the tilt belong to."""
-    depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
-    return Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=depth_m, tilt_rad=draw(phantom.eye_tilt_rad, rng))
-
-
 def transmission(shadows: Sequence[Shadow], columns_m: NDArray[np.float64]) -> Float:
     """Return the share of the light that shadows let through in each column, (column,)."""
     left = np.ones(len(columns_m))

@@ -6,21 +6,12 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scleraforce import models
 from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
 from scleraforce.known.calibration_file import open_calibration, write_calibration
-from scleraforce.models import (
-    CARD_FILE,
-    COMMON_FILES,
-    NETWORK_FILE,
-    SHIPPED_WALL_FINDER,
-    STUDY_FILE,
-    check_place,
-    read_folder,
-    write_folder,
-)
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
 from scleraforce.notebook.libraries import library_for
@@ -46,7 +37,7 @@ def calibrate(
     parameters: Sequence[str] | None = None,
     mechanics: str = "finite-strain",
     earlier: Calibration | str | PathLike[str] | None = None,
-    wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
+    wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
     thickness_m: float | None = None,
     out: str | PathLike[str] | None = None,
     note: Callable[[str], object] | None = None,
@@ -151,9 +142,10 @@ def recalibrate_intervals(
     from scleraforce.reader.evaluate import recording_scores
     from scleraforce.reader.intervals import intervals_record, stretched, stretches
 
-    check_place(out)
-    reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
-    study, count = reader.study, sum(len(recording.frames) for recording in each)
+    models.check_place(out)
+    reader, folder = load_force_reader(model, finder=wall_finder), models.read_folder(Path(model))
+    study, each = reader.study, opened(recordings)
+    count = sum(len(recording.frames) for recording in each)
     for recording in each:
         info = recording.info
         for sentence in reader.limits(known_of_recording(info), info.oct, info.needle.gauge):
@@ -172,8 +164,8 @@ def recalibrate_intervals(
     record = {key: value for key, value in folder.record.items() if key not in ("format", "files")}
     changes = stretches(scores)
     record["intervals"] = intervals_record(scores, stretched(reader.factors, changes), source)
-    more = {name: content for name, content in folder.files.items() if name not in COMMON_FILES}
-    study_toml, card = (folder.files[name].decode() for name in (STUDY_FILE, CARD_FILE))
+    more = {name: content for name, content in folder.files.items() if name not in models.COMMON_FILES}
+    study_toml, card = (folder.files[name].decode() for name in (models.STUDY_FILE, models.CARD_FILE))
     card += f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has the factors.\n"
-    write_folder(out, folder.files[NETWORK_FILE], study_toml, card, record, more)
+    models.write_folder(out, folder.files[models.NETWORK_FILE], study_toml, card, record, more)
     return changes

@@ -16,15 +16,16 @@ import numpy as np
 
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError, StudyError
-from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
-from scleraforce.known.calibration_file import (
-    CalibrationSummary,
-    foreign_modulus,
-    known_of_eye,
-    parse_calibration_file,
-    read_calibration,
-    summary_of,
+from scleraforce.known import (
+    NOTHING_KNOWN,
+    Known,
+    Modulus,
+    calibration_file,
+    completed,
+    known_globe,
+    known_of_recording,
 )
+from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader import Reader
@@ -262,8 +263,8 @@ def reading(
     known, notes = completed(given, stated), list(seen.notes)
     if calibration is not None:
         summary, name = summary_of_calibration(calibration), _eye_name(eye, seen.info)
-        known = known_of_eye(known, summary, name)
-        notes += filter(None, [foreign_modulus(summary, name)])
+        known = calibration_file.known_of_eye(known, summary, name)
+        notes += filter(None, [calibration_file.foreign_modulus(summary, name)])
     if seen.info is not None:
         place = recording_of(Path(_place(frame))) or _place(frame)
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
@@ -350,7 +351,7 @@ def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummar
     from scleraforce.calibration.result import calibration_as_json  # with all that calibrates
 
     text = json.dumps(calibration_as_json(calibration), allow_nan=False)
-    return summary_of(parse_calibration_file(text.encode(), "the calibration"))
+    return calibration_file.summary_of(calibration_file.parse_calibration_file(text.encode(), "the calibration"))
 
 
 def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:

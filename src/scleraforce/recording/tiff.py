@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from io import BytesIO
 from math import isclose, isfinite
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import unpack
 from typing import TYPE_CHECKING, Any
@@ -43,13 +42,12 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
     with _opened(path, data) as file:
         pages = [entry.aspage() for entry in file.pages]
         frames = [page for page in pages if not _is_copy(page, pages[0])]
-        with _held(path, data) as held:
-            for page in pages:
-                _check_page(page, held)
-            first = file.series[0].keyframe
-            count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, first)])
-            scans.check_bytes(sum(each.nbytes for each in file.series))
-            _check_pages(file, pages, len(frames), count, held)
+        for page in pages:
+            _check_page(file, page)
+        first = file.series[0].keyframe
+        count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, first)])
+        scans.check_bytes(sum(each.nbytes for each in file.series))
+        _check_pages(file, pages, len(frames), count)
         orientation = _orientation(frames)
         notes: list[str] = []
         sizes = [*_ome_sizes(file, notes), *(_resolution(file, page, notes) for page in frames)]
@@ -92,20 +90,17 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
         yield opened
 
 
-@contextmanager
-def _held(path: Path, data: bytes | None) -> Iterator[bytes | mmap]:
-    if data is not None:
-        yield data
-        return
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as held:
-        yield held
+def _read(file: "TiffFile", at: int, count: int) -> bytes:
+    handle = file.filehandle
+    handle.seek(at)
+    return handle.read(min(count, handle.size))
 
 
 def _is_copy(page: "TiffPage", first: "TiffPage") -> bool:
     return bool(page.is_reduced) and page.shape != first.shape
 
 
-def _check_page(page: "TiffPage", data: bytes | mmap) -> None:
+def _check_page(file: "TiffFile", page: "TiffPage") -> None:
     kind = getattr(page.photometric, "name", page.photometric)
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         raise FrameError(f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
@@ -119,7 +114,7 @@ def _check_page(page: "TiffPage", data: bytes | mmap) -> None:
         raise FrameError(f"a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
     largest = int(np.prod(page.chunks)) * 8
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
-        if _unpacks_to_more(page.compression, data[at : at + count], largest):
+        if _unpacks_to_more(page.compression, _read(file, at, count), largest):
             raise FrameError(f"damaged: more is packed in it than the {page.shape} pixels that it states")
 
 
@@ -165,15 +160,14 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
     return length[others[0]] if others else 1, length["Y"], length["X"]
 
 
-def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int, data: bytes | mmap) -> None:
+def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int) -> None:
     """Check that tifffile reached all pages: `there` pages of frames are in it, `count` frames are stated."""
     last, form = pages[-1], file.tiff
-    tags = last.offset + form.tagnosize
-    (number,) = unpack(form.tagnoformat, data[last.offset : tags])
-    after = tags + number * form.tagsize
-    (following,) = unpack(form.offsetformat, data[after : after + form.offsetsize])
+    (number,) = unpack(form.tagnoformat, _read(file, last.offset, form.tagnosize))
+    after = last.offset + form.tagnosize + number * form.tagsize
+    (following,) = unpack(form.offsetformat, _read(file, after, form.offsetsize))
     ends = [at + size for page in pages for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
-    if following != 0 or max(ends) > len(data):
+    if following != 0 or max(ends) > file.filehandle.size:
         raise FrameError("damaged: its end is missing, or pages that it states")
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:

@@ -6,6 +6,7 @@ frame the recording continues where it can, so that a silence does not hide a fa
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, islice
 from math import ceil, nan
 from time import time
 from types import MappingProxyType
@@ -316,15 +317,10 @@ def _moved(stage: _Stage) -> list[Act]:
 
 def _half_frozen(stage: _Stage) -> list[Act]:
     """Live pictures with one half of the last one: left, right, upper or lower."""
-    last, pictures = stage.pixels(-1), []
+    last = stage.pixels(-1)
     axis, side = (int(stage.rng.integers(2)) for _ in range(2))
-    middle = last.shape[axis] // 2
-    half = (slice(None),) * axis + (slice(middle, None) if side else slice(middle),)
-    for index in range(stage.left):
-        mixed = stage.pixels(index).copy()
-        mixed[half] = last[half]
-        pictures.append(mixed)
-    return stage.shown(pictures)
+    half = (np.indices(last.shape, sparse=True)[axis] >= last.shape[axis] // 2) == bool(side)
+    return stage.shown(np.where(half, last, stage.pixels(index)) for index in range(stage.left))
 
 
 def _ghost(stage: _Stage) -> list[Act]:
@@ -334,12 +330,10 @@ def _ghost(stage: _Stage) -> list[Act]:
 
 def _persistence(stage: _Stage) -> list[Act]:
     """A recursive filter that keeps a share of its last picture."""
-    last, old, pictures = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES), []
-    mean = last.astype(np.float64)
-    for index in range(stage.left):
-        mean = old * mean + (1.0 - old) * stage.pixels(index)
-        pictures.append(_like(last, mean))
-    return stage.shown(pictures)
+    last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
+    live = (stage.pixels(index) for index in range(stage.left))
+    means = accumulate(live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=last.astype(np.float64))
+    return stage.shown(_like(last, mean) for mean in islice(means, 1, None))
 
 
 def _pixel_type(stage: _Stage) -> list[Act]:

@@ -32,7 +32,7 @@ NAMES_REMARK = (
 
 
 def write_evaluation_html(
-    evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime, *, overwrite: bool = False
+    evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime
 ) -> None:
     """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
     limits = [html.section("What limits the result", html.bullets(evaluation.notes))] if evaluation.notes else []
@@ -43,7 +43,7 @@ def write_evaluation_html(
     ]
     sections = [_result(evaluation), *limits, *pictures, html.section("Every frame", *tables)]
     title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
-    html.write_page(html.page(title, _lead(evaluation), html.made_line(made_at), *sections), path, overwrite=overwrite)
+    html.write_page(html.page(title, _lead(evaluation), html.made_line(made_at), *sections), path)
 
 
 def _lead(evaluation: Evaluation) -> str:

@@ -39,14 +39,9 @@ def text(content: object) -> Html:
     return Html(escape(str(content)))
 
 
-def paragraph(content: str) -> Html:
-    """Return a paragraph of plain text."""
-    return Html(f"<p>{text(content)}</p>")
-
-
-def notice(content: str) -> Html:
-    """Return a paragraph that must not be missed."""
-    return Html(f'<p class="notice">{text(content)}</p>')
+def paragraph(content: str, *, notice: bool = False) -> Html:
+    """Return a paragraph of plain text; a `notice` must not be missed."""
+    return Html(f"<p{_class('notice' if notice else '')}>{text(content)}</p>")
 
 
 def bullets(entries: Iterable[str]) -> Html:

@@ -73,8 +73,8 @@ def write_reproduction_html(
         return block
 
     sections = (
-        html.section("Result", html.notice(SIMULATED), evaluation_cards(evaluation), html.paragraph(PAPER_RESULT),
-                drawn(_overview(run, evaluation))),
+        html.section("Result", html.paragraph(SIMULATED, notice=True), evaluation_cards(evaluation),
+                html.paragraph(PAPER_RESULT), drawn(_overview(run, evaluation))),
         _design(run, evaluation),
         html.section("The simulated eye", drawn(_model_figure(run.study)), drawn(_mesh_figure(run.study))),
         html.section("Measured forces", drawn(_force_log_figure(run, evaluation))),

@@ -49,7 +49,9 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
         wall += "".join(f" ({reason})" for key, reason in REASONS.items() if key in found)
-        remedy = f"leave {'it' if len(found) == 1 else 'them'} out{_other_mechanics(command, found)}"
+        remedy = f"leave {'it' if len(found) == 1 else 'them'} out"
+        others = [kind for name, kind in UNUSED if name == command and kind and not {*found} & {*UNUSED[name, kind]}]
+        remedy += f", or give --mechanics {others[0]}" if others else ""
         raise StudyError(f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
     for key, cause, remedy in _switched_off(study):
         if key in changed:
@@ -66,19 +68,12 @@ def _changed(study: Study) -> Iterator[str]:
                 yield f"{section.name}.{field_key(item)}"
 
 
-def _other_mechanics(command: str, keys: list[str]) -> str:
-    others = [kind for name, kind in UNUSED if name == command and kind and not set(keys) & set(UNUSED[name, kind])]
-    return f", or give --mechanics {others[0]}" if others else ""
-
-
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
-    kind = f'supports.kind = "{study.supports.kind}"'
-    if not study.supports.has_bed:
-        yield SUPPORTS[1], kind, '"bed" or "bed-and-straps"'
-        yield SUPPORTS[2], kind, '"bed" or "bed-and-straps"'
-    if not study.supports.has_straps:
-        yield SUPPORTS[3], kind, '"straps" or "bed-and-straps"'
-        yield SUPPORTS[4], kind, '"straps" or "bed-and-straps"'
+    supports = study.supports
+    parts = {"bed": (supports.has_bed, SUPPORTS[1:3]), "straps": (supports.has_straps, SUPPORTS[3:])}
+    for part, (there, keys) in parts.items():
+        for key in () if there else keys:
+            yield key, f'supports.kind = "{supports.kind}"', f'"{part}" or "bed-and-straps"'
     if study.needle.tilt_rad == 0.0:
         yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"
     if study.globe.kind == "open":
