@@ -26,6 +26,7 @@ SMALLEST = {
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
     "bench_real_tissue": "--rows 1",
+    "bench_relaxation": "--rows 1 --rings 6 --samples 2",
     "bench_conjunctiva": "--frames 1",
     "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
     "figure_real_tissue": "--out {out}",

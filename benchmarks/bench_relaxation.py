@@ -1,0 +1,223 @@
+"""Measure the cost of the assumption that the eye's pressure relaxes as its wall does: the table of docs/physics.md.
+
+    python benchmarks/bench_relaxation.py [--rows N] [--core 4] [--rings 8] [--samples 12]
+
+3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure does not: with Se(C) the elastic
+second Piola-Kirchhoff stress, S = Se - sum g_i M_i and dM_i/dt = (Se - M_i)/tau_i at every Gauss point. Before the push
+the wall has rested under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe that is read is the
+force at which an elastic wall of the instantaneous modulus has the nearest section. `mechanics.relaxation` then turns
+Fe into the felt force, with the tissue's own g, or with the g that fits the felt force of a hold at 20 mN best. No
+light, no noise. `--rows` keeps the first N eyes, tissues and forces. A minute and a half on one core.
+"""
+
+import argparse
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import nnls
+
+from scleraforce.mechanics.contact import Contact, ScanPlane
+from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium
+from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
+from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import Needle, needle_at
+from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.mesh import sum_at
+from scleraforce.mechanics.relaxation import PronySeries, line_weights
+from scleraforce.mechanics.section import cut_sections
+from scleraforce.units import to_si
+
+Floats = NDArray[np.float64]
+
+RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M, GAP_M = 12e-3, 0.6e-3, 0.45, 0.35e-3, 0.5e-3
+CONTACT = Contact(polar_rad=np.radians(35.0))
+EYES = ((0.4, 2.0), (0.4, 10.0), (1.2, 18.0))  # MPa at once, mmHg
+TISSUES = {"27 %": PronySeries((0.12, 0.15), (1.2, 12.0)), "pork": PronySeries((0.27, 0.33), (0.4, 4.3))}
+FORCES_N = (20e-3, 10e-3, 30e-3)  # elastic ones at the dents that are held; a calibration sees the first
+RAMP_S, RAMP_STEPS = 0.3, 6
+SEEN_M = np.linspace(-3.5e-3, 3.5e-3, 141)
+SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
+TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that a calibration finds
+FINE_N = 1e-5
+ONE = 1.0 - 1e-12  # a share, below 1
+
+
+class RelaxingWall(WallEquilibrium):
+    """A wall whose stress relaxes, for `continuation`, at E = 1 Pa. Se is taken as straight between two samples."""
+
+    def __init__(self, wall: FiniteWall, needle: Needle, modulus_pa: float, tissue: PronySeries) -> None:
+        """Prepare a wall whose stress has relaxed, for `pressurise`."""
+        super().__init__(wall, needle, modulus_pa, 0.0)
+        self._finite, self._tissue, self._shares = wall, tissue, np.array(tissue.shares)
+        self._left, self._lost = 1.0 - sum(tissue.shares), np.zeros((*wall.solid.points.volumes_ep.shape, 3, 3))
+
+    def settle(self, u: Floats) -> None:
+        """Start from a state that has lasted: M_i = Se."""
+        self._elastic = self._stress(u)
+        self._memory = np.repeat(self._elastic[..., None], len(self._shares), axis=-1)
+
+    def pass_time(self, step_s: float) -> None:
+        """Prepare the state after a step: S = left Se - lost, where `lost` is what the state before determines."""
+        old, kept, self._new = line_weights(np.array([step_s]), self._tissue.times_s)[0]
+        self._come = self._elastic[..., None] * old + kept * self._memory
+        self._left, self._lost = 1.0 - float(self._shares @ self._new), self._come @ self._shares
+
+    def arrive(self, u: Floats) -> None:
+        """Take u as the state after the step."""
+        self._elastic = self._stress(u)
+        self._memory = self._come + self._elastic[..., None] * self._new
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        """Return the forces out of balance without the needle."""
+        displaced_nc = self._finite.full_nc(u)
+        points = self._finite.solid.points
+        stress = (np.eye(3) + self._gradient(u)) @ self._lost * points.volumes_ep[..., None, None]
+        lost_enc = np.einsum("epij,epnj->eni", stress, points.gradients_epnc, optimize=True)
+        internal_nc = self._left * self._finite.solid.forces(displaced_nc)
+        internal_nc -= sum_at(self._finite.mesh.cells_en, lost_enc, len(displaced_nc))
+        return (internal_nc - pressure * self._finite.inner.forces(displaced_nc)).ravel()[self._finite.free]
+
+    def factor(self, u: Floats, pressure: float) -> Solve:
+        """Factor the tangent."""
+        displaced_nc, points = self._finite.full_nc(u), self._finite.solid.points
+        elements = self._left * self._finite.solid.tangents(displaced_nc)
+        weighted = points.gradients_epnc @ (self._lost * points.volumes_ep[..., None, None])
+        lost_enn = np.einsum("epnj,epmj->enm", weighted, points.gradients_epnc, optimize=True)
+        for i in range(3):
+            elements[:, i, :, i] -= lost_enn
+        self._finite.inner.add_tangent(elements, displaced_nc, -pressure)
+        return FrontalFactor(self._finite.dissection, elements).solve
+
+    def _gradient(self, u: Floats) -> Floats:
+        local_enc, gradients_epnc = (
+            self._finite.full_nc(u)[self._finite.mesh.cells_en],
+            self._finite.solid.points.gradients_epnc,
+        )
+        return np.asarray(np.einsum("eni,epnj->epij", local_enc, gradients_epnc, optimize=True), dtype=np.float64)
+
+    def _stress(self, u: Floats) -> Floats:
+        """Second Piola-Kirchhoff stress mu (I - C^-1) + lambda ln J C^-1, (element, point, 3, 3)."""
+        lame_lambda, mu = lame_constants(1.0, NU)
+        F = np.eye(3) + self._gradient(u)
+        inverse = np.linalg.inv(F.swapaxes(-1, -2) @ F)
+        log_ratio = np.log(np.linalg.det(F))[..., None, None]
+        return np.asarray(mu * np.eye(3) + (lame_lambda * log_ratio - mu) * inverse, dtype=np.float64)
+
+
+class Sections:
+    """Outer surfaces in the slice, moved in depth, of an elastic wall by force."""
+
+    def __init__(self, wall: FiniteWall, path: LoadPath) -> None:
+        """Cut the path's states."""
+        self._finite, self._plane = wall.mesh, ScanPlane(CONTACT, gap_m=GAP_M)
+        self._forces_n = np.arange(0.0, path.max_force_n, FINE_N)
+        surface = CubicSpline(path.tips_m, self.of(path.displacement_snc))
+        self._surface = surface([path.tip_m(force_n) for force_n in self._forces_n])
+
+    def of(self, displacement_snc: Floats) -> Floats:
+        """Return the outer surface of states, (state, place) in m."""
+        cut = cut_sections(self._finite, [self._plane], displacement_snc, np.eye(len(displacement_snc))[None])[0]
+        near = [section.outer[section.outer[:, 1] < 0.5 * RADIUS_M] for section in cut]
+        depths_sn = np.array([np.interp(SEEN_M, *curve[np.argsort(curve[:, 0])].T) for curve in near])
+        return np.asarray(depths_sn - depths_sn.mean(axis=1, keepdims=True), dtype=np.float64)
+
+    def read_n(self, displacement_snc: Floats) -> tuple[Floats, Floats]:
+        """Return the forces whose surfaces are nearest to states' ones, in N, and their distances, m."""
+        apart = [np.square(self._surface - seen).mean(axis=1) for seen in self.of(displacement_snc)]
+        nearest = [int(one.argmin()) for one in apart]
+        return self._forces_n[nearest], np.sqrt([one[at] for one, at in zip(apart, nearest, strict=True)])
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A push of a wall that relaxes, (sample,): the felt force and the elastic force that its section shows."""
+
+    time_s: Floats
+    felt_n: Floats
+    read_n: Floats
+
+    def felt_by(self, series: PronySeries) -> Floats:
+        """Return the felt force by the model of `mechanics.relaxation`, from the forces that are read, N."""
+        return series.felt_along(self.time_s.tolist(), self.read_n.tolist(), self.time_s)
+
+    def shown(self, forces_n: Floats, how: str = ".1f") -> str:
+        """Return forces after the shown holds, in mN."""
+        at = np.searchsorted(self.time_s, RAMP_S + np.array(SHOWN_S))
+        return ", ".join(format(1e3 * force_n, how) for force_n in forces_n[at])
+
+
+def pushed(problem: RelaxingWall, pressure: float, tip_m: float, time_s: Floats) -> Floats:
+    """Push to a dent in `RAMP_S` and hold it; return displacement and F/E at samples, (sample, unknown + 1).
+
+    The pressure is over the instantaneous modulus; the first sample is 0 s.
+    """
+    start = pressurise(problem, pressure)
+    problem.settle(start)
+    control = Dent(problem, start, pressure)
+    states = [control.unloaded]
+    for before_s, now_s in pairwise(time_s):
+        problem.pass_time(now_s - before_s)
+        control.tip_m = tip_m * min(now_s / RAMP_S, 1.0)
+        states.append(solve_balance(control, states[-1])[0])
+        control.largest_force = max(control.largest_force, float(states[-1][-1]))
+        problem.arrive(states[-1][:-1])
+    return np.array(states)
+
+
+def found(hold: Hold) -> PronySeries:
+    """Return the shares that turn the forces read in a hold into those felt, by least squares."""
+    lags_n = [hold.read_n - hold.felt_by(PronySeries((ONE,), (time_s,))) for time_s in TIMES_S]
+    shares = nnls(np.transpose(lags_n), hold.read_n - hold.felt_n)[0]
+    return PronySeries(tuple(shares.tolist()), TIMES_S)
+
+
+def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows: int | None, samples: int) -> None:
+    """Print an eye's holds in each tissue."""
+    modulus_pa, iop_pa = 1e6 * eye[0], to_si(eye[1], "mmhg")
+    path = wall.load_path(
+        needle, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0, max_force_n=1.3 * max(FORCES_N)
+    )
+    sections = Sections(wall, path)
+    holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)
+    time_s = np.concatenate([RAMP_S * np.arange(RAMP_STEPS + 1) / RAMP_STEPS, holds_s])
+    for name, tissue in list(TISSUES.items())[:rows]:
+        fitted = None
+        for force_n in FORCES_N[:rows]:
+            problem = RelaxingWall(wall, needle, modulus_pa, tissue)
+            states = pushed(problem, iop_pa / modulus_pa, path.tip_m(force_n), time_s)
+            read_n, off_m = sections.read_n(np.stack([wall.full_nc(u) for u in states[:, :-1]]))
+            read_n[0] = 0.0  # before the contact
+            hold = Hold(time_s, modulus_pa * states[:, -1], read_n)
+            fitted = fitted or found(hold)
+            row = f"| {eye[0]:g} MPa, {eye[1]:g} mmHg | {name} | {1e3 * force_n:g} | {hold.shown(hold.felt_n)} "
+            row += f"| {hold.shown(hold.read_n)} | {1e6 * off_m[-1]:.0f} "
+            for series in (tissue, fitted):
+                row += f"| {hold.shown(hold.felt_by(series) - hold.felt_n, '+.2f')} "
+            print(f"{row}|", flush=True)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--rows", type=int, help="only the first N eyes, tissues and forces")
+    parser.add_argument("--core", type=int, default=4, help="quads along the side of the mesh's core")
+    parser.add_argument("--rings", type=int, default=8, help="around the core")
+    parser.add_argument("--samples", type=int, default=12, help="of a hold")
+    given = parser.parse_args()
+    mesh = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, given.core, given.rings)
+    wall, needle = FiniteWall(mesh, NU), needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
+    print("Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um")
+    print("| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |")
+    print("|---|---|---|---|---|---|---|---|")
+    with one_blas_thread():
+        for eye in EYES[: given.rows]:
+            print_rows(wall, needle, eye, given.rows, given.samples)
+
+
+if __name__ == "__main__":
+    main()
