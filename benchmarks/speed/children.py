@@ -47,4 +47,5 @@ def scleraforce(*words: str) -> list[str]:
 
 def _environment() -> dict[str, str]:
     paths = [str(FOLDER), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    users = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}  # who cache it
+    return {**users, "PYTHONPATH": os.pathsep.join(paths)}

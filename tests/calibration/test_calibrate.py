@@ -241,6 +241,7 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
 
         def found(recording: Recording, _: Any, look: Any, *__: Any) -> TissueTrial[EyeCalibration]:
             assert len({look.seen(index) for index in range(len(recording.frames))}) == len(FORCES)
+            assert len(look.labelled()[0]) == len(FORCES)
             asked.append(recording.info.eye.globe)
             *frames, last = sealed.frames
             if asked[-1] is None:
@@ -256,11 +257,13 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
     return use
 
 
-def test_a_globe_is_doubted_if_the_frames_agree_on_another_one_and_frames_are_segmented_once(
+def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented_and_labelled_once(
     recording: Recording, diverging: Callable[..., list[str | None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    segmented, find_wall = list[Any](), calibrate.find_wall
+    segmented, labelled = list[Any](), list[Any]()
+    find_wall, label_frames = calibrate.find_wall, calibrate.label_frames
     monkeypatch.setattr(calibrate, "find_wall", lambda *given: segmented.append(given) or find_wall(*given))
+    monkeypatch.setattr(calibrate, "label_frames", lambda *given: labelled.append(given) or label_frames(*given))
     for stated, status, rigidity, doubted in (
         ("open", "ok", 0.03, True),
         ("open", "ok", 0.0052, True),
@@ -271,9 +274,10 @@ def test_a_globe_is_doubted_if_the_frames_agree_on_another_one_and_frames_are_se
     ):
         asked = diverging(status, rigidity)
         segmented.clear()
+        labelled.clear()
         eye = calibrate_recordings([of_globe(recording, stated)], Study(), "hash", LIBRARY).eyes["virtual"]
         assert set(asked) == {stated, None}
-        assert len(segmented) == len(FORCES)
+        assert (len(segmented), len(labelled)) == (len(FORCES), 1)
         assert eye.status.startswith("diverged")
         assert bool(eye.recordings[-1].doubts) == doubted
         assert (eye.globe == UNKNOWN) == doubted

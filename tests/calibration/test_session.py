@@ -10,10 +10,11 @@ import pytest
 from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
-from scleraforce.calibration import assimilation, calibrate
+from scleraforce.calibration import assimilation, calibrate, registration
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
@@ -209,3 +210,26 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(l
     empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
     assert assimilation.step(after, empty, 0.001).state is after.state
     assert assimilation.step(after, empty, 0.03).mean_pa == after.mean_pa
+
+
+def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
+    library: Library, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pose that they show moves by less than its standard deviation with E's walls 30 % stiffer."""
+    forces, boundaries = frames(recording)
+    stated, fitted, poses = eye_constants(recording, STUDY), list[float](), dict[Boundaries, PoseBelief]()
+    register = registration.register
+    monkeypatch.setattr(registration, "register", lambda *given: fitted.append(given[2]) or register(*given))
+    other = replace(library, force_ratio_tpd=1.3 * library.force_ratio_tpd, weights=None)
+    ends = list[list[PoseBelief]]()
+    for shared in (poses, None):
+        ends.append([])
+        for walls in (library, other):
+            eye = assimilation.begin(STUDY, stated, walls, poses=shared)
+            for boundary, force_n in ((boundaries[0], forces.force_n[0]), (boundaries[3], forces.force_n[3])):
+                eye = assimilation.step(eye, boundary, float(force_n))
+            ends[-1].append(eye.state.belief)
+    assert fitted == [forces.force_n[place] for place in (0, 3, 3, 0, 3, 0, 3)]
+    sds = np.sqrt(np.diag(ends[1][1].covariance))
+    assert (np.abs(ends[0][1].mean - ends[1][1].mean) <= sds).all()
+    assert list(poses) == boundaries[:1]

@@ -245,13 +245,15 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
 class EyeSession:
     """An eye after some frames; `last` is the result of the latest one, None before the first.
 
-    `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all frames share.
+    `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all frames share. `poses` are the
+    beliefs after the first frames of little force, if sessions of the same eye with walls of other tissue share them.
     """
 
     filter: EyeFilter
     state: EyeState
     zero_covariance: Array
     last: FrameStep | Skipped | None = None
+    poses: dict[Boundaries, registration.PoseBelief] | None = None
 
     @property
     def mean_pa(self) -> float:
@@ -282,15 +284,19 @@ def begin(
     library: Library | None,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Array = ZERO_PRIOR,
+    poses: dict[Boundaries, registration.PoseBelief] | None = None,
 ) -> EyeSession:
-    """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`."""
+    """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`.
+
+    `poses` are shared by sessions of the same eye and the same frames, in one order, with walls of other tissue.
+    """
     if library is None:
         from scleraforce.calibration.linear_eye import linear_eye
 
         model: registration.EyeModel = linear_eye(study, constants, "thickness" in parameters)
     else:
         model = library_eye(study, constants, library)
-    return begin_with(model, study.calibration, parameters, zero_covariance)
+    return begin_with(model, study.calibration, parameters, zero_covariance, poses)
 
 
 def begin_with(
@@ -298,6 +304,7 @@ def begin_with(
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Array = ZERO_PRIOR,
+    poses: dict[Boundaries, registration.PoseBelief] | None = None,
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
@@ -305,23 +312,28 @@ def begin_with(
     state = EyeState(
         roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model), sensitivity, ZERO_PRIOR
     )
-    return EyeSession(eye, state, zero_covariance)
+    return EyeSession(eye, state, zero_covariance, poses=poses)
 
 
 def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float = 0.0) -> EyeSession:
     """Return the eye after one more frame; one of little force shows where it lies, but nothing of its modulus."""
-    eye, state = session.filter, session.state
-    if isinstance(eye.model, LibraryEye):
+    eye, state, seen = session.filter, session.state, boundaries
+    known = session.poses.get(seen) if session.poses and force_n <= eye.study.min_force_n else None
+    if isinstance(eye.model, LibraryEye) and known is None:
         boundaries = without_form(eye.model, boundaries, eye.study)
     if force_n > eye.study.min_force_n:
         found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(session, state=state if isinstance(found, Skipped) else found.state, last=found)
-    if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
+    if known is not None:
+        state = replace(state, belief=known)
+    elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = registration.frame_prior(state.belief, eye.study)
         fit = registration.register(
             eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior, rigidity_after(eye, state)
         )
         state = replace(state, belief=registration.updated_belief(state.belief, prior, fit))
+        if session.poses is not None and not session.updates:
+            session.poses[seen] = state.belief
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))
 

@@ -15,7 +15,7 @@ from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
-from scleraforce.calibration.registration import first_belief
+from scleraforce.calibration.registration import PoseBelief, first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
@@ -57,6 +57,7 @@ class _Frames:
     def __init__(self, recording: Recording, settings: "_Settings", used: frozenset[str]) -> None:
         self.recording, self.settings, self.used = recording, settings, used
         self.seen, self.labelled = cache(self._seen), cache(self._labelled)
+        self.poses = dict[Boundaries, PoseBelief]()
 
     def _seen(self, index: int) -> tuple[str, Boundaries | assimilation.Skipped] | None:
         pixels, info = self.recording.frame(self.recording.frames[index]), self.recording.info
@@ -188,6 +189,7 @@ def _of_tissue(
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
+    frames.poses.clear()
     if library is not None and earlier is None and settings.stiffening_sought:
         return _of_sought_tissue(recording, settings, library, frames, count)
     if library is not None:
@@ -226,7 +228,7 @@ def calibrate_eye(
     """Calibrate an eye with the walls of one tissue."""
     study, library = settings.study, settings.library
     trials, forces = frames.labelled()
-    session = _begin(recording, settings, forces, earlier)
+    session = _begin(recording, settings, forces, earlier, frames.poses)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
@@ -356,15 +358,18 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 
 
 def _begin(
-    recording: Recording, settings: _Settings, forces: FrameForces, earlier: EyeCalibration | None
+    recording: Recording,
+    settings: _Settings,
+    forces: FrameForces,
+    earlier: EyeCalibration | None,
+    poses: dict[Boundaries, PoseBelief],
 ) -> assimilation.EyeSession:
     """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
     constants = eye_constants(recording, settings.study)
     if settings.library is None:
         constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
-    session = assimilation.begin(
-        settings.study, constants, settings.library, settings.parameters, forces.zero_covariance
-    )
+    begun = (settings.study, constants, settings.library, settings.parameters, forces.zero_covariance)
+    session = assimilation.begin(*begun, poses if earlier is None else None)
     if earlier is None:
         return session
     names = session.filter.space.names

@@ -181,11 +181,11 @@ CERTAIN = 0.001  # of a standard deviation: nothing is left of it
 
 DIVERGED = 1_000_000  # frames that a calibration refuses if it explains none
 REFINEMENTS = 3  # stiffenings between the library's that are tried
-ENOUGH = 12.0  # more loss than that of a stiffening that explains the frames: those beyond are not tried
+ENOUGH = 6.0  # more loss than that of a stiffening that explains the frames: those beyond are not tried
 # Loss of the boundaries of a frame of an even wall. Walls that the library does not have lose more, whatever their
 # tissue, and say less of it: their loss is divided by the ratio.
 EVEN_LOSS = 5.0
-EXPLAINED = 2.0  # times as much: the walls are the frames'
+EXPLAINED = 8.0  # times as much: frames of uneven eyes, too, are explained by the walls of their tissue
 # Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say so.
 TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried

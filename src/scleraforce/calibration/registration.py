@@ -91,7 +91,7 @@ COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25  # that show the offset of the inner boundary, which is common to all, as well as one would alone
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
-STOPPING = placement.Stopping(iterations=25, converged_sd=0.1)
+STOPPING = placement.Stopping(iterations=25, converged_sd=0.1, settled_cost=0.01, retry_damping=1e-2)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
 START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, beside the rigidity that is given

@@ -86,7 +86,7 @@ class FilterParams(NamedTuple):
 
     sigma: SigmaPoints
     iterations: int = 1  # at most; 1 is the plain filter
-    tolerance: float = 1e-3  # of an iteration, in posterior standard deviations
+    tolerance: float = 0.01  # of an iteration, in posterior standard deviations
     gate: float = np.inf  # normalised innovation from which an observation is an outlier
     inflate: bool = False  # scale the noise of a frame that does not fit by its innovation (Birge's ratio)
 

@@ -25,7 +25,7 @@ from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_
 from scleraforce.calibration.forces import LABEL_SD_N, PUSH_N, REST_SD_N, ZERO_PRIOR, FrameForces, zero_line
 from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.calibration.registration import place_section
+from scleraforce.calibration.registration import PoseBelief, place_section
 from scleraforce.errors import CalibrationError, SolverError
 from scleraforce.known import OPEN, POPULATION_SD, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.learning.samples import library_of_tissue, log_even
@@ -214,7 +214,7 @@ def calibrated(
     taken = [
         (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
     ]
-    found = search(library, partial(_with_tissue, eye.stated, taken, wanted, labelled.zero_covariance, study))
+    found = search(library, partial(_with_tissue, eye.stated, taken, wanted, labelled.zero_covariance, study, {}))
     if found is None:
         raise CalibrationError("the library does not have the eye with its stated values")
     stiffening, (known, used) = found
@@ -241,11 +241,12 @@ def _with_tissue(
     wanted: int,
     zero_covariance: Floats,
     study: Study,
+    poses: dict[Boundaries, PoseBelief],
     library: Library,
 ) -> TissueTrial[tuple[Known, int]] | None:
     """Calibrate an eye with the walls of one tissue: its known values, and the number of frames that were used."""
     try:
-        session = begin(study, stated, library, zero_covariance=zero_covariance)
+        session = begin(study, stated, library, zero_covariance=zero_covariance, poses=poses)
     except CalibrationError:
         return None
     used, least_n, refused = 0, study.calibration.min_force_n, 0

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.mesh import HexMesh
@@ -103,8 +102,15 @@ class FacePlaces:
 
     def __init__(self, cells_en: Integers, faces_qn: Integers) -> None:
         """`faces_qn`: nodes of faces of the elements `cells_en`, (face, node); a face may occur more than once."""
-        nodes = int(cells_en.max()) + 1
-        common = (_incidence(faces_qn, nodes) @ _incidence(cells_en, nodes).T).tocoo()
+        from scipy import sparse  # imported here: few meshes have such faces
+
+        def incidence(nodes_en: Integers) -> sparse.csr_array:
+            """Return ones where an element (row) has a node (column)."""
+            starts = np.arange(len(nodes_en) + 1) * nodes_en.shape[1]
+            shape = (len(nodes_en), int(cells_en.max()) + 1)
+            return sparse.csr_array((np.ones(nodes_en.size), nodes_en.ravel(), starts), shape=shape)
+
+        common = (incidence(faces_qn) @ incidence(cells_en).T).tocoo()
         whole = common.data == faces_qn.shape[1]
         element_q = np.empty(len(faces_qn), dtype=np.int64)
         element_q[common.coords[0][whole]] = common.coords[1][whole]
@@ -118,9 +124,3 @@ class FacePlaces:
         """Add matrices of the faces (face, 3, node, 3, node) to element matrices, in place."""
         entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
         np.add.at(entries, self._entries, face_qiajb.ravel().astype(entries.dtype))
-
-
-def _incidence(cells_en: Integers, nodes: int) -> "sparse.csr_array":
-    """One where an element (row) has a node (column)."""
-    starts = np.arange(len(cells_en) + 1) * cells_en.shape[1]
-    return sparse.csr_array((np.ones(cells_en.size), cells_en.ravel(), starts), shape=(len(cells_en), nodes))

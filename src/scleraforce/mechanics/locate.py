@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.shapes import shape_monomials
@@ -17,6 +16,7 @@ SEEDS_PER_QUAD = 4.0  # cells of the seed table along a quad
 NEWTON_STEPS = 12
 CONVERGED = 1e-7  # the next step is below 1e-14
 MANY = 10_000  # directions after which it pays to import the compiled loops; they find the same, to the last bit
+FEW = 400  # quads: comparing all of them is quicker than to import a tree
 LOST = "locate: a direction was not found on the surface"
 CROSSINGS = 12
 
@@ -105,8 +105,12 @@ class SurfaceLocator:
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
         cells = np.stack([2.0 * p, 2.0 * q, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
-        sides = [cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]
-        return np.asarray(cKDTree(middles_qc).query(np.concatenate(sides).reshape(-1, 3))[1], dtype=np.int64)
+        sides = np.concatenate([cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]).reshape(-1, 3)
+        if len(middles_qc) <= FEW:
+            return np.asarray(np.argmax(sides @ middles_qc.T, axis=1), dtype=np.int64)
+        from scipy.spatial import cKDTree  # a tenth of a second
+
+        return np.asarray(cKDTree(middles_qc).query(sides)[1], dtype=np.int64)
 
     def _cell(self, directions_dc: Floats) -> Integers:
         """Cell of the seed table: stereographic projection from the far pole maps a half-sphere to a disc."""
