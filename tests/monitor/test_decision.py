@@ -374,14 +374,45 @@ def test_losses_are_limited_in_time_whatever_the_frame_rate() -> None:
         in_row = [QueueLoss(at_s=0.052 + 1e-5 * n, lost=1, unread_s=interval_s, row=5) for n in losses]
         assert play(in_row[:-1], before).state is State.WATCHING
         assert play(in_row, before).cause is Cause.QUEUE_BEHIND
-        apart = [replace(loss, row=n, at_s=0.052 + 1e-4 * n) for n, loss in enumerate(in_row[:-1] * 2)]
+        lost = max(1, round(0.004 / interval_s))  # of a row that counts
+        rows = range(round(0.08 / interval_s / lost))
+        apart = [QueueLoss(at_s=0.052 + 1e-4 * n, lost=lost, unread_s=lost * interval_s, row=n) for n in rows]
         assert play(apart, before).state is State.WATCHING
-        one_more = QueueLoss(at_s=0.07, lost=1, unread_s=interval_s, row=99)
-        assert play([*apart, one_more], before).cause is Cause.QUEUE_BEHIND
+        assert play([*apart, replace(apart[0], row=99, at_s=0.07)], before).cause is Cause.QUEUE_BEHIND
+
+
+def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_time() -> None:
+    """At 1,000 frames a second: of each `lost + 1` frames one is read; from four lost ones on they count."""
+
+    def losing(lost: int, parts: int, limits: MonitorLimits = LIMITS) -> MonitorState:
+        events: list[MonitorEvent] = []
+        for n in range(600 // (lost + 1)):
+            at_s = 0.051 + 0.001 * (lost + 1) * n
+            part = QueueLoss(at_s=at_s, lost=lost // parts, unread_s=0.001 * (lost // parts), row=n)
+            events += [replace(frame(6 + n), at_s=at_s), *[part] * parts]
+        return play(events, watching(), limits)
+
+    for lost in (1, 2, 3):
+        assert losing(lost, 1).state is losing(lost, lost).state is State.WATCHING
+    assert losing(4, 1).cause is losing(4, 2).cause is losing(4, 4).cause is Cause.QUEUE_BEHIND
+    assert losing(1, 1, replace(LIMITS, reaction_s=0.01)).cause is Cause.QUEUE_BEHIND
+    (_, in_parts), (_, at_once) = (
+        losing(6, parts, replace(LIMITS, loss_in_window_s=1.0)).losses[-1] for parts in (3, 1)
+    )
+    assert in_parts == pytest.approx(at_once)
+
+
+def test_a_row_that_counts_is_forgotten_while_short_ones_follow() -> None:
+    long = QueueLoss(at_s=0.052, lost=30, unread_s=0.03, row=1)
+    events = [replace(long, at_s=0.052 + 0.6 * n, row=n) for n in range(6)]
+    frames = [replace(frame(6 + n), at_s=0.053 + 0.01 * n) for n in range(360)]
+    short = [replace(long, at_s=at.at_s, lost=1, unread_s=0.001, row=100 + n) for n, at in enumerate(frames)]
+    both = sorted([*events, *frames, *short], key=lambda event: event.at_s)
+    assert play(both, watching()).state is State.WATCHING
 
 
 def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early() -> None:
-    loose = replace(LIMITS, loss_in_window_s=10.0)
+    loose = replace(LIMITS, loss_in_window_s=10.0, reaction_s=1e-4)  # so that each loss counts
     state = watching()
     for n in range(4000):
         at_s = 0.06 + 5e-4 * n

@@ -55,7 +55,8 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
               help="Withdraw after this number of unusable second opinions in a row.")  # fmt: skip
 @click.option("--unread-ms", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0, show_default=True,
-              help="Withdraw if frames that cover more than this time of a second were not read.")  # fmt: skip
+              help="Withdraw if frames that cover more than this time of a second were not read, in gaps "
+              "of more than 4 ms.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
               help="The robot's delay, from the order to withdraw to its motion.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,

@@ -7,6 +7,7 @@ from statistics import fmean, median
 from typing import assert_never
 
 from scleraforce.monitor.events import (
+    SLACK_S,
     TRANSITIONS,
     Cause,
     Fault,
@@ -52,7 +53,6 @@ class _Finding:
 
 
 QUIET = _Finding(Signal.QUIET, "")
-SLACK_S = 1e-9  # of sums of intervals: four of 10 ms are no more than 40 ms
 LEAST_PAIRS = 4
 MAD_TO_SD = 1.4826  # of a normal distribution
 

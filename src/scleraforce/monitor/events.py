@@ -141,6 +141,9 @@ class Fault:
     detail: str
 
 
+SLACK_S = 1e-9  # of sums of intervals: four of 10 ms are no more than 40 ms
+
+
 @dataclass(frozen=True, kw_only=True)
 class QueueLoss:
     """Frames that will never be read: newer ones overtook them, and there was no time for them afterwards.

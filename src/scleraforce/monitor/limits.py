@@ -1,10 +1,10 @@
 """The limits beyond which the monitor withdraws, and one verdict or frame judged by itself."""
 
 from dataclasses import dataclass, fields
-from math import isfinite
+from math import inf, isfinite
 
 from scleraforce.errors import InputError
-from scleraforce.monitor.events import Cause, FrameRead, Verdict
+from scleraforce.monitor.events import SLACK_S, Cause, FrameRead, QueueLoss, Verdict
 from scleraforce.units import from_si
 
 LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1
@@ -60,6 +60,21 @@ class MonitorLimits:
             raise InputError(f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}")
         for value in (*(self.size or ()), *(self.scale_m or ())):
             _check("size, scale_m", value, 0, strictly=True)
+
+    def counted_loss(self, before_s: float, loss: QueueLoss) -> float:
+        """Return what a loss adds to the time unread within the window, s, after `before_s` of the same row.
+
+        A row counts as a whole once the readings around it are too far apart. `RISING` withdraws `reaction_s` ahead, by
+        the slope of `rate_frames` readings. While that many come within the reaction time, and within the longest
+        stretch that may go unread at once, the slope is as recent as where every frame is read, and a withdrawal comes
+        later by one of their gaps at most: 4 ms, a twelfth of the reaction time. A scanner of 100 Hz that loses
+        nothing has gaps of 10 ms. So shorter rows do not count, however many there are.
+        """
+        interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
+        most_s = min(self.reaction_s, self.loss_in_row_s) / self.rate_frames - interval_s + SLACK_S
+        if before_s + loss.unread_s <= most_s:
+            return 0.0
+        return loss.unread_s if before_s > most_s else before_s + loss.unread_s
 
 
 def _check(name: str, value: float, least: float, strictly: bool = False) -> None:

@@ -22,7 +22,8 @@ class MonitorState:
     frames in a row with one picture; `returns` says of each of the last frames whether its picture came back after
     others. `lags` are the last delays since the time that the sender states, on two clocks that need not agree;
     `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the clocks' possible drift. `losses`
-    has (time, time that the lost frames stand for) within the window, summed up over twentieths of it; `lost` counts
+    has (time, time that the lost frames stand for) within the window, summed up over twentieths of it, without the
+    short rows that `MonitorLimits.counted_loss` leaves out; `lost` counts
     all lost frames since the start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row with a
     loss, stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
     of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
@@ -61,11 +62,13 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
     """Return the state updated by an event, before its meaning is decided."""
     state = replace(state, at_s=event.at_s if isfinite(event.at_s) else state.at_s)
     if isinstance(event, QueueLoss):
+        before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
+        row_s, counted_s = before_s + event.unread_s, limits.counted_loss(before_s, event)
         return replace(
             state,
-            losses=_losses(state.losses, event, limits.loss_window_s),
+            losses=_losses(state.losses, event.at_s, counted_s, limits.loss_window_s),
             lost=state.lost + event.lost,
-            lost_in_row_s=event.unread_s + (state.lost_in_row_s if event.row == state.lost_row else 0.0),
+            lost_in_row_s=row_s,
             lost_row=event.row,
         )
     if isinstance(event, SecondOpinion):
@@ -74,14 +77,16 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
 
 
 def _losses(
-    losses: tuple[tuple[float, float], ...], event: QueueLoss, window_s: float
+    losses: tuple[tuple[float, float], ...], at_s: float, unread_s: float, window_s: float
 ) -> tuple[tuple[float, float], ...]:
     """Return the losses within the window; all losses in one twentieth of it are one, at the time of the last."""
-    recent = tuple(loss for loss in losses if event.at_s - loss[0] < window_s)
+    recent = tuple(loss for loss in losses if at_s - loss[0] < window_s)
     part_s = window_s / LOSS_PARTS
-    if recent and recent[-1][0] // part_s == event.at_s // part_s:
-        return (*recent[:-1], (event.at_s, recent[-1][1] + event.unread_s))
-    return (*recent, (event.at_s, event.unread_s))
+    if not unread_s:
+        return recent
+    if recent and recent[-1][0] // part_s == at_s // part_s:
+        return (*recent[:-1], (at_s, recent[-1][1] + unread_s))
+    return (*recent, (at_s, unread_s))
 
 
 def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:

@@ -66,16 +66,14 @@ class FrameRing:
     """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
 
     Its maker takes all of the memory at once. Taken page by page as frames come, it would delay each of the first ones,
-    and a system that runs out of memory would kill the process. A reader that is too late for a frame gets None, never
-    a part of another one.
+    and a system that runs out of memory would kill the process. Only the frames' numbers are mapped: pixels are read
+    and written, so that the ring is in no process's resident memory. A reader that is too late for a frame gets None,
+    never a part of another one.
     """
 
-    def __init__(self, place: RingPlace, *, prepared: bool = False) -> None:
+    def __init__(self, place: RingPlace) -> None:
         self.place, self.frames, self.shape = place, place.frames, (place.rows, place.columns)
-        how = mmap.MAP_SHARED | (mmap.MAP_POPULATE if prepared else 0)
-        memory = mmap.mmap(place.descriptor, _size(place.frames, place.rows, place.columns), how)
-        self._numbers = np.frombuffer(memory, dtype=np.int64, count=place.frames)
-        self._pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * place.frames).reshape(-1, *self.shape)
+        self._numbers = np.frombuffer(mmap.mmap(place.descriptor, 8 * place.frames), dtype=np.int64)
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
@@ -96,23 +94,23 @@ class FrameRing:
                 f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
                 f"{from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
-        return cls(RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns), prepared=True)
+        return cls(RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns))
 
     def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Keep a frame (row, column) in place of the oldest one."""
         if pixels.shape != self.shape:  # NumPy would repeat a row
             raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
-        slot = number % self.frames
+        slot, counts = number % self.frames, np.ascontiguousarray(pixels, dtype=np.uint16)
         self._numbers[slot] = 0
-        self._pixels[slot] = pixels
-        self._numbers[slot] = number
+        written = os.pwrite(self.place.descriptor, counts.data, self._numbers.nbytes + slot * counts.nbytes)
+        self._numbers[slot] = number if written == counts.nbytes else 0
 
     def get(self, number: int) -> NDArray[np.uint16] | None:
         """Return a copy of a frame (row, column); None if it is gone or has not come yet."""
         slot = number % self.frames
         if number < 1 or self._numbers[slot] != number:
             return None
-        pixels = np.empty(self.shape, dtype=np.uint16)  # read, not mapped: else all of the ring counts as a reader's
+        pixels = np.empty(self.shape, dtype=np.uint16)
         os.preadv(self.place.descriptor, [pixels.data], self._numbers.nbytes + slot * pixels.nbytes)
         return pixels if self._numbers[slot] == number else None
 

@@ -8,7 +8,7 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.events import SLACK_S, Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.limits import of_scale
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -18,7 +18,6 @@ from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
 MOST_FRAMES = 100  # that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
-SLACK_S = 1e-9  # of a sum of intervals
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # a flood hardly counts in their mean
