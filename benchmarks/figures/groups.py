@@ -116,6 +116,17 @@ def _stiffening(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return eye, replace(own, tissue=tissue)
 
 
+def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return an open eye whose matrix between the fibres is 4 to 25 times softer than the wall, the logarithm even."""
+    softer = float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))
+    return eye, replace(study, tissue=TissueStudy(softer_through=softer))
+
+
+def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
+    """Return an open eye that is twice as stiff around its axis as along the meridian."""
+    return eye, replace(study, tissue=TissueStudy(stiffer_around=2.0))
+
+
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at most, the wall bursts at 0.42."""
     eye = replace(eye, youngs_modulus_pa=rng.uniform(1e6, 2e6), iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"))
@@ -245,6 +256,10 @@ GROUPS: Mapping[str, Group] = {
         "declared",
         own=_moving,
     ),
+    "fibred": Group(
+        words="4 to 25 times softer in shear through the wall than along it; globe open and declared", own=_fibred
+    ),
+    "woven": Group(words="twice as stiff around the eye's axis as along it; globe open and declared", own=_woven),
 }
 
 

@@ -68,6 +68,8 @@ radius_mm = 8.0
 follower = false
 [tissue]
 stiffening = 10.0
+softer_through = 5.0
+stiffer_around = 2.0
 relaxation = [[0.12, 1.2], [0.15, { min = 5.0, max = 12.0 }]]
 [globe]
 kind = "sealed"

@@ -120,7 +120,7 @@ def test_reactions_balance_the_loads(load: str) -> None:
 
 
 @pytest.mark.parametrize("contacts", [1, 3])
-def test_wanted_nodes_are_those_of_the_full_solution_to_the_last_bit(contacts: int) -> None:
+def test_wanted_nodes_equal_the_full_solution_to_the_last_bit(contacts: int) -> None:
     wall = coarse_wall()
     pressed = [Contact(polar_rad=0.4, azimuth_rad=azimuth) for azimuth in range(contacts)]
     nodes = np.flatnonzero(np.abs(wall.mesh.points_nc @ CONTACT.parallel) < 2e-3)

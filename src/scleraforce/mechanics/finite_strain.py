@@ -21,6 +21,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.elements import FacePlaces
 from scleraforce.mechanics.equilibrium import Solve
+from scleraforce.mechanics.fibres import FibreLaw, fibre_law
 from scleraforce.mechanics.form import element_modulus, form_mesh
 from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
@@ -130,17 +131,18 @@ class FiniteWall:
         dead_pressure_nc: Floats | None = None,
         springs: Springs | None = None,
         stiffening: float = 0.0,
+        fibres: FibreLaw | None = None,
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
         `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `modulus_factor_ep`:
         modulus over E at every Gauss point, (element, point). `dead_pressure_nc`: nodal forces of 1 Pa that keep their
         direction, (node, 3) in m^2, in place of a pressure that follows the inner surface. `springs` hold what is left
-        free; `stiffening`: b of `mechanics.material`.
+        free; `stiffening`: b of `mechanics.material`; `fibres`: a law of `mechanics.fibres`.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
-        self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep, stiffening=stiffening)
+        self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep, stiffening=stiffening, fibres=fibres)
         self.inner = InnerSurface(mesh)
         self.dead_pressure_nc = dead_pressure_nc
         self.springs = springs
@@ -309,6 +311,7 @@ def bend_eye(
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
         springs=study_springs(study.supports, mesh),
         stiffening=study.tissue.stiffening,
+        fibres=_study_fibres(study),
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)
@@ -333,6 +336,11 @@ def bend_eye(
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
     return BentEye(mesh, path)
+
+
+def _study_fibres(study: Study) -> FibreLaw | None:
+    ratios = study.tissue.softer_through, study.tissue.stiffer_around
+    return None if ratios == (1.0, 1.0) else fibre_law(study.eye.poisson_ratio, *ratios)
 
 
 def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:

@@ -65,7 +65,7 @@ class LinearWall:
     ) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
 
-        `nodes`: those that are wanted, by default all. The others get NaN, and the time is that of the wanted ones.
+        `nodes`: the wanted ones, by default all. Others get NaN; fewer nodes take less time.
 
         Raises:
             InputError: a needle reaches over the base plane.

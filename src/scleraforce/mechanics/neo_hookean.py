@@ -3,7 +3,8 @@
 Energy per undeformed volume W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2; F = I + du/dX, C = F^T F, J = det F.
 Total Lagrangian: every integral is over the undeformed wall. Source: Bonet and Wood, Nonlinear Continuum Mechanics for
 Finite Element Analysis, sec. 6.4.3 and 9.4. For small strains it is Hooke's law with the same lambda and mu.
-Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is this energy.
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is this energy. Fibres (`fibres`)
+add a term in the strain along the wall.
 """
 
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.elements import ELEMENTS_AT_ONCE, VolumePoints, volume_points
+from scleraforce.mechanics.fibres import FibreLaw, FibreTerm
 from scleraforce.mechanics.material import growth, lame_constants, strain_measure
 from scleraforce.mechanics.mesh import HexMesh, sum_at
 
@@ -30,17 +32,19 @@ class NeoHookeanSolid:
         modulus_factor_ep: Floats | None = None,
         *,
         stiffening: float = 0.0,
+        fibres: FibreLaw | None = None,
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
         `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`, (element, point) or anything that
-        broadcasts to it; `stiffening`: b of `material`, 0 for the neo-Hookean solid.
+        broadcasts to it; `stiffening`: b of `material`, 0 for the neo-Hookean solid; `fibres`: of a wall from spheres.
         """
         points = volume_points(mesh)
         elements, count, nodes, _ = points.gradients_epnc.shape
-        lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
+        lame_lambda, lame_mu = lame_constants(1.0 if fibres is None else fibres.base, poisson_ratio)
         amount_ep = points.volumes_ep * (1.0 if modulus_factor_ep is None else modulus_factor_ep)
         self.points: VolumePoints = points
+        self._fibres = None if fibres is None else FibreTerm(fibres, points, amount_ep)
         self._cells_en = mesh.cells_en
         self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
         self._lambda_ep, self._mu_ep = lame_lambda * amount_ep, lame_mu * amount_ep
@@ -65,6 +69,8 @@ class NeoHookeanSolid:
         if self._stiffening > 0.0:
             P_epJi *= self._growth(H_epJi, log_J_ep)[..., None, None]
         local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(len(P_epJi), -1, 3)
+        if self._fibres is not None:
+            local_eni += self._fibres.local_forces(displacement_nc[self._cells_en])
         return sum_at(self._cells_en, local_eni, len(displacement_nc))
 
     def tangents(self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64) -> Precise:
@@ -83,6 +89,8 @@ class NeoHookeanSolid:
         for start in range(0, elements, ELEMENTS_AT_ONCE):
             part = slice(start, start + ELEMENTS_AT_ONCE)
             self._add_up(matrices[part], part, H_epJi[part], J_ep[part])
+            if self._fibres is not None:
+                self._fibres.add_tangents(matrices[part], part, displacement_nc[self._cells_en[part]])
         return matrices
 
     def _displacement_gradient(self, displacement_nc: Floats) -> Floats:

@@ -77,11 +77,16 @@ class TissueStudy(Section):
     `stiffening` is b of `mechanics.material`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
     tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
 
+    `softer_through`: E along the wall over that of the matrix between the fibres, which shear through the wall meets;
+    `stiffer_around`: E around the eye's axis over E along the meridian, whose geometric mean is E (`mechanics.fibres`).
+
     `relaxation` (term, 2): the share of a held force that is lost in the end, and its time constant in s, drawn for
     each eye (`mechanics.relaxation`); no terms: the tissue is elastic.
     """
 
     stiffening: float = quantity(0.0, None, 0.0, 200.0)
+    softer_through: float = quantity(1.0, None, 1.0, 100.0)
+    stiffer_around: float = quantity(1.0, None, 1.0, 10.0)
     relaxation: tuple[tuple[Sampled, ...], ...] = quantity((), None, 0.0, 1e5)
 
     def __post_init__(self) -> None:

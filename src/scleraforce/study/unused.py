@@ -10,7 +10,8 @@ from scleraforce.study.records import Study
 
 FINITE_STRAIN_ONLY = (
     "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
-    "mechanics.follower", "tissue.stiffening", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
+    "mechanics.follower", "tissue.stiffening", "tissue.softer_through", "tissue.stiffer_around", "globe.kind",
+    "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
 )  # fmt: skip
 SUPPORTS = (
     "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
