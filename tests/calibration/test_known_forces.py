@@ -397,7 +397,7 @@ def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
 
 def recorded(frames: int = 8) -> Any:
     """As much of a recording as `calibrate_recordings` needs."""
-    eye = SimpleNamespace(id="mine", globe=None)
+    eye = SimpleNamespace(id="mine", globe=None, relaxation=None)
     return SimpleNamespace(info=SimpleNamespace(eye=eye), frames=range(frames))
 
 

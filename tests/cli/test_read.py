@@ -220,3 +220,45 @@ OCT = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment" / "
 @pytest.mark.skipif(not OCT.is_file(), reason="no ../shared")
 def test_a_real_scan_whose_size_is_not_stated_is_refused(model, shell) -> None:
     assert "give --width-mm and --depth-mm" in shell.refused("read", model, OCT)
+
+
+RELAXING = "relaxation = [[0.12, 1.2], [0.15, 12.0]]"
+
+
+def relaxing(frame: Path, terms: str) -> None:
+    text = (frame.parents[1] / "recording.toml").read_text()
+    (frame.parents[1] / "recording.toml").write_text(text.replace("[eye]", f"[eye]\n{terms}"))
+
+
+def test_tissue_that_relaxes_gives_the_force_on_the_needle_and_the_elastic_one(read, frame) -> None:
+    elastic = read(frame, *MODULUS, "--globe", "open")
+    assert elastic["elastic_force_mn"] is None
+    relaxing(frame, RELAXING)
+    unknown, soon, late = (
+        read(frame, *MODULUS, "--globe", "open", *held) for held in ((), ("--held-s", 0.1), ("--held-s", 60))
+    )
+    for entry in (unknown, soon, late):
+        assert entry["elastic_force_mn"] == pytest.approx(elastic["predicted_force_mn"])
+        assert entry["predicted_force_mn"] < entry["elastic_force_mn"]
+    assert late["predicted_force_mn"] == pytest.approx(0.73 * elastic["predicted_force_mn"], rel=0.01)
+    assert soon["predicted_force_mn"] > late["predicted_force_mn"]
+    low_mn, high_mn = unknown["interval_mn"]
+    assert low_mn < late["predicted_force_mn"] < elastic["predicted_force_mn"] < high_mn + 1.0
+
+
+def test_a_hold_needs_a_known_relaxation_and_changes_no_elastic_tissue(shell, model, read, frame) -> None:
+    assert "held_s: nothing says how the tissue relaxes" in shell.json(
+        "read", model, frame, *MODULUS, "--held-s", 1, code=2
+    )["frames"][0]["error"]  # fmt: skip
+    before = read(frame, *MODULUS)
+    relaxing(frame, "relaxation = []")
+    assert read(frame, *MODULUS, "--held-s", 1)["predicted_force_mn"] == before["predicted_force_mn"]
+
+
+@pytest.mark.parametrize(
+    "terms", ["[[0.6, 1.0], [0.5, 2.0]]", "[[0.1]]", "[[0.1, 0.0]]", "[[-0.1, 1.0]]", "[0.1, 1.0]"]
+)
+def test_an_impossible_relaxation_is_refused_with_its_file_and_line(shell, model, frame, terms: str) -> None:
+    relaxing(frame, f"relaxation = {terms}")
+    (entry,) = shell.json("read", model, frame, *MODULUS, code=2)["frames"]
+    assert "recording.toml:3: eye.relaxation" in entry["error"]

@@ -251,3 +251,24 @@ def test_intervals_take_a_reader_only_and_none_of_the_other_options(places, tmp_
     ):
         assert message in said(capsys, "calibrate", mine, "--intervals", *words, code=2)
     assert not out.exists()
+
+
+def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(places, model, tmp_path: Path) -> None:
+    mine = shutil.copytree(places["mine"], tmp_path / "mine")
+    info = (mine / "recording.toml").read_text()
+    (mine / "recording.toml").write_text(info.replace("[eye]", "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]"))
+    elastic = evaluate_recordings(model, [places["mine"]])
+    plain = evaluate_recordings(model, [mine])
+    lines = (mine / "frames.csv").read_text().splitlines()
+    held = ["1000", *[""] * (len(lines) - 2)]
+    (mine / "frames.csv").write_text(
+        "\n".join([f"{lines[0]},held_s", *map(",".join, zip(lines[1:], held, strict=True))])
+    )
+    told = evaluate_recordings(model, [mine])
+    for before, after in zip(elastic.frames, plain.frames, strict=True):
+        if before.answer.usable:
+            assert after.answer.elastic_force_n == before.answer.force_n
+            assert after.answer.force_n < before.answer.force_n
+    first = told.frames[0].answer
+    assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
+    assert told.frames[1].answer != plain.frames[1].answer  # what the first frame has left

@@ -16,9 +16,11 @@ from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
 from scleraforce.calibration.registration import PoseBelief, first_belief
+from scleraforce.calibration.relaxation import with_elastic_forces
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library import Library
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
@@ -52,10 +54,15 @@ class _StepCount:
 
 
 class _Frames:
-    """The frames of a recording whose digests are not in `used`; each is segmented and labelled once."""
+    """The frames of a recording whose digests are not in `used`; each is segmented and labelled once.
 
-    def __init__(self, recording: Recording, settings: "_Settings", used: frozenset[str]) -> None:
-        self.recording, self.settings, self.used = recording, settings, used
+    With a library, forces are elastic ones; `relaxation` is how the tissue relaxes, if that is known already.
+    """
+
+    def __init__(
+        self, recording: Recording, settings: "_Settings", used: frozenset[str], relaxation: KnownRelaxation | None
+    ) -> None:
+        self.recording, self.settings, self.used, self.relaxation = recording, settings, used, relaxation
         self.seen, self.labelled = cache(self._seen), cache(self._labelled)
         self.poses = dict[Boundaries, PoseBelief]()
 
@@ -69,12 +76,16 @@ class _Frames:
             return sha256, assimilation.Skipped(f"not usable: {found.reason}")
         return sha256, segmented_boundaries(found, scale)
 
-    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces]:
+    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None]:
         study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
         trials = label_frames(self.recording, study.classes, study.needle.max_force_n)
-        return trials, frame_forces(replace(self.recording, forces=log.known(info.axis)), trials)
+        recording = replace(self.recording, forces=log.known(info.axis))
+        forces = frame_forces(recording, trials)
+        if self.settings.library is None:
+            return trials, forces, None
+        return trials, *with_elastic_forces(recording, forces, self.relaxation)
 
 
 @dataclass(frozen=True)
@@ -143,7 +154,7 @@ def _of_eye(
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
-    frames = _Frames(recording, settings, used)
+    frames = _Frames(recording, settings, used, _known_relaxation(recording, before))
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
     found = _of_tissue(recording, settings, frames, before, count)
@@ -163,6 +174,14 @@ def _of_eye(
         f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
     )
     return _doubted(replace(found, globe=UNKNOWN), doubt)
+
+
+def _known_relaxation(recording: Recording, before: EyeCalibration | None) -> KnownRelaxation | None:
+    """Return how an eye relaxes as declared or found before; None: it is to be found. Early files have elastic eyes."""
+    if before is not None:
+        return before.relaxation or KnownRelaxation.declared(())
+    declared = recording.info.eye.relaxation
+    return None if declared is None else KnownRelaxation.declared(declared)
 
 
 def _without_globe(recording: Recording) -> Recording:
@@ -227,7 +246,7 @@ def calibrate_eye(
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue."""
     study, library = settings.study, settings.library
-    trials, forces = frames.labelled()
+    trials, forces, relaxation = frames.labelled()
     session = _begin(recording, settings, forces, earlier, frames.poses)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
@@ -286,6 +305,7 @@ def calibrate_eye(
         steps=tuple(steps),
         filter=session.filter,
         stiffening=0.0 if library is None else library.stiffening,
+        relaxation=relaxation,
     )
     if library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)

@@ -27,6 +27,7 @@ from scleraforce.known.calibration_file import (
     globe_entry,
     summary_of_eye,
 )
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.plain_text import wrapped
 from scleraforce.units import HumanUnit, from_si
 
@@ -76,8 +77,9 @@ class EyeCalibration:
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
-    tissue whose walls explain its frames best. With a library, modulus and rigidity are from the frames read again
-    (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are empty if read from a file.
+    tissue whose walls explain its frames best; `relaxation`: how it relaxes. With a library, modulus and rigidity are
+    from the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are
+    empty if read from a file.
     """
 
     id: str
@@ -91,6 +93,7 @@ class EyeCalibration:
     frames: tuple[FrameRecord, ...] = field(repr=False)
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
+    relaxation: KnownRelaxation | None = None
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
 
@@ -185,6 +188,9 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     words = [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
+    lost = 0.0 if eye.relaxation is None else float(np.dot(eye.relaxation.shares, eye.relaxation.held))
+    if lost > 0.0:
+        words.append(f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its frames")
     discrepancy = eye.discrepancy or NO_DISCREPANCY
     mean, sd = discrepancy.at_reference()
     if abs(mean) > SURE * sd:
@@ -251,6 +257,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": globe_entry(eye.globe),
         "stiffening": eye.stiffening,
+        "relaxation": eye.relaxation and vars(eye.relaxation),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
@@ -348,6 +355,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         frames=saved.steps,
         discrepancy=summary.discrepancy,
         stiffening=summary.stiffening,
+        relaxation=summary.relaxation,
     )
     if not found.used or not found.recordings:
         raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")

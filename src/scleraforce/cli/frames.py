@@ -190,6 +190,8 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
          globe="unknown, which widens intervals")  # fmt: skip
 @options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
 @click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
+@click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
+              "default: as in the frames of the calibration.")  # fmt: skip
 @options("wall_finder")
 def read(
     model: Path,
@@ -197,6 +199,7 @@ def read(
     transpose: bool,
     calibration: Path | None,
     eye: str | None,
+    held_s: float | None,
     wall_finder: Path | None,
     **given: Any,
 ) -> Report:
@@ -233,7 +236,7 @@ def read(
 
     def answer(path: Path) -> "Reading":
         os.stat(path)  # a missing frame is reported before the model is loaded
-        return reading(loaded(), path, known, size, summary, eye, transpose)
+        return reading(loaded(), path, known, size, summary, eye, transpose, held_s)
 
     found = list(each_of(frames, answer))
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]

@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.recording.folder import EyeInfo, RecordingInfo
 from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
@@ -203,7 +204,8 @@ class Known:
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
-    b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus.
+    b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus. Tissue whose
+    `relaxation` is not known is read as elastic.
     """
 
     modulus: Modulus | None = None
@@ -215,6 +217,7 @@ class Known:
     globe: KnownGlobe | None = None
     stiffening: float | None = None
     discrepancy: ForceDiscrepancy | None = None
+    relaxation: KnownRelaxation | None = None
 
     @property
     def has_own_modulus(self) -> bool:
@@ -239,6 +242,7 @@ def known_of_recording(info: RecordingInfo) -> Known:
         polar_rad=info.needle.polar_angle_rad,
         direction_rad=info.oct.plane_direction_rad,
         globe=stated_globe(info.eye),
+        relaxation=None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation),
     )
 
 

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
+import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
 from scleraforce.known import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Kind, Known, KnownGlobe, Modulus
+from scleraforce.known.relaxation import KnownRelaxation, Matrix, rows
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import eye_id_fault
 from scleraforce.study.fields import allowed, meant
@@ -62,9 +64,9 @@ class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
     `thickness_m` is the wall's as calibrated, estimated along with E if asked for. `globe` is the known globe after the
-    frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue;
-    None and 0 with linear mechanics and in early files. `status` is "ok", or says that the filter diverged: the
-    standard deviation then means nothing.
+    frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue,
+    `relaxation` how it relaxes; None and 0 with linear mechanics and in early files. `status` is "ok", or says that the
+    filter diverged: the standard deviation then means nothing.
     """
 
     mean_pa: float
@@ -74,6 +76,7 @@ class EyeSummary:
     globe: KnownGlobe = OPEN
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
+    relaxation: KnownRelaxation | None = None
     status: str = "ok"
 
     @property
@@ -144,6 +147,7 @@ class _EyeEntry(msgspec.Struct):
     globe: _GlobeEntry | UnsetType = UNSET
     discrepancy: ForceDiscrepancy | None = None
     stiffening: _Stiffening = 0.0
+    relaxation: KnownRelaxation | None = None
 
 
 class _Population(msgspec.Struct):
@@ -217,6 +221,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
         discrepancy=eye.discrepancy,
         stiffening=eye.stiffening,
+        relaxation=eye.relaxation,
         status=eye.status,
     )
 
@@ -262,10 +267,48 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     if own is not None and not own.usable:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
     if own is None or modulus is None or modulus.source != "own":
-        return replace(known, modulus=modulus, stiffening=summary.population_stiffening)
+        relaxation = known.relaxation or population_relaxation(summary)
+        return replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
     globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
     known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m)
-    return replace(known, stiffening=own.stiffening, discrepancy=own.discrepancy)
+    relaxation = own.relaxation or known.relaxation
+    return replace(known, stiffening=own.stiffening, discrepancy=own.discrepancy, relaxation=relaxation)
+
+
+def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None:
+    """Return how the eyes of a calibration relax, with their spread; None if that is not known of all in one way."""
+    found = [eye.relaxation for eye in summary.eyes.values() if eye.usable]
+    eyes = [one for one in found if one is not None]
+    if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
+        return None
+
+    def together(mean: str, covariance: str) -> tuple[tuple[float, ...], Matrix]:
+        means = np.array([getattr(one, mean) for one in eyes])
+        within = np.mean([getattr(one, covariance) for one in eyes], axis=0)
+        between = np.cov(means.T) if len(eyes) > 1 else within
+        return tuple(means.mean(axis=0).tolist()), rows(within + between)
+
+    shares, covariance = together("shares", "covariance")
+    held, held_covariance = together("held", "held_covariance")
+    before_n, before_covariance_n2 = together("before_n", "before_covariance_n2")
+    after, after_covariance_n2 = together("after", "after_covariance_n2")
+    spans = {}
+    for name in ("every_s", "held_s"):
+        found_s = [getattr(one, name) for one in eyes]
+        spans[name] = None if None in found_s else float(np.median(found_s))
+    return KnownRelaxation(
+        times_s=eyes[0].times_s,
+        shares=shares,
+        covariance=covariance,
+        held=held,
+        held_covariance=held_covariance,
+        before_n=before_n,
+        before_covariance_n2=before_covariance_n2,
+        after=after,
+        after_covariance_n2=after_covariance_n2,
+        **spans,
+        source="population",
+    )
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:

@@ -12,7 +12,6 @@ and F = 0, while m_i decays. The pressure in the eye is taken to relax as the wa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,79 +63,29 @@ class PronySeries:
             felt_n += change * (since_s - lost_s)
         return felt_n
 
-    def felt(self, elastic_n: Floats, time_s: Floats) -> Floats:
-        """Return F at each sample, (samples,), from Fe; the tissue is at rest before the first sample, Fe starts there.
-
-        Where Fe is 0 or the wall no longer pushes back (F would be below 0), contact is lost.
-        """
-        memory, felt_n = np.zeros(len(self.shares)), np.zeros_like(elastic_n)
-        for index, (old, kept, new) in enumerate(self._weights(time_s)):
-            before_n = elastic_n[index - 1] if index and felt_n[index - 1] > 0.0 else 0.0
-            come = kept * memory + old * before_n
-            felt_n[index] = max(elastic_n[index] - self.shares @ (come + new * elastic_n[index]), 0.0)
-            memory = come + new * (elastic_n[index] if felt_n[index] > 0.0 else 0.0)
-        return felt_n
-
-    def elastic(self, felt_n: Floats, time_s: Floats, contact: NDArray[np.bool_]) -> Floats:
-        """Return Fe at each sample, (samples,), from F: the inverse of `felt`. Fe is 0 where `contact` is False."""
-        memory, elastic_n = np.zeros(len(self.shares)), np.zeros_like(felt_n)
-        for index, (old, kept, new) in enumerate(self._weights(time_s)):
-            come = kept * memory + old * (elastic_n[index - 1] if index else 0.0)
-            if contact[index]:
-                elastic_n[index] = (felt_n[index] + self.shares @ come) / (1.0 - self.shares @ new)
-            memory = come + new * elastic_n[index]
-        return elastic_n
-
-    def _weights(self, time_s: Floats) -> Floats:
-        """Return the weights of an update to each sample, (sample, 3, term); nothing passes before the first."""
-        return line_weights(np.diff(time_s, prepend=time_s[:1]), self.times_s)
-
 
 ELASTIC = PronySeries((), ())
 
 
-class Memory(NamedTuple):
-    """Bounds of each m_i, (terms,), in N. They do not depend on the shares g_i."""
+def driven_back(
+    felt_n: Floats, time_s: Floats, contact: NDArray[np.bool_], shares: Floats, times_s: Sequence[float]
+) -> tuple[Floats, Floats]:
+    """Return Fe (candidate, sample) and every m_i (candidate, sample, term) from F (sample,), at rest before it.
 
-    smallest_n: Floats
-    largest_n: Floats
-
-    def felt(self, elastic_n: tuple[float, float], shares: tuple[Floats, Floats]) -> tuple[float, float]:
-        """Return the bounds of F from the bounds of Fe and of each g_i, (terms,); not below 0."""
-        low_n = elastic_n[0] - float(shares[1] @ self.largest_n)
-        return max(low_n, 0.0), max(elastic_n[1] - float(shares[0] @ self.smallest_n), 0.0)
-
-
-def unknown_memory(terms: int, largest_n: float) -> Memory:
-    """Return the bounds of an unknown history in which Fe was never above `largest_n`."""
-    return Memory(np.zeros(terms), np.full(terms, largest_n))
-
-
-def after_gap(memory: Memory, gap_s: float, elastic_n: tuple[float, float], times_s: tuple[float, ...]) -> Memory:
-    """Return the bounds after a gap in which Fe was anywhere between two bounds; a constant Fe reaches each."""
-    kept = np.exp(-gap_s / np.array(times_s))
-    smallest_n, largest_n = (
-        kept * old + (1.0 - kept) * extreme for old, extreme in zip(memory, elastic_n, strict=True)
-    )
-    return Memory(smallest_n, largest_n)
+    `shares` (candidate, term). Fe is 0 where `contact` is False: nothing pulls there.
+    """
+    memory, elastic_n = np.zeros(shares.shape), np.zeros(len(shares))
+    found_n, memories_n = np.zeros((len(shares), len(felt_n))), np.zeros((len(shares), len(felt_n), len(times_s)))
+    for index, (old, kept, new) in enumerate(line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)):
+        come = kept * memory + old * elastic_n[:, None]
+        lag_n = (shares * come).sum(axis=1)
+        elastic_n = (felt_n[index] + lag_n) / (1.0 - shares @ new) if contact[index] else np.zeros(len(shares))
+        memory = come + new * elastic_n[:, None]
+        found_n[:, index], memories_n[:, index] = elastic_n, memory
+    return found_n, memories_n
 
 
-def after_line(
-    memory: Memory,
-    step_s: float,
-    elastic_n: tuple[float, float],
-    now_n: tuple[float, float],
-    times_s: tuple[float, ...],
-) -> Memory:
-    """Return the bounds after a step in which Fe changed linearly, from bounds before it to bounds after it."""
-    old, kept, new = line_weights(np.array([step_s]), times_s)[0]
-    smallest_n, largest_n = (
-        kept * come + old * before + new * now for come, before, now in zip(memory, elastic_n, now_n, strict=True)
-    )
-    return Memory(smallest_n, largest_n)
-
-
-def line_weights(step_s: Floats, times_s: tuple[float, ...]) -> Floats:
+def line_weights(step_s: Floats, times_s: Sequence[float]) -> Floats:
     """Return the weights of Fe before a step, of m_i before it and of Fe after it, (step, 3, term); they add up to 1.
 
     With x = step / tau and q = (1 - exp(-x)) / x, they are q - exp(-x), exp(-x) and 1 - q.

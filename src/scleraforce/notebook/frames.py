@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isfinite
+from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.felt import History
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import (
     Recording,
@@ -159,6 +160,7 @@ def read(
     depth_m: float | None = None,
     refractive_index: float | None = None,
     transpose: bool = False,
+    held_s: float | None = None,
 ) -> Answer:
     """Read the force from one raw frame.
 
@@ -182,6 +184,7 @@ def read(
         depth_m: of the frame as stored; an array needs it.
         refractive_index: of the depth axis; None: the recording's, or the model's study's.
         transpose: the depth runs along the file's rows, from left to right.
+        held_s: time since the needle's push, in tissue that relaxes; None: as in the frames of the calibration.
 
     Returns:
         `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
@@ -205,7 +208,7 @@ def read(
         "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
     })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    one = reading(model, frame, given, size, calibration, eye, transpose)
+    one = reading(model, frame, given, size, calibration, eye, transpose, held_s)
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
 
 
@@ -253,9 +256,12 @@ def reading(
     calibration: "GivenCalibration | None" = None,
     eye: str | None = None,
     transpose: bool = False,
+    held_s: float | None = None,
 ) -> Reading:
     """Read one frame as `read` does; return the answer with its inputs."""
     check_model(model)
+    if held_s is not None and not 0.0 <= held_s < inf:
+        raise InputError(f"held_s: {held_s:g}; give the time since the push, 0 s or more")
     check_calibrated(given, calibration is not None, eye)
     assumed = Scanner(refractive_index=model.study.oct.refractive_index)
     seen = scaled(frame, size, assumed, "model's study", transpose)
@@ -268,8 +274,14 @@ def reading(
     if seen.info is not None:
         place = recording_of(Path(_place(frame))) or _place(frame)
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
+    if held_s is not None and known.relaxation is None:
+        raise InputError(
+            "held_s: nothing says how the tissue relaxes; give a calibration, or relaxation in recording.toml"
+        )
+    history = History.unknown(known.relaxation, model.study.needle.max_force_n)
     try:
-        answer = model.read(seen.pixels, seen.scale, known)
+        elastic = model.read(seen.pixels, seen.scale, known)
+        answer, _ = history.read(elastic, model.study.classes.bounds_n, held_s=held_s)
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
     return Reading(answer, seen, given, stated, known, tuple(notes))

@@ -97,8 +97,9 @@ class Answer:
     If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason` says why, and there is no
     reading. A classifier has no `force_n`, no 90 % `interval_n` and no lateral place of the contact from the frame's
     middle, `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough of the wall is in
-    view to calibrate on the frame. `readings` holds the reading of each method by its name, and `fit` the wall of the
-    library that fits the frame best. `segmentation` is the wall that was read.
+    view to calibrate on the frame. `elastic_force_n`, of tissue that relaxes, is the force that makes such a dent at
+    once; `force_n` is the force on the needle now. `readings` holds the reading of each method by its name, and `fit`
+    the wall of the library that fits the frame best. `segmentation` is the wall that was read.
     """
 
     predicted: int
@@ -108,6 +109,7 @@ class Answer:
     force_n: float | None = None
     interval_n: tuple[float, float] | None = None
     contact_m: float | None = None
+    elastic_force_n: float | None = None
     warnings: tuple[str, ...] = ()
     can_calibrate: bool = False
     readings: tuple[tuple[str, Reading], ...] = ()
@@ -141,6 +143,7 @@ class Answer:
             "probabilities": self.probabilities,
             "predicted_force_mn": from_si(self.force_n, "mn"),
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
+            "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
             "contact_mm": from_si(self.contact_m, "mm"),
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),

@@ -19,11 +19,12 @@ from scleraforce.known.calibration_file import CalibrationSummary, foreign_modul
 from scleraforce.models import model_name
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
+from scleraforce.reader.felt import History
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
-from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
@@ -316,17 +317,17 @@ class _Session:
         log = log_doubts(self.recording, classes, read, in_newtons=in_newtons)
         return (*label_notes(self.recording, self.trials), *log)
 
-    def frames(self, progress: Progress) -> Iterator[tuple[str, Trial, Pixels, bool]]:
-        """Yield name, label and pixels of each frame, and whether Young's modulus was fitted on it."""
+    def read(self, progress: Progress) -> Iterator[tuple[str, Trial, Answer, bool]]:
+        """Yield name, label and answer of each frame, and whether Young's modulus was fitted on it."""
+        scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
+        history = History.unknown(self.known.relaxation, study.needle.max_force_n)
         for entry, trial in zip(self.recording.frames, self.trials, strict=True):
             pixels = self.recording.frame(entry)
-            yield entry.file, trial, pixels, self.summary is not None and frame_digest(pixels) in self.summary.digests
+            elastic = self.reader.read(pixels, scale, self.known)
+            answer, history = history.read(elastic, study.classes.bounds_n, entry.time_s, entry.held_s)
+            yield entry.file, trial, answer, self.summary is not None and frame_digest(pixels) in self.summary.digests
             if progress:
                 progress(1)
-
-    def read(self, pixels: Pixels) -> Answer:
-        """Read a frame."""
-        return self.reader.read(pixels, PixelScale.of(self.recording.info.oct), self.known)
 
     def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
         """Answer each frame, in the recording's order."""
@@ -336,8 +337,7 @@ class _Session:
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
         sds_n = label_sds(recording, self.trials)
-        for sd_n, (file, trial, pixels, calibrates) in zip(sds_n, self.frames(progress), strict=True):
-            answer = self.read(pixels)
+        for sd_n, (file, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
             yield FrameAnswer(
                 recording=str(recording.path),
                 eye=recording.info.eye.id,
@@ -355,10 +355,9 @@ class _Session:
 
     def scores(self, progress: Progress) -> Iterator[Score]:
         """Score the readings of both methods."""
-        for _, trial, pixels, calibrates in self.frames(progress):
+        for _, trial, answer, calibrates in self.read(progress):
             if trial.measured_force_n is None or trial.excluded is not None or calibrates:
                 continue
-            answer = self.read(pixels)
             for method, reading in answer.readings if answer.usable else ():
                 traits = traits_of(self.known, reading.force_n, answer.fit if method == "fit" else None)
                 yield Score(method, traits, self.recording.info.eye.id, score(reading, trial.measured_force_n))

@@ -12,7 +12,7 @@ from scleraforce.errors import FrameError, RecordingError, StudyError
 from scleraforce.recording.images import check_frame, read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
-from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS
+from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
 from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
 from scleraforce.study.toml import parse_record
 from scleraforce.units import from_si
@@ -35,7 +35,8 @@ class EyeInfo:
     """The eye: a name, and its known properties (None: unknown).
 
     `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or "sealed"; a sealed one may have a
-    measured rigidity and its law (`mechanics.globe`).
+    measured rigidity and its law (`mechanics.globe`). `relaxation`: terms of a share and a time constant, s
+    (`mechanics.relaxation`); none: the tissue is elastic.
     """
 
     id: str
@@ -47,9 +48,11 @@ class EyeInfo:
         None, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
     )
     rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
+    relaxation: tuple[tuple[float, ...], ...] | None = quantity(None, None, 0.0, 1e5)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_relaxation(self.relaxation or ())
         fault = eye_id_fault(self.id)
         if fault:
             raise StudyError(f"id: {fault}")

@@ -219,7 +219,7 @@ def _other_count(table: Table, count: int) -> str:
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-FRAME_COLUMNS = ("file", "time_s", "pierced")
+FRAME_COLUMNS = ("file", "time_s", "pierced", "held_s")
 GOOD_SAMPLE_RATE_HZ = 100.0
 # A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
@@ -234,11 +234,15 @@ MOST_IMPLAUSIBLE = 1.0 / 3.0  # of the samples; with more, the log's usual size 
 
 @dataclass(frozen=True)
 class FrameEntry:
-    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced."""
+    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced.
+
+    `held_s`: the time since the needle's push, which it has held since; None if it is not known.
+    """
 
     file: str
     time_s: float
     pierced: bool = False
+    held_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -272,13 +276,13 @@ class ForceLog:
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order."""
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
-    mark = decimal_mark(table, (table.names.index("time_s"),))
+    mark = decimal_mark(table, tuple(table.names.index(name) for name in ("time_s", "held_s") if name in table.names))
     entries: list[FrameEntry] = []
     seen: dict[str, int] = {}
     for index, line in enumerate(table.numbers):
         place, fields = table.place(index), table.fields(index)
         # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
-        if len(fields) > len(table.names) or any(name != "pierced" for name in table.names[len(fields) :]):
+        if len(fields) > len(table.names) or not set(table.names[len(fields) :]) <= {"pierced", "held_s"}:
             raise RecordingError(f"{place}: {_other_count(table, len(fields))}")
         entry = _frame_entry(place, dict(zip(table.names, fields, strict=False)), mark)
         if entry.file in seen:
@@ -399,4 +403,7 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     time_s = number(row["time_s"], mark)
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
         raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
-    return FrameEntry(file, time_s, pierced == "1")
+    held_s = number(row["held_s"], mark) if row.get("held_s") else None
+    if row.get("held_s") and (held_s is None or not 0.0 <= held_s <= LARGEST_TIME_S):
+        raise RecordingError(f"{place}: held_s: {row['held_s']!r} is not a number of seconds, 0 or more")
+    return FrameEntry(file, time_s, pierced == "1", held_s)

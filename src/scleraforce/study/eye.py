@@ -1,5 +1,6 @@
 """The eye of a study and its needle; tissue, mechanics, globe, supports and form belong to virtual eyes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scleraforce.errors import StudyError
@@ -92,11 +93,21 @@ class TissueStudy(Section):
     def __post_init__(self) -> None:
         super().__post_init__()
         if any(len(term) != 2 for term in self.relaxation):
-            raise StudyError("relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]")
-        if not sum(share.bounds[1] for share, _ in self.relaxation) < 1.0:
-            raise StudyError("relaxation: the shares may add up to 1 or more; a part of the force must be left")
-        if not all(time_s.bounds[0] > 0.0 for _, time_s in self.relaxation):
-            raise StudyError("relaxation: a time constant is 0 s or may be; give a time above 0")
+            raise StudyError(TERMS)
+        check_relaxation([(share.bounds[1], time_s.bounds[0]) for share, time_s in self.relaxation])
+
+
+TERMS = "relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]"
+
+
+def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
+    """Check terms of relaxation: the largest shares and the shortest times."""
+    if any(len(term) != 2 for term in terms):
+        raise StudyError(TERMS)
+    if not all(0.0 <= share < 1.0 for share, _ in terms) or not sum(share for share, _ in terms) < 1.0:
+        raise StudyError("relaxation: shares are 0 or more and add up to less than 1: a part of the force is left")
+    if not all(time_s > 0.0 for _, time_s in terms):
+        raise StudyError("relaxation: a time constant is 0 s or may be; give a time above 0")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,93 @@
+"""The relaxation of an eye's tissue, as far as it is known, and the histories that go with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from scleraforce.errors import CalibrationError
+
+Floats = NDArray[np.float64]
+_Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
+_Time = Annotated[float, Meta(gt=0.0, le=1e6)]
+_Span = Annotated[float, Meta(ge=0.0, le=1e6)]
+_Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
+_Vector = tuple[_Number, ...]
+Matrix = tuple[_Vector, ...]
+
+# Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
+MOST_HELD, MOST_BEFORE_N = 1.0, 15e-3
+SPREAD = 1.0 / 3.0  # standard deviation of such a memory over its largest value: 90 % reach from none to all
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownRelaxation:
+    """The shares g_i of a Prony series (`mechanics.relaxation`), (term,), with their covariance, (term, term).
+
+    `source`: declared, found from the holds of a force log, or of other tissue where the log shows no hold. The m_i of
+    a frame are held_i Fe + (1 - held_i) before_i: what its push has left, and what was there when it began. Means and
+    covariances of both are of the frames that calibrated the eye. E follows from such frames, so an error of g matters
+    at other histories only. Where the frame before is known, before_i is what is left of its m_i, and after_i
+    times its Fe for the rest of its hold, with a covariance of its own. Frames follow each other in `every_s`, and
+    their pushes in `held_s`, None of a single frame.
+    """
+
+    times_s: tuple[_Time, ...]
+    shares: tuple[_Share, ...]
+    covariance: Matrix
+    held: _Vector
+    held_covariance: Matrix
+    before_n: _Vector
+    before_covariance_n2: Matrix
+    after: _Vector
+    after_covariance_n2: Matrix
+    every_s: _Span | None
+    held_s: _Span | None
+    source: Literal["declared", "holds", "population"]
+
+    def __post_init__(self) -> None:
+        size = len(self.times_s)
+        vectors = self.shares, self.held, self.before_n, self.after
+        matrices = self.covariance, self.held_covariance, self.before_covariance_n2, self.after_covariance_n2
+        square = all(len(matrix) == size and all(len(row) == size for row in matrix) for matrix in matrices)
+        if not square or any(len(vector) != size for vector in vectors) or not sum(self.shares) < 1.0:
+            raise CalibrationError("relaxation: its parts have several lengths, or shares add up to 1 or more")
+
+    @classmethod
+    def of(
+        cls,
+        shares: Sequence[float],
+        times_s: Sequence[float],
+        covariance: Floats,
+        source: Literal["declared", "holds", "population"],
+    ) -> "KnownRelaxation":
+        """Return a relaxation of tissue of which no history is known."""
+        terms = len(shares)
+        return cls(
+            times_s=tuple(times_s),
+            shares=tuple(shares),
+            covariance=rows(covariance),
+            held=(MOST_HELD / 2,) * terms,
+            held_covariance=rows(np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)),
+            before_n=(MOST_BEFORE_N / 2,) * terms,
+            before_covariance_n2=rows(np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)),
+            after=(0.0,) * terms,
+            after_covariance_n2=rows(np.zeros((terms, terms))),
+            every_s=None,
+            held_s=None,
+            source=source,
+        )
+
+    @classmethod
+    def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":
+        """Return a declared relaxation: terms of a share and a time constant, s; no terms: the tissue is elastic."""
+        shares, times_s = [share for share, _ in terms], [time_s for _, time_s in terms]
+        return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")
+
+
+def rows(matrix: Floats) -> Matrix:
+    """Return a matrix as tuples."""
+    return tuple(tuple(row) for row in matrix.tolist())

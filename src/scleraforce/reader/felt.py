@@ -1,0 +1,158 @@
+"""The force on the needle, F, from readings of the elastic force, Fe, that the dent shows, in tissue that relaxes.
+
+F = Fe - sum g_i m_i (`mechanics.relaxation`). The m_i are normal, given the frames so far: between two frames of a
+dense sequence Fe is nearly straight; in a longer gap of such a sequence it may have been anything that an eye bears. Of
+single frames, m_i is as in the frames that calibrated the eye, which have a mean and a spread (see
+`known.relaxation`), or, where the time since the push is known, what a sudden push leaves and the usual memory before
+it. An error of g has no effect at the history of the calibration, since E follows from it.
+"""
+
+from dataclasses import dataclass, replace
+from math import erf, hypot, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.known import NINETY_PERCENT
+from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.mechanics.relaxation import line_weights
+from scleraforce.reader.answer import Answer, Reading
+
+Floats = NDArray[np.float64]
+
+DENSE_S = 0.3  # between frames: in longer gaps a needle may come and go
+SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for any
+LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
+
+
+@dataclass(frozen=True)
+class FeltForce:
+    """F = slope Fe - lag, with a standard deviation beside that of Fe; forces in N."""
+
+    slope: float
+    lag_n: float
+    sd_n: float
+
+    def reading(self, elastic: Reading, bounds_n: tuple[float, ...]) -> Reading:
+        """Return the reading of F from one of Fe; F is taken for normal on either side of its median."""
+        force_n = max(self.slope * elastic.force_n - self.lag_n, 0.0)
+        below_n, above_n = (
+            hypot(self.slope * (end_n - elastic.force_n), NINETY_PERCENT * self.sd_n) for end_n in elastic.interval_n
+        )
+        under = [0.0]
+        for bound_n in bounds_n:
+            side_n = max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
+            under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
+        return replace(
+            elastic,
+            probabilities=tuple(np.diff([*under, 1.0]).tolist()),
+            force_n=force_n,
+            interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
+        )
+
+    def answer(self, elastic: Answer, bounds_n: tuple[float, ...]) -> Answer:
+        """Return the answer with F from one with Fe."""
+        assert elastic.force_n is not None
+        assert elastic.interval_n is not None
+        assert elastic.probabilities is not None
+        read = self.reading(
+            Reading(
+                probabilities=elastic.probabilities,
+                force_n=elastic.force_n,
+                interval_n=elastic.interval_n,
+                contact_m=elastic.contact_m or 0.0,
+            ),
+            bounds_n,
+        )
+        return replace(
+            elastic,
+            predicted=read.predicted,
+            probabilities=read.probabilities,
+            force_n=read.force_n,
+            interval_n=read.interval_n,
+            elastic_force_n=elastic.force_n,
+            readings=tuple((name, self.reading(one, bounds_n)) for name, one in elastic.readings),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Memory of an eye's tissue after the frames so far: mean (term,) and covariance (term, term) of m_i, in N.
+
+    Without a relaxation the tissue is elastic. `most_n`: the largest elastic force that an eye bears. `time_s`,
+    `elastic_n`: the last frame's, None before it; `dense`: it followed another one closely.
+    """
+
+    relaxation: KnownRelaxation
+    most_n: float
+    mean_n: Floats
+    covariance: Floats
+    time_s: float | None = None
+    elastic_n: float = 0.0
+    dense: bool = False
+
+    @classmethod
+    def unknown(cls, relaxation: KnownRelaxation | None, max_force_n: float) -> "History":
+        """Return the history of an eye before its first frame; `max_force_n`: the largest force on the needle."""
+        relaxation = relaxation or KnownRelaxation.declared(())
+        terms = len(relaxation.shares)
+        most_n = max_force_n / (1.0 - sum(relaxation.shares))
+        return cls(relaxation, most_n, np.zeros(terms), np.zeros((terms, terms)))
+
+    def read(
+        self, elastic: Answer, bounds_n: tuple[float, ...], time_s: float | None = None, held_s: float | None = None
+    ) -> tuple[Answer, "History"]:
+        """Return the answer that gives F from one that gives Fe, and the history after it.
+
+        `time_s`: of the frame, None if it is a single one; `held_s`: the time since its push, if it is known. An answer
+        without a force is returned unchanged, and leaves a gap.
+        """
+        if not elastic.usable or elastic.force_n is None or not any(self.relaxation.shares):
+            return elastic, self
+        known, force_n = self.relaxation, elastic.force_n
+        shares, held, error = np.array(known.shares), np.array(known.held), np.array(known.covariance)
+        after, grows = self._after(force_n, time_s, held_s)
+        off_n = held * force_n + (1.0 - held) * np.array(known.before_n) - after.mean_n
+        variance = float(shares @ after.covariance @ shares + off_n @ error @ off_n)
+        slope, lost_n = 1.0 - float(shares @ grows), float(shares @ after.mean_n)
+        variance += (SERIES_ERROR * lost_n) ** 2
+        lag_n = lost_n - (1.0 - slope) * force_n
+        return FeltForce(slope, lag_n, sqrt(variance)).answer(elastic, bounds_n), after
+
+    def _after(self, force_n: float, time_s: float | None, held_s: float | None) -> tuple["History", Floats]:
+        """Return the history after a frame, and the part of each m_i that grows with its Fe."""
+        known, elastic_n = self.relaxation, force_n if force_n > LIGHT_N else 0.0
+        gap_s = np.inf if time_s is None or self.time_s is None else time_s - self.time_s
+        dense = gap_s <= DENSE_S
+        if dense and held_s is None:
+            old, kept, grows = line_weights(np.array([gap_s]), known.times_s)[0]
+            mean_n = old * self.elastic_n + kept * self.mean_n + grows * elastic_n
+            covariance = np.outer(kept, kept) * self.covariance
+        elif self.dense and held_s is None:
+            kept = np.exp(-gap_s / np.array(known.times_s))
+            come, grows = 1.0 - kept, np.zeros_like(kept)
+            mean_n = kept * self.mean_n + come * self.most_n / 2
+            covariance = np.outer(kept, kept) * self.covariance + np.outer(come, come) * self.most_n**2 / 12.0
+        else:
+            grows, spread = np.array(known.held), np.array(known.held_covariance)
+            if held_s is not None:
+                grows, spread = -np.expm1(-held_s / np.array(known.times_s)), np.zeros_like(spread)
+            before_n, before_n2 = self._before(gap_s, time_s is not None, held_s)
+            mean_n = grows * force_n + (1.0 - grows) * before_n
+            covariance = spread * force_n**2 + np.outer(1.0 - grows, 1.0 - grows) * before_n2
+        now = replace(self, mean_n=mean_n, covariance=covariance, time_s=time_s, elastic_n=elastic_n, dense=dense)
+        return now, grows
+
+    def _before(self, gap_s: float, follows: bool, held_s: float | None) -> tuple[Floats, Floats]:
+        """Return mean and covariance of the m_i when the push of a frame began; `follows`: others will, or did."""
+        known = self.relaxation
+        before_n, before_n2 = np.array(known.before_n), np.array(known.before_covariance_n2)
+        if np.isfinite(gap_s) and known.every_s is not None and known.held_s is not None:
+            times_s = np.array(known.times_s)
+            left = np.exp(-max(gap_s - (known.held_s if held_s is None else held_s), 0.0) / times_s)
+            late = np.exp(-max(gap_s - known.every_s, 0.0) / times_s)
+            before_n = left * self.mean_n + late * np.array(known.after) * self.elastic_n
+            before_n2 = np.outer(left, left) * self.covariance + np.array(known.after_covariance_n2)
+        elif follows and self.time_s is None:  # the first of a session, which may be the first push
+            before_n, before_n2 = before_n / 2, before_n2 + np.outer(before_n, before_n) / 4
+        return before_n, before_n2

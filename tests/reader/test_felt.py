@@ -1,0 +1,121 @@
+"""The force on the needle from readings of dents, in tissue that remembers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
+
+from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.laboratory.pushes import NeedlePath
+from scleraforce.reader.answer import Reading, unusable
+from scleraforce.reader.felt import DENSE_S, History
+
+MOST_N = 60e-3
+DECLARED = KnownRelaxation.declared(TISSUE.terms)
+CORNERS_S = (0.0, 2.0, 3.0, 8.0, 8.5, 14.0, 15.0, 18.0, 19.0, 24.0)
+CORNERS_N = (0.0, 0.0, 0.03, 0.03, 0.012, 0.012, 0.0, 0.0, 0.045, 0.045)
+
+
+def calibrated(seed: int = 0) -> KnownRelaxation:
+    rng = np.random.default_rng(seed)
+    pushes, path = pushed(TISSUE, rng)
+    return found_in(path, np.array([push.frame_s for push in pushes]), rng)[1]
+
+
+def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
+    history, answers = History.unknown(known, MOST_N), []
+    for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
+        answer, history = history.read(read_as(float(elastic_n)), BOUNDS_N, float(time_s))
+        answers.append(answer)
+    return answers
+
+
+def test_a_dense_sequence_from_rest_with_known_shares_gives_the_felt_force() -> None:
+    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.1)
+    rest = replace(DECLARED, before_n=(0.0, 0.0), before_covariance_n2=((0.0, 0.0), (0.0, 0.0)))
+    answers = follow(rest, path, times_s)
+    read_n = np.array([answer.force_n for answer in answers])
+    assert read_n == pytest.approx(path.felt_n(times_s), abs=0.1e-3)  # corners lie between frames
+    assert [answer.elastic_force_n for answer in answers] == pytest.approx(path.elastic_n(times_s), abs=1e-15)
+    dense = path.felt_n(times_s) > 0.0
+    assert np.array([answer.predicted for answer in answers])[dense].tolist() == (
+        np.searchsorted(BOUNDS_N, read_n)[dense].tolist()
+    )
+
+
+def test_an_unknown_history_is_forgotten_and_its_interval_narrows() -> None:
+    path, times_s = NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE), np.arange(0.6, 60.0, 0.1)
+    answers = follow(DECLARED, path, times_s)
+    widths = np.array([answer.interval_n[1] - answer.interval_n[0] for answer in answers])
+    assert (np.diff(widths[:100]) < 0.0).all()
+    assert widths[-1] < 0.4 * widths[0]
+    assert answers[-1].force_n == pytest.approx(float(path.felt_n(times_s[-1:])[0]), abs=0.1e-3)
+    inside = [low <= true <= high for (low, high), true in
+              zip((answer.interval_n for answer in answers), path.felt_n(times_s), strict=True)]  # fmt: skip
+    assert np.mean(inside) > 0.9  # the first seconds after rest are rarer than one in ten
+
+
+def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps() -> None:
+    history = History.unknown(DECLARED, MOST_N)
+    for time_s in np.arange(0.0, 30.0, 0.1):
+        before, history = history.read(read_as(0.03), BOUNDS_N, float(time_s))
+    for time_s in np.arange(30.0, 32.0, 0.1):
+        refused, history = history.read(unusable(3, "no wall"), BOUNDS_N, float(time_s))
+        assert refused.force_n is None
+    after, history = history.read(read_as(0.03), BOUNDS_N, 32.0)
+    assert after.interval_n[1] - after.interval_n[0] > 1.3 * (before.interval_n[1] - before.interval_n[0])
+    later, _ = history.read(read_as(0.03), BOUNDS_N, 32.0 + DENSE_S / 2)
+    assert later.interval_n[1] - later.interval_n[0] > 1.2 * (before.interval_n[1] - before.interval_n[0])
+
+
+def test_frames_held_as_in_the_calibration_need_no_history() -> None:
+    rng = np.random.default_rng(5)
+    pushes, path = pushed(TISSUE, rng, FORCES_N[::-1])
+    frame_s = np.array([push.frame_s for push in pushes])
+    known, errors, inside = calibrated(), [], []
+    for alone in (False, True):
+        history = History.unknown(known, MOST_N)
+        for time_s, elastic_n, true_n in zip(frame_s, path.elastic_n(frame_s), path.felt_n(frame_s), strict=True):
+            answer, after = history.read(read_as(float(elastic_n)), BOUNDS_N, None if alone else float(time_s))
+            history = history if alone else after
+            errors.append(abs(answer.force_n - true_n))
+            inside.append(answer.interval_n[0] <= true_n <= answer.interval_n[1])
+    assert np.mean(errors) < 1.0e-3  # the dents show 3 to 9 mN more
+    assert np.mean(inside) > 0.8
+
+
+def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_calibration() -> None:
+    path = NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE)
+    nothing = ((0.0,) * 4,) * 4
+    rest = replace(calibrated(), before_n=(0.0,) * 4, before_covariance_n2=nothing)
+    history = History.unknown(rest, MOST_N)
+    for held_s in (0.5, 1.0, 20.0):
+        told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)
+        true_n = float(path.felt_n(np.array([0.25 + held_s]))[0])
+        assert told.interval_n[0] <= true_n <= told.interval_n[1]
+    soon, late = (history.read(read_as(0.03), BOUNDS_N, held_s=held_s)[0] for held_s in (0.2, 20.0))
+    assert soon.force_n > late.force_n + 2e-3
+
+
+def test_elastic_tissue_and_tissue_of_which_nothing_is_known_keep_the_answer() -> None:
+    for known in (None, KnownRelaxation.declared(()), KnownRelaxation.of([0.0], [1.0], np.eye(1), "holds")):
+        answer = read_as(0.02)
+        assert History.unknown(known, MOST_N).read(answer, BOUNDS_N, 1.0)[0] is answer
+
+
+def test_the_readings_of_each_method_are_turned_as_the_answer_is() -> None:
+    answer = read_as(0.03)
+    reading = Reading(probabilities=(0.0, 1.0, 0.0), force_n=0.03, interval_n=answer.interval_n, contact_m=0.0)
+    turned, _ = History.unknown(DECLARED, MOST_N).read(replace(answer, readings=(("fit", reading),)), BOUNDS_N)
+    ((_, found),) = turned.readings
+    assert (found.force_n, found.interval_n) == (turned.force_n, turned.interval_n)
+    assert sum(found.probabilities) == pytest.approx(1.0)
+    assert found.probabilities[1] == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_needle_that_has_let_go_feels_nothing() -> None:
+    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.1)
+    off = (times_s > 15.5) & (times_s < 17.9)
+    forces_n = np.array([answer.force_n for answer in follow(calibrated(), path, times_s)])
+    assert (forces_n[off] == 0.0).all()
