@@ -28,6 +28,7 @@ SMALLEST = {
     "bench_real_tissue": "--rows 1",
     "bench_relaxation": "--rows 1 --rings 6 --samples 2",
     "bench_conjunctiva": "--frames 1",
+    "bench_relaxing_ramps": "--eyes 1",
     "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",

@@ -767,3 +767,14 @@ def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is()
     for share in (1.009, 0.991, 1.011, 0.989, -1.0, NAN, float("inf")):
         for changed_m in ((share * 1e-5, 5e-6), (1e-5, share * 5e-6)):
             assert of_scale(changed_m, (1e-5, 5e-6), limits) == (share in (1.009, 0.991))
+
+
+def test_a_dent_is_contact_also_where_the_force_on_it_has_relaxed() -> None:
+    relaxed = [judged(frame(number, 0.5e-3), elastic_force_n=4e-3) for number in range(6, 66)]
+    assert play([*relaxed, unusable(66)], watching()).cause is Cause.UNUSABLE
+    lifted = [judged(one, elastic_force_n=0.5e-3) for one in relaxed]
+    assert play([*lifted, unusable(66)], watching()).cause is None
+
+
+def test_nan_as_elastic_force_withdraws() -> None:
+    assert play([judged(frame(6), elastic_force_n=NAN)], watching()).cause is Cause.NO_NUMBER

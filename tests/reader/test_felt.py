@@ -1,5 +1,6 @@
 """The force on the needle from readings of dents, in tissue that remembers."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -119,3 +120,62 @@ def test_a_needle_that_has_let_go_feels_nothing() -> None:
     off = (times_s > 15.5) & (times_s < 17.9)
     forces_n = np.array([answer.force_n for answer in follow(calibrated(), path, times_s)])
     assert (forces_n[off] == 0.0).all()
+
+
+def watched(times_s: np.ndarray, path: NeedlePath, history: History):
+    """Answers of a monitor to the frames of a path, and the history after them."""
+    answers = []
+    for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
+        answer, history = history.read(read_as(float(elastic_n)), BOUNDS_N, float(time_s))
+        answers.append(answer)
+    return answers, history
+
+
+def random_paths(count: int) -> Iterator[NeedlePath]:
+    """Needles that move as they like, up to 50 mN, and reach 20 mN at 8 s at the latest."""
+    rng = np.random.default_rng(3)
+    for _ in range(count):
+        corners_s = np.sort(rng.uniform(0.1, 7.8, 8))
+        corners_n = rng.choice([0.0, 0.05, 0.02], 8) * rng.uniform(0.5, 1.0, 8)
+        yield NeedlePath((0.0, *corners_s, 8.0, 60.0), (0.0, *corners_n, 0.02, 0.02), TISSUE)
+
+
+def inside(answers, felt_n: np.ndarray) -> bool:
+    return all(
+        answer.interval_n[0] <= true_n <= answer.interval_n[1] for answer, true_n in zip(answers, felt_n, strict=True)
+    )
+
+
+def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None:
+    times_s = np.arange(8.0, 60.0, 0.1)
+    for path in random_paths(20):
+        answers, _ = watched(times_s, path, History.monitored(DECLARED, MOST_N))
+        assert inside(answers, path.felt_n(times_s))
+        widths = np.array([answer.interval_n[1] - answer.interval_n[0] for answer in answers])
+        assert (np.diff(widths) < 1e-9).all()  # and no bound jumps
+        assert widths[-1] < 0.35 * widths[0]
+
+
+def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been() -> None:
+    before_s, after_s = np.arange(0.0, 0.1, 0.01), np.arange(8.0, 30.0, 0.1)
+    for path in random_paths(20):
+        _, history = watched(before_s, path, History.monitored(DECLARED, MOST_N))
+        for gap_s in (0.0, 1.0, 2.5):  # a monitor never gives a single frame the history of the calibration
+            late, after = watched(after_s + gap_s, path, history)
+            assert inside(late, path.felt_n(after_s + gap_s))
+            history = after if gap_s else history
+        refused, unchanged = history.read(unusable(3, "no wall"), BOUNDS_N, 40.0)
+        assert (refused.force_n, unchanged) == (None, history)
+
+
+def test_the_median_of_a_monitor_that_starts_at_rest_is_the_felt_force() -> None:
+    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.01)
+    answers, _ = watched(times_s, path, History.monitored(DECLARED, MOST_N))
+    assert [answer.force_n for answer in answers] == pytest.approx(path.felt_n(times_s), abs=0.05e-3)
+
+
+def test_a_reading_of_nan_does_not_enter_the_history() -> None:
+    _, history = watched(np.arange(0.0, 1.0, 0.01), NeedlePath(CORNERS_S, CORNERS_N, TISSUE),
+                         History.monitored(DECLARED, MOST_N))  # fmt: skip
+    answer = replace(read_as(0.01), force_n=float("nan"))
+    assert history.read(answer, BOUNDS_N, 1.0) == (answer, history)

@@ -55,7 +55,7 @@ MESSAGES: list[messages.CompanionMessage] = [
     messages.ResetAnswered(request=1, granted=False, message="no"),
     messages.ListensAt(url="http://127.0.0.1:1/"),
     messages.WrongTokens(count=7),
-    messages.OpinionAsked(number=3, order=2**62),
+    messages.OpinionAsked(number=3, order=2**62, at_s=1e5),
     messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
     messages.OpinionGiven(order=3, verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None)),
     messages.Alive(faults=("log: full", "disk: full")),

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Event
 
+import numpy as np
 import pytest
 from small_monitor import FakeCompanion
 from waiting import FUSE_S
@@ -22,6 +23,7 @@ from scleraforce.known import (
     stated_eye,
     stated_globe,
 )
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import ForceInfo
 from scleraforce.service import monitor_service
@@ -67,6 +69,10 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
     assert info.oct.refractive_index == 1.38
     assert info.force == ForceInfo("fz", 1, 0.2)
+    relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
+    found = replace(known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds"))  # in the calibration
+    stated = [_recording_info(replace(settings, known=one), Study()).eye.relaxation for one in (known, relaxing, found)]
+    assert stated == [None, ((0.1, 2.0),), None]
     unstated = _recording_info(replace(settings, known=Known()), Study())
     assert (unstated.oct.plane_direction_rad, unstated.needle.polar_angle_rad) == (None, None)
     assert unstated.needle.slice_gap_m == Study().needle.gap_m

@@ -1,6 +1,7 @@
 """The second opinion's process: it reads frames from the ring with all that a model has, and says what it finds."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from select import select
 
@@ -9,6 +10,7 @@ from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_se
 from small_models import write_fixed_reader
 from waiting import FUSE_S
 
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
@@ -31,11 +33,12 @@ class Reader:
 
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
-        settings = OpinionSettings(model=model, known=KNOWN, scale=SCALE, ring=self.ring.place)
+        known = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
+        settings = OpinionSettings(model=model, known=known, scale=SCALE, ring=self.ring.place)
         self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
-    def ask(self, number: int, order: int) -> None:
-        assert self.child.channel.send(OpinionAsked(number=number, order=order))
+    def ask(self, number: int, order: int, at_s: float = 0.0) -> None:
+        assert self.child.channel.send(OpinionAsked(number=number, order=order, at_s=at_s))
 
     def hear(self, within_s: float = FUSE_S) -> CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
@@ -76,6 +79,17 @@ def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out
     reader.ask(1, 80)  # gone: frame 5 took its place
     reader.ask(5, 85)
     assert reader.opinion().order == 85
+
+
+def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(reader: Reader) -> None:
+    verdicts = []
+    for turn in range(12):  # a hold of three seconds, after an unknown time
+        reader.ring.put(10 + turn, image(wall_section(tip_of(0.015)), turn))
+        reader.ask(10 + turn, 100 + turn, 100.0 + 0.25 * turn)
+        verdicts.append(reader.opinion().verdict)
+    assert [verdict.elastic_force_n for verdict in verdicts] == pytest.approx([0.015] * 12, abs=1.2e-3)
+    assert verdicts[-1].force_n / verdicts[-1].elastic_force_n == pytest.approx(0.805, abs=0.01)
+    assert verdicts[0].force_n - verdicts[0].interval_n[0] > 4 * (verdicts[-1].force_n - verdicts[-1].interval_n[0])
 
 
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:

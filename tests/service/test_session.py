@@ -1,14 +1,18 @@
 """Frames to decisions without sockets: numbers, orders, what raises, what is counted."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_monitor import COLUMNS, RAISES, READ_ENTRY, ROWS, SCALE_M, TICK_ENTRY, frame_of, read, verdict
+from small_monitor import COLUMNS, RAISES, READ_ENTRY, ROWS, SCALE_M, TICK_ENTRY, UNUSABLE, frame_of, read, verdict
 
+from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.events import OvertakenRead, Tick
+from scleraforce.monitor.events import OvertakenRead, Reset, Tick
+from scleraforce.reader.felt import History
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.clients import reading_messages
 from scleraforce.service.messages import LATER, Entry
 from scleraforce.service.scanner_image import ScannerFrame
@@ -242,3 +246,76 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
     assert [str(value) for value in reading_messages(dark)[1].values] == ["3.0", "2.0", *["nan"] * 6, "0.0", "1.0"]
     unread = reading_messages(replace(READ_ENTRY, verdict=None))[1].values
     assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]
+
+
+RELAXING = History.monitored(KnownRelaxation.declared([[0.3, 1.0]]), 60e-3)
+CLASSES_N = (5e-3, 30e-3)
+
+
+def relaxing(clock: Clock) -> Session:
+    return Session(read, LIMITS, clock, clock, RELAXING, CLASSES_N)
+
+
+def felt(history: History, forces_un: Sequence[int], begun_s: float) -> tuple[list[float], History]:
+    """Forces of frames, one each 10 ms, read one after the other as `evaluate` does."""
+    forces_n = []
+    for number, force_un in enumerate(forces_un, 1):
+        elastic = read(frame_of(force_un, number), PixelScale(**SCALE))
+        answer, history = history.read(elastic, CLASSES_N, begun_s + 0.01 * number)
+        forces_n.append(answer.force_n)
+    return forces_n, history
+
+
+def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives() -> None:
+    clock, forces_un = Clock(), [0] * 5 + [20_000 + number for number in range(100)]
+    session, read_n = relaxing(clock), []
+    for number, force_un in enumerate(forces_un, 1):
+        take(session, clock, force_un, number)
+        read_n.append(session.answer.force_n)
+        assert session.answer.elastic_force_n == pytest.approx(1e-6 * force_un)
+    assert read_n == pytest.approx(felt(RELAXING, forces_un, 100.0)[0], abs=1e-12)
+    assert read_n[-1] == pytest.approx(0.02 * (1.0 - 0.3 * (1.0 - np.exp(-1.0))), rel=0.01)
+
+
+def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none() -> None:
+    clock, forces_un = Clock(), [20_000 + number for number in range(100)]
+    session = relaxing(clock)
+    for number, force_un in enumerate(forces_un, 1):
+        take(session, clock, force_un, number)
+    take(session, clock, UNUSABLE, 101)
+    assert session.decision.cause.name == "UNUSABLE"
+    for number in range(102, 112):
+        take(session, clock, 20_000 + number, number)
+    session.take(Reset(clock.now_s))
+    assert session.decision.code == 1
+    take(session, clock, 20_200, 112)
+    unusable_one = [*forces_un, UNUSABLE, *range(20_102, 20_112), 20_200]
+    assert session.answer.force_n == pytest.approx(felt(RELAXING, unusable_one, 100.0)[0][-1], abs=1e-12)
+    restarted = relaxing(clock)
+    take(restarted, clock, 20_201, 113)
+    width_n = session.answer.interval_n[1] - session.answer.interval_n[0]
+    assert restarted.answer.interval_n[1] - restarted.answer.interval_n[0] > 1.5 * width_n
+    assert restarted.answer.force_n > session.answer.force_n  # the safe side
+
+
+def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_them() -> None:
+    clock = Clock()
+    session = relaxing(clock)
+    for number in range(1, 51):
+        take(session, clock, 20_000 + number, number)
+    forces_un = [20_000 + number for number in range(1, 51)]
+    clock.now_s += 0.01
+    old = ScannerFrame(frame_of(20_050, 50), **SCALE)
+    session.take_frame(session.frame(old, 51, 1, clock.now_s))
+    clock.now_s += 0.01
+    overtaken, newest = (
+        session.frame(ScannerFrame(frame_of(20_052 + number, 52 + number), **SCALE), 52 + number, 1, clock.now_s)
+        for number in (0, 1)
+    )
+    session.defer(overtaken, newest)
+    session.take_frame(newest)
+    _, before = felt(RELAXING, forces_un, 100.0)
+    for force_un, one in ((20_052, session.catch_up().read.verdict), (20_053, session.answer.verdict)):
+        expected, _ = before.read(read(frame_of(force_un, 0), PixelScale(**SCALE)), CLASSES_N, clock.now_s)
+        assert one.force_n == pytest.approx(expected.force_n, abs=1e-12)
+        assert one.interval_n == pytest.approx(expected.interval_n, abs=1e-12)

@@ -197,6 +197,10 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
     yield f"model      {reader.path} ({reader.kind})"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
+    relaxation = settings.known.relaxation
+    if relaxation is not None and any(relaxation.shares):
+        lost = from_si(sum(relaxation.shares), "percent")
+        yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
     for warning in filter(None, (doubt, *reader.limits(settings.known, scan))):
         yield f"warning    {warning}"
     yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"

@@ -255,7 +255,11 @@ def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
     """Return a recording's statements on a known eye, without the findings of a calibration."""
-    globe, stated = known.globe, EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa)
+    globe, relaxation = known.globe, known.relaxation
+    terms = None
+    if relaxation is not None and relaxation.source == "declared":
+        terms = tuple(zip(relaxation.shares, relaxation.times_s, strict=True))
+    stated = EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, relaxation=terms)
     if globe is None or globe.kind == "unknown":
         return stated
     if globe.kind == "open":

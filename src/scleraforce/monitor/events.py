@@ -78,7 +78,8 @@ class Verdict:
     """The answer of a model to a frame: what is decided, sent, logged and shown.
 
     If the frame is not `usable`, `reason` says why and `predicted`, the class, does not count. A classifier gives no
-    `force_n` and no 90 % `interval_n`. Numbers may be NaN: the decision checks them.
+    `force_n` and no 90 % `interval_n`. Only tissue that relaxes has an `elastic_force_n`: the force that makes such a
+    dent at once, while `force_n` is on the needle now. Numbers may be NaN: the decision checks them.
     """
 
     predicted: int
@@ -87,6 +88,7 @@ class Verdict:
     reason: str | None
     force_n: float | None
     interval_n: tuple[float, float] | None
+    elastic_force_n: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

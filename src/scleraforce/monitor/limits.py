@@ -89,7 +89,7 @@ PROBABILITY_SLACK = 1e-3  # single precision, summed
 def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
     """Return the fault of a verdict: a number that is missing, not finite or contradicts others; None if sound."""
     interval_n, shares = verdict.interval_n, verdict.probabilities
-    numbers = (verdict.force_n, *(interval_n or ()), *(shares or ()))
+    numbers = (verdict.force_n, verdict.elastic_force_n, *(interval_n or ()), *(shares or ()))
     if not all(number is None or isfinite(number) for number in numbers):
         return "a reading with NaN or infinity"
     if not verdict.usable:
@@ -122,8 +122,9 @@ def upper_end(verdict: Verdict) -> float | None:
 
 
 def touches(verdict: Verdict, limits: MonitorLimits) -> bool:
-    """Return whether a usable, sound verdict shows contact."""
-    return verdict.predicted > 0 if verdict.force_n is None else verdict.force_n > limits.contact_n
+    """Return whether a usable, sound verdict shows contact: a dent does, also where the force on it has relaxed."""
+    force_n = verdict.force_n if verdict.elastic_force_n is None else verdict.elastic_force_n
+    return verdict.predicted > 0 if force_n is None else force_n > limits.contact_n
 
 
 def lag_of(frame: FrameRead) -> float | None:

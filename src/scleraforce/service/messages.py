@@ -24,7 +24,8 @@ from scleraforce.service.frame_ring import RingPlace
 from scleraforce.units import from_si, to_si
 
 STATUS_DEVICE, READING_DEVICE = "ForceMonitor", "ForceReading"  # of the OpenIGTLink messages
-LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 26 November 2026 and before lack these
+# Logs of 26 November 2026 and before lack these.
+LATER = {"withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +89,8 @@ class Entry:
         record: dict[str, Any] = {}
         for name, value in vars(self).items():
             record |= reading if name == "verdict" else {name: finite(value)}
-        return record | {"class": verdict.predicted if verdict else None}
+        elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
+        return record | {"class": verdict.predicted if verdict else None, "elastic_force_mn": finite(elastic_mn)}
 
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
@@ -110,13 +112,16 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
     """Return the verdict in the object of an entry; None without a class."""
     if value["class"] is None:
         return None
-    names = {"class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n"}
-    known = ("class", "probabilities", "usable", "reason", "force_mn", "interval_mn")
-    verdict = convert({names.get(name, name): _with_nan(value[name]) for name in known}, Verdict)
+    names = {
+        "class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n", "elastic_force_mn": "elastic_force_n"
+    }  # fmt: skip
+    known = (*names, "probabilities", "usable", "reason")
+    verdict = convert({names.get(name, name): _with_nan((LATER | value)[name]) for name in known}, Verdict)
     low_mn, high_mn = verdict.interval_n or (nan, nan)
     return replace(
         verdict,
         force_n=None if verdict.force_n is None else to_si(verdict.force_n, "mn"),
+        elastic_force_n=None if verdict.elastic_force_n is None else to_si(verdict.elastic_force_n, "mn"),
         interval_n=verdict.interval_n and (to_si(low_mn, "mn"), to_si(high_mn, "mn")),
     )
 
@@ -203,10 +208,14 @@ class WrongTokens(_Message, frozen=True, kw_only=True):
 
 
 class OpinionAsked(_Message, frozen=True, kw_only=True):
-    """To the second opinion: read the frame of this number in the ring; `order` is the decision's name for it."""
+    """To the second opinion: read the frame of this number in the ring, complete at `at_s`.
+
+    `order` is the decision's name for it.
+    """
 
     number: int
     order: int
+    at_s: float
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):

@@ -22,6 +22,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import Known, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
+from scleraforce.reader.felt import History
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
@@ -116,7 +117,8 @@ def monitor_service(
             pages.close()  # so that nothing listens there once the console has ended
         companions = Companions(children)
         stack.callback(companions.end)
-        session = Session(live.read, limits)
+        history = History.monitored(known.relaxation, reader.study.needle.max_force_n)
+        session = Session(live.read, limits, history=history, class_bounds_n=reader.study.classes.bounds_n)
         _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again

@@ -230,7 +230,8 @@ class Server:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
         if session.answer is not None:
-            self._companions.send(OPINION, messages.OpinionAsked(number=frame.number, order=frame.order), now_s)
+            asked = messages.OpinionAsked(number=frame.number, order=frame.order, at_s=frame.at_s)
+            self._companions.send(OPINION, asked, now_s)
             if session.answer.segmentation is not None:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)
 

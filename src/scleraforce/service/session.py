@@ -11,6 +11,7 @@ from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import SLACK_S, Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.limits import of_scale
 from scleraforce.reader.answer import Answer, unusable
+from scleraforce.reader.felt import ELASTIC, History
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.messages import Entry
 from scleraforce.service.scanner_image import ScannerFrame
@@ -64,7 +65,8 @@ class Frame:
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
     `interval_s`: the time that it stands for, the scanner's mean interval. `order` rises with `sender_id`, and keeps
     rising where another sender starts to count anew. `shown_back`: the number of frames since its picture was last
-    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none.
+    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none. `history`: the tissue's before it,
+    and before all frames that came with it.
     """
 
     number: int
@@ -76,6 +78,7 @@ class Frame:
     shown_back: int
     misfit: bool
     sent_s: float | None
+    history: History = ELASTIC
 
 
 class DeferredFrames:
@@ -121,9 +124,10 @@ class DeferredFrames:
 class Session:
     """The state of the monitor and its decisions; its methods never raise.
 
-    `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `clock` is monotonic,
-    `wall_clock` counts seconds since 1970. `answer` is the reading of the last frame; None if it was not read.
-    `withdrawals` has frame, time, first cause and message of each, for the summary.
+    `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `history`, of the
+    tissue, continues through withdrawals and resets. `clock` is monotonic, `wall_clock` counts seconds since 1970.
+    `answer` is the reading of the last frame; None if it was not read. `withdrawals` has frame, time, first cause and
+    message of each, for the summary.
     """
 
     def __init__(
@@ -132,10 +136,12 @@ class Session:
         limits: MonitorLimits,
         clock: Callable[[], float] = monotonic,
         wall_clock: Callable[[], float] = time,
+        history: History = ELASTIC,
+        class_bounds_n: tuple[float, ...] = (),
     ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
-        self._read = read
+        self._read, self._history, self._class_bounds_n = read, history, class_bounds_n
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self.frames = self._entries = 0  # since the start
         self._sender = self._offset = self._order = 0
@@ -185,6 +191,7 @@ class Session:
             shown_back=self._shown.back(image.pixels),
             misfit=misfit,
             sent_s=sent_s,
+            history=self._history,
         )
 
     def _fits(self, image: ScannerFrame) -> bool:
@@ -198,10 +205,12 @@ class Session:
         """Read a frame and decide on it."""
         self.answer = None
         try:
-            self.answer, read = self._read_frame(frame)
+            self.answer, read, history = self._read_frame(frame)
         except Exception as fault:  # the frame was not read
             self.take(_failure(frame, fault, frame.at_s))
         else:
+            if not frame.misfit and frame.shown_back == 0:  # others are gaps
+                self._history = history
             self.take(read)
 
     def defer(self, frame: Frame, newest: Frame) -> None:
@@ -217,18 +226,22 @@ class Session:
         """Read the deferred frame that has waited longest; return the event to decide on."""
         frame = self._deferred.take()
         try:
-            _, read = self._read_frame(frame)
+            _, read, _ = self._read_frame(frame)
         except Exception as fault:
             return _failure(frame, fault, self.clock())
         return OvertakenRead(self.clock(), read)
 
-    def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead]:
-        """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
+    def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead, History]:
+        """Read a frame if it has the study's size; the decision handles frames of another size or scale.
+
+        The tissue's history after the frame is returned as well.
+        """
         image, limits = frame.image, self.limits
         size = image.pixels.shape[0], image.pixels.shape[1]
-        answer = None
+        answer, history = None, frame.history
         if size == limits.size:
-            answer = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+            elastic = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+            answer, history = history.read(elastic, self._class_bounds_n, frame.at_s)
         read = FrameRead(
             at_s=frame.at_s,
             frame_id=frame.order,
@@ -239,7 +252,7 @@ class Session:
             sent_s=frame.sent_s,
             pixel_type=image.sent_type,
         )
-        return answer, read
+        return answer, read, history
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
