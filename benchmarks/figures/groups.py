@@ -161,6 +161,12 @@ def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
     return eye, replace(study, phantom=phantom)
 
 
+def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return an open eye under conjunctiva and Tenon's capsule of 0.1 to 0.6 mm, which the needle compresses."""
+    phantom = replace(study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.1e-3, 0.6e-3)))
+    return eye, replace(study, phantom=phantom)
+
+
 def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye before another scanner: more noise, coarser speckle, a linear display, or larger frames."""
     phantom, oct_study = study.phantom, study.oct
@@ -260,6 +266,9 @@ GROUPS: Mapping[str, Group] = {
         words="4 to 25 times softer in shear through the wall than along it; globe open and declared", own=_fibred
     ),
     "woven": Group(words="twice as stiff around the eye's axis as along it; globe open and declared", own=_woven),
+    "layered": Group(
+        words="soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and declared", own=_layered
+    ),
 }
 
 

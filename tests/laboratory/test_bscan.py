@@ -17,6 +17,7 @@ from scleraforce.laboratory.light import (
     Cover,
     Line,
     NeedleShaft,
+    Press,
     Shadow,
     sample_conjunctiva,
     sample_optics,
@@ -40,8 +41,27 @@ CLEAR = BscanOptics(
 )  # fmt: skip
 FLAT_TOP_M, FLAT_THICKNESS_M = 1e-3, 1.5e-3
 LAYER = Conjunctiva(
-    thickness_m=200e-6, wave_fraction=0.25, wave_length_m=5e-3, phase_rad=0.7, level_db=-6.0, interface_db=-60.0
-)
+    thickness_m=200e-6, wave_fraction=0.25, wave_length_m=5e-3, phase_rad=0.7, level_db=-6.0, interface_db=-60.0,
+    modulus_pa=10e3,
+)  # fmt: skip
+
+
+def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it() -> None:
+    lateral_m = np.array([0.0, 0.3e-3, 0.36e-3, 0.5e-3, 0.8e-3, 5e-3])
+    even = replace(LAYER, wave_fraction=0.0)
+    left = []
+    for force_n in (0.0, 2e-3, 30e-3):
+        press = Press(force_n=force_n, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0)
+        left.append(replace(even, press=press).thicknesses(lateral_m) / even.thickness_m)
+    none, light, strong = left
+    np.testing.assert_array_equal(none, 1.0)
+    confined_pa = 10e3 * 0.55 / (1.45 * 0.1)
+    assert strong[0] == strong[1] == pytest.approx(np.exp(-30e-3 / (np.pi * 0.35e-3**2) / confined_pa))
+    assert (np.diff(strong[1:]) > 0.0).all()
+    assert (strong[:-1] < light[:-1]).all()
+    assert strong[-1] == pytest.approx(1.0, abs=1e-6)
+    beside = Press(force_n=30e-3, radius_m=0.35e-3, gap_m=0.5e-3, lateral_m=1e-3)  # in a plane beside the needle
+    assert replace(even, press=beside).thicknesses(np.array([1e-3])) / even.thickness_m == pytest.approx(strong[3])
 
 
 def flat_wall(top_m=FLAT_TOP_M, thickness_m=FLAT_THICKNESS_M, slope=0.0, half_m=20e-3, points=2):

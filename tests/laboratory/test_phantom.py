@@ -96,7 +96,7 @@ def test_truth_has_every_parameter(written):
     assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(CorneaStudy(radius_m=8e-3))
     assert truth["eye"] == asdict(EYE)
     assert truth["globe"]["kind"] == "open"
-    assert truth["tissue"] == {"stiffening": 0.0, "relaxation": []}
+    assert truth["tissue"] == json.loads(json.dumps(asdict(STUDY.tissue)))
     assert [frame["pressure_pa"] for frame in truth["frames"]] == [EYE.iop_pa] * 3
     assert truth["seed"] == 3
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
@@ -122,7 +122,9 @@ def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
     )
     layers = [optics.conjunctiva for optics in with_layer]
     assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
-    assert len({replace(layer, phase_rad=0.0) for layer in layers}) == 1
+    assert len({replace(layer, phase_rad=0.0, press=None) for layer in layers}) == 1
+    assert [layer.press.force_n for layer in layers] == list(FORCES_N)
+    assert {(layer.press.radius_m, layer.press.gap_m) for layer in layers} == {(0.35e-3, EYE.gap_m)}
     assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
 
 

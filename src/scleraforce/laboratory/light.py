@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.material import lame_constants
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 Complex = NDArray[np.complex64]
 Drawn = TypeVar("Drawn", bound="DataclassInstance")
 
+LAYER_POISSON_RATIO = 0.45  # of the conjunctiva
 POWERS = {"root": 0.5, "linear": 1.0}  # of the intensity, with which the counts of a display grow
 
 
@@ -52,12 +54,27 @@ class Cover:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Press:
+    """A needle on a layer: its force and radius, the plane's distance from its axis, and where it is across."""
+
+    force_n: float
+    radius_m: float
+    gap_m: float
+    lateral_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Conjunctiva:
     """A layer over the wall, with a surface of its own.
 
     Its thickness along the wall's normal is thickness_m (1 + wave_fraction cos(2 pi x / wave_length_m + phase_rad)), x
     lateral from the frame's middle. `level_db`: its backscatter against the wall's; `interface_db`: mirror reflection
     of the wall's surface below it, over the wall's speckle there.
+
+    A needle (`press`) compresses it. The tissue around confines what is below the needle, so that under a pressure q it
+    keeps the share exp(-q/M) of its thickness, M = lambda + 2 mu at Young's modulus `modulus_pa`. Beside the needle the
+    surface sinks as that of a half-space under a flat punch, cut off over the thickness (Johnson, Contact Mechanics,
+    sec. 3.8). It is too soft to change the wall's own shape.
     """
 
     thickness_m: float
@@ -66,11 +83,23 @@ class Conjunctiva:
     phase_rad: float
     level_db: float
     interface_db: float
+    modulus_pa: float
+    press: Press | None = None
 
     def thicknesses(self, lateral_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the thickness along the wall's normal at lateral places, m."""
         wave = np.cos(2.0 * np.pi * lateral_m / self.wave_length_m + self.phase_rad)
-        return self.thickness_m * (1.0 + self.wave_fraction * wave)
+        uneven_m = self.thickness_m * (1.0 + self.wave_fraction * wave)
+        return uneven_m if self.press is None else uneven_m * (1.0 - self._sunk(lateral_m, self.press))
+
+    def _sunk(self, lateral_m: NDArray[np.float64], press: Press) -> NDArray[np.float64]:
+        """Return the share of the thickness that is lost at lateral places."""
+        lame_lambda, mu = lame_constants(self.modulus_pa, LAYER_POISSON_RATIO)
+        pressure_pa = press.force_n / (np.pi * press.radius_m**2)
+        away_m = np.maximum(np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m)
+        beside = 2.0 / np.pi * np.arcsin(press.radius_m / away_m) * np.exp((press.radius_m - away_m) / self.thickness_m)
+        sunk: NDArray[np.float64] = -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
+        return sunk
 
     def surface(self, outer: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
@@ -207,6 +236,7 @@ def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conju
         phase_rad=float(rng.uniform(-np.pi, np.pi)),
         level_db=draw(phantom.conjunctiva_level_db, rng),
         interface_db=draw(phantom.conjunctiva_interface_db, rng),
+        modulus_pa=draw(phantom.conjunctiva_modulus_pa, rng),
     )
 
 

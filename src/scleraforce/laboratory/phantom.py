@@ -20,7 +20,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory import pushes
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
-from scleraforce.laboratory.light import BscanOptics, Pose, sample_conjunctiva, sample_needle, sample_optics
+from scleraforce.laboratory.light import BscanOptics, Pose, Press, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.virtual_eye import (
     EyeTurn,
     PhantomEye,
@@ -228,7 +228,18 @@ def _with_turns(
         turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
         frames = [replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)]
     sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
-    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
+    plan = PhantomPlan(eye, tuple(frames), path, sensor, seed)
+    pressed = (_pressed(frame, eye, force_n, study) for frame, force_n in zip(frames, plan.forces_n, strict=True))
+    return replace(plan, frames=tuple(pressed))
+
+
+def _pressed(frame: PhantomFrame, eye: PhantomEye, force_n: float, study: Study) -> PhantomFrame:
+    """Return a frame whose conjunctiva, if any, the needle compresses."""
+    layer, radius_m = frame.optics.conjunctiva, 0.5 * study.needle.outer_diameter_m
+    if layer is None:
+        return frame
+    press = Press(force_n=force_n, radius_m=radius_m, gap_m=eye.gap_m, lateral_m=frame.pose.lateral_m)
+    return replace(frame, optics=replace(frame.optics, conjunctiva=replace(layer, press=press)))
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:

@@ -78,6 +78,7 @@ class PhantomStudy(Section):
     conjunctiva_wave_length_m: Sampled = quantity(Range(min=1.5, max=8.0), "mm", 0.2, 100.0)
     conjunctiva_level_db: Sampled = quantity(Range(min=-5.0, max=-1.5), None, -80.0, 20.0)
     conjunctiva_interface_db: Sampled = quantity(Range(min=-6.0, max=3.0), None, -80.0, 60.0)
+    conjunctiva_modulus_pa: Sampled = quantity(Range(min=5.0, max=20.0), "kpa", 0.1, 10_000.0)
     # the needle, where it crosses the picture
     needle_count: Sampled = quantity(fixed(0), None, 0, 1)
     needle_angle_rad: Sampled = quantity(Range(min=-45.0, max=45.0), "deg", -75.0, 75.0)
