@@ -251,17 +251,24 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
     """Follow the table; the first cause stays until the reset."""
     after = TRANSITIONS[state.state, finding.signal]
     fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
-    moved = replace(state, state=after, fresh=fresh.get(finding.signal, 0))
-    if finding.signal is Signal.ALARM:
-        moved = replace(moved, opinion=None)
-    if finding.signal not in (Signal.QUIET, Signal.RESET_REFUSED):
-        moved = replace(moved, present_cause=finding.cause, present_reason=finding.reason)
-    if after is State.WITHDRAW:
-        first = state.state is not State.WITHDRAW
-        return replace(moved, cause=finding.cause, reason=finding.reason) if first else moved
-    if state.state is State.WITHDRAW:
-        return _released(moved, state, limits)
-    return replace(moved, reason="" if after is State.WATCHING else finding.reason or state.reason)
+    cause, reason = state.cause, state.reason
+    if after is not State.WITHDRAW:
+        reason = "" if after is State.WATCHING else finding.reason or reason
+    elif state.state is not State.WITHDRAW:
+        cause, reason = finding.cause, finding.reason
+    keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
+    moved = replace(
+        state,
+        state=after,
+        fresh=fresh.get(finding.signal, 0),
+        opinion=None if finding.signal is Signal.ALARM else state.opinion,
+        cause=cause,
+        reason=reason,
+        present_cause=state.present_cause if keeps else finding.cause,
+        present_reason=state.present_reason if keeps else finding.reason,
+    )
+    leaves = state.state is State.WITHDRAW and after is not State.WITHDRAW
+    return _released(moved, state, limits) if leaves else moved
 
 
 def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
