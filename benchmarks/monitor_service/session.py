@@ -21,7 +21,7 @@ from scleraforce.service.watchdog import run_in_real_time
 
 from .browser import browser_pids, cpu_s, open_pages
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
-from .monitors import Monitor, real_monitor
+from .monitors import Monitor, real_monitor, resources
 from .scanner import SCANNER_PRIORITY, WITHDRAW, Frames, Operator, Pace
 
 RECEIVER = Path("/usr/share/doc/openigtlink-examples/examples/Receiver/ReceiveClient.cxx")
@@ -105,6 +105,11 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
         "longest_silence_ms": 1e3 * pace.log.longest_silence_s,
         "latest_frame_ms": 1e3 * pace.latest_s,
         "cores": used,
+        "memory_mb": {
+            role: (1.024e-3 * held.rss_kb, 1.024e-3 * held.pss_kb)
+            for role, pid in monitor.pids.items()
+            if (held := resources(pid))
+        },
     }
 
 
@@ -122,6 +127,8 @@ def show(result: dict[str, Any]) -> None:
     }  # fmt: skip
     print_table("session", ["", ""], list(said.items()))
     print("  cores: " + ", ".join(f"{name} {share:.2f}" for name, share in result["cores"].items()))
+    print("  memory, MB (RSS, PSS): " + ", ".join(f"{name} {rss:.0f}, {pss:.0f}"
+                                                  for name, (rss, pss) in result["memory_mb"].items()))  # fmt: skip
     print(f"  withdrawals, all of them false: {len(result['withdrawals'])}")
     for line in result["withdrawals"][:20]:
         print(f"    {line}")

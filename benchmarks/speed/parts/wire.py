@@ -1,4 +1,7 @@
-"""The answer on the wire: the monitor that users start, beside servers that take the same frames and read nothing."""
+"""The answer on the wire: the monitor that users start, beside servers that take the same frames and read nothing.
+
+Then a scanner of 1,000 frames a second, and the memory of the running monitor.
+"""
 
 import json
 import socket
@@ -15,6 +18,7 @@ from scleraforce.models import SHIPPED_READER
 from scleraforce.openigtlink import encode
 from scleraforce.openigtlink.messages import Image
 from scleraforce.recording.folder import read_recording
+from speed.parts import session
 from speed.parts.recording import made_recording
 from speed.record import Row, Table
 from speed.run import ROOT, Run
@@ -47,7 +51,9 @@ def measure(run: Run) -> Table:
             taken[OURS][share].append(found["client"][share])
             taken[PLAIN][share].append(found["echo"][share])
             taken[PYIGTL][share].append(float(np.quantile(pyigtl_ms, 0.5 if share == "median" else 0.99)))
-    return Table("The answer on the wire", SETTINGS, tuple(_rows(taken)))
+    return Table(
+        "The answer on the wire", f"{SETTINGS} {session.SETTINGS}", (*_rows(taken), *session.session_rows(run))
+    )
 
 
 def _rows(taken: dict[str, dict[str, list[float]]]) -> Iterator[Row]:
