@@ -67,6 +67,13 @@ model: .venv/installed  ## make the library and train the reader that ships with
 	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
 	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
+LIVING := --study src/scleraforce/study/living.toml
+
+living: .venv/installed  ## train the reader of living eyes that ships with the package; it shares the default one's library
+	rm -rf out/living.zarr out/living && .venv/bin/scleraforce library $(LIVING) --out out/living.zarr
+	.venv/bin/scleraforce train out/living.zarr --kind reader $(LIVING) --out out/living && rm out/living/library.npz
+	rm -rf $(SHIPPED)/living && cp -r out/living $(SHIPPED)/living
+
 paper: .venv/installed  ## make the paper's slices and train its classifier, in place of the one that ships
 	rm -rf out/paper-study out/paper.zarr out/paper && .venv/bin/scleraforce init out/paper-study
 	.venv/bin/scleraforce generate --study out/paper-study/study.toml --out out/paper.zarr
@@ -105,4 +112,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 	@$(PIP) install --no-deps --no-build-isolation -e .
 	@.venv/bin/python -c "from scleraforce.installation import compile_loops; compile_loops()" && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model paper dist sbom size wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery

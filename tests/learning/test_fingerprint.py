@@ -18,10 +18,11 @@ from scleraforce.learning.fingerprint import (
     reader_fingerprint,
 )
 from scleraforce.library.files import load_library
-from scleraforce.models import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_LIVING, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import MeshStudy, Study, parse_study
+from scleraforce.study.toml import preset_toml
 
 INTERVALS = {"calibrated tissue", "scores", "traits", "factors"}
 
@@ -88,6 +89,15 @@ def test_the_shipped_reader_is_of_the_default_study_whole_and_small() -> None:
         assert getattr(reader.study, section) == getattr(Study(), section), f"[{section}]: run `make model`"
     assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
     assert sum(file.stat().st_size for file in SHIPPED_READER.iterdir()) < 9.5e6
+
+
+def test_the_shipped_reader_of_living_eyes_is_of_its_preset() -> None:
+    reader, preset = load_force_reader(SHIPPED_LIVING), parse_study(preset_toml("living"))
+    for section in ("eye", "needle", "slice", "classes", "calibration", "library", "reader"):
+        assert getattr(reader.study, section) == getattr(preset, section), f"[{section}]: run `make living`"
+    assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
+    now = reader_fingerprint(reader.study, reader.library)
+    assert not moved_since(SHIPPED_LIVING, now), "run `make living`"
 
 
 def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:

@@ -94,7 +94,7 @@ def monitor(
     with one_thread():  # the second core is for the other processes
         from platformdirs import user_state_path
 
-        from scleraforce.reader import load_model
+        from scleraforce.reader import load_model, suited
         from scleraforce.recording.folder import eye_id_fault
         from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
         from scleraforce.service.reset import new_token
@@ -106,6 +106,7 @@ def monitor(
             "what its network reads in the loop"
         )
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
+    reader = suited(reader, known)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
     if eye is not None and (fault := eye_id_fault(eye)):

@@ -26,7 +26,7 @@ from scleraforce.known import (
     known_of_recording,
 )
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
-from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
@@ -274,6 +274,9 @@ def reading(
     if seen.info is not None:
         place = recording_of(Path(_place(frame))) or _place(frame)
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
+    asked, model = model, reader.suited(model, known)
+    if model.path != asked.path:
+        notes.append(f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes")
     if held_s is not None and known.relaxation is None:
         raise InputError(
             "held_s: nothing says how the tissue relaxes; give a calibration, or relaxation in recording.toml"

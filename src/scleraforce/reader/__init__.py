@@ -10,4 +10,5 @@ from scleraforce.reader.model import (
     load_classifier as load_classifier,
     load_force_reader as load_force_reader,
     load_model as load_model,
+    suited as suited,
 )

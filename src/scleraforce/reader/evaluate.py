@@ -22,6 +22,7 @@ from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
+from scleraforce.reader.model import suited
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
@@ -248,7 +249,7 @@ def evaluate_recordings(
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {calibration.path} only marks frames"
         )
     for recording in opened:
-        session = _Session(reader, recording, calibration)
+        session = _Session.of(reader, recording, calibration)
         answers = tuple(session.answers(progress))
         notes += (f"{recording.path}: {note}" for note in session.notes())
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
@@ -268,22 +269,26 @@ def recording_scores(
     reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
 ) -> Iterator[Score]:
     """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
-    return _Session(reader, recording, summary).scores(progress)
+    return _Session.of(reader, recording, summary).scores(progress)
 
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """A recording, its reader, and the calibration of the eyes, if there is one."""
+    """A recording, its reader in place of the one that was `asked` for, and the calibration of the eyes, if any."""
 
     reader: Reader
     recording: Recording
     summary: CalibrationSummary | None
+    known: Known
+    asked: Path
 
-    @cached_property
-    def known(self) -> Known:
-        """Known values of the eye."""
-        known, info = known_of_recording(self.recording.info), self.recording.info
-        return known if self.summary is None else known_of_eye(known, self.summary, info.eye.id)
+    @classmethod
+    def of(cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> "_Session":
+        """Return a session with the known values of the eye, and with the bundled reader that was trained for it."""
+        known = known_of_recording(recording.info)
+        if summary is not None:
+            known = known_of_eye(known, summary, recording.info.eye.id)
+        return cls(suited(reader, known), recording, summary, known, reader.path)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
@@ -301,6 +306,8 @@ class _Session:
     def notes(self) -> Iterator[str]:
         """Yield sentences on the eye, its B-scans and its needle."""
         info = self.recording.info
+        if self.reader.path != self.asked:
+            yield f"read with the bundled reader {model_name(self.reader.path)}, which was trained for such eyes"
         yield from self.reader.limits(self.known, info.oct, info.needle.gauge)
         if self.recording.forces is None:
             yield "no forces.csv: its frames are read, but not scored"

@@ -60,7 +60,7 @@ class Reader(ABC):
 
     `path`, `study` and `record` are `TrainedModel`'s, `kind` is the folder's word for it ("classifier", "reader" or
     "raw-reader"). `reads_force`: answers have a force with its interval, not the class alone. `serves_loop`: it may
-    serve the control loop. The wall finder checks the wall of `read`, not of `read_live`: the control loop does not
+    serve the control loop. The `finder` checks the wall of `read`, not of `read_live`: the control loop does not
     wait for it.
     """
 
@@ -71,7 +71,7 @@ class Reader(ABC):
 
     def __init__(self, trained: TrainedModel) -> None:
         self.path, self.study, self.record = trained.path, trained.study, trained.record
-        self._trained = trained
+        self.finder, self._trained = trained.finder, trained
 
     @property
     def classes(self) -> int:
@@ -95,7 +95,7 @@ class Reader(ABC):
         thickness alone of the known eye. An invalid frame raises `ValueError` (see `find_wall`), a network that fails
         `ModelError`.
         """
-        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self._trained.finder)
+        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self.finder)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 

@@ -1,6 +1,8 @@
 """Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and read in the control loop."""
 
 import reprlib
+from copy import copy
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
@@ -16,8 +18,9 @@ from scleraforce.library.responses import Library
 from scleraforce.reader.answer import METHODS, Answer
 from scleraforce.reader.intervals import parse_factors
 from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader, TrainedModel
-from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER
+from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER, outside_training
 from scleraforce.reader.networks import ForceNetwork
+from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
@@ -66,6 +69,31 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
             model = ForceReader(trained, network, _library(folder), _default(folder), factors)
     models.check_provenance(folder, trained.provenance)
     return model
+
+
+def suited(reader: Reader, known: Known) -> Reader:
+    """Return the bundled reader that was trained for an eye, in place of the other one; any other reader is returned.
+
+    The reader is changed only if it refuses the eye and the other one does not.
+    """
+    others = {models.SHIPPED_READER: models.SHIPPED_LIVING, models.SHIPPED_LIVING: models.SHIPPED_READER}
+    if reader.path not in others or _outside(reader, known) is None:
+        return reader
+    other = _bundled(others[reader.path])
+    if _outside(other, known) is not None:
+        return reader
+    found = copy(other)
+    found.finder = reader.finder
+    return found
+
+
+def _outside(reader: Reader, known: Known) -> str | None:
+    return outside_training(known, read_by_fit(reader.study.reader), reader.study.library)
+
+
+@cache
+def _bundled(folder: Path) -> Reader:
+    return load_model(folder, finder=None)
 
 
 def load_classifier(
