@@ -16,34 +16,28 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
-from scleraforce.mechanics.contact import Contact, ScanPlane
+from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M, ElasticSections, surfaces
 from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium
+from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import Needle, needle_at
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import sum_at
 from scleraforce.mechanics.relaxation import PronySeries, line_weights
-from scleraforce.mechanics.section import cut_sections
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M, GAP_M = 12e-3, 0.6e-3, 0.45, 0.35e-3, 0.5e-3
-CONTACT = Contact(polar_rad=np.radians(35.0))
 EYES = ((0.4, 2.0), (0.4, 10.0), (1.2, 18.0))  # MPa at once, mmHg
 TISSUES = {"27 %": PronySeries((0.12, 0.15), (1.2, 12.0)), "pork": PronySeries((0.27, 0.33), (0.4, 4.3))}
 FORCES_N = (20e-3, 10e-3, 30e-3)  # elastic ones at the dents that are held; a calibration sees the first
 RAMP_S, RAMP_STEPS = 0.3, 6
-SEEN_M = np.linspace(-3.5e-3, 3.5e-3, 141)
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
 TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that a calibration finds
-FINE_N = 1e-5
 ONE = 1.0 - 1e-12  # a share, below 1
 
 
@@ -109,30 +103,6 @@ class RelaxingWall(WallEquilibrium):
         return np.asarray(mu * np.eye(3) + (lame_lambda * log_ratio - mu) * inverse, dtype=np.float64)
 
 
-class Sections:
-    """Outer surfaces in the slice, moved in depth, of an elastic wall by force."""
-
-    def __init__(self, wall: FiniteWall, path: LoadPath) -> None:
-        """Cut the path's states."""
-        self._finite, self._plane = wall.mesh, ScanPlane(CONTACT, gap_m=GAP_M)
-        self._forces_n = np.arange(0.0, path.max_force_n, FINE_N)
-        surface = CubicSpline(path.tips_m, self.of(path.displacement_snc))
-        self._surface = surface([path.tip_m(force_n) for force_n in self._forces_n])
-
-    def of(self, displacement_snc: Floats) -> Floats:
-        """Return the outer surface of states, (state, place) in m."""
-        cut = cut_sections(self._finite, [self._plane], displacement_snc, np.eye(len(displacement_snc))[None])[0]
-        near = [section.outer[section.outer[:, 1] < 0.5 * RADIUS_M] for section in cut]
-        depths_sn = np.array([np.interp(SEEN_M, *curve[np.argsort(curve[:, 0])].T) for curve in near])
-        return np.asarray(depths_sn - depths_sn.mean(axis=1, keepdims=True), dtype=np.float64)
-
-    def read_n(self, displacement_snc: Floats) -> tuple[Floats, Floats]:
-        """Return the forces whose surfaces are nearest to states' ones, in N, and their distances, m."""
-        apart = [np.square(self._surface - seen).mean(axis=1) for seen in self.of(displacement_snc)]
-        nearest = [int(one.argmin()) for one in apart]
-        return self._forces_n[nearest], np.sqrt([one[at] for one, at in zip(apart, nearest, strict=True)])
-
-
 @dataclass(frozen=True)
 class Hold:
     """A push of a wall that relaxes, (sample,): the felt force and the elastic force that its section shows."""
@@ -182,7 +152,7 @@ def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows:
     path = wall.load_path(
         needle, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0, max_force_n=1.3 * max(FORCES_N)
     )
-    sections = Sections(wall, path)
+    elastic = ElasticSections(wall.mesh, path)
     holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)
     time_s = np.concatenate([RAMP_S * np.arange(RAMP_STEPS + 1) / RAMP_STEPS, holds_s])
     for name, tissue in list(TISSUES.items())[:rows]:
@@ -190,7 +160,7 @@ def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows:
         for force_n in FORCES_N[:rows]:
             problem = RelaxingWall(wall, needle, modulus_pa, tissue)
             states = pushed(problem, iop_pa / modulus_pa, path.tip_m(force_n), time_s)
-            read_n, off_m = sections.read_n(np.stack([wall.full_nc(u) for u in states[:, :-1]]))
+            read_n, off_m = elastic.read_n(surfaces(wall.mesh, np.stack([wall.full_nc(u) for u in states[:, :-1]])))
             read_n[0] = 0.0  # before the contact
             hold = Hold(time_s, modulus_pa * states[:, -1], read_n)
             fitted = fitted or found(hold)

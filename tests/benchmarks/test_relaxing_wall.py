@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bench_relaxation import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, RAMP_S, THICKNESS_M, RelaxingWall, pushed
+from bench_relaxation import RAMP_S, RelaxingWall, pushed
+from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
