@@ -6,7 +6,7 @@
 capsule). The needle's force acts on the sclera: under 20 mN its face presses with 52 kPa, which squeezes or pierces a
 layer of 5 to 20 kPa. Sections of the sclera's surface, and of the layer's, are read as the force of an elastic wall
 without a layer: with the true E, and with the E that reads 20 mN right. No light, no noise. Two minutes on one core.
-`--rows` keeps the first N pressures and layers.
+`--rows` keeps the first N pressures, layers and surfaces.
 """
 
 import argparse
@@ -97,7 +97,7 @@ class Plain:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--rows", type=int, help="only the first N pressures and layers")
+    parser.add_argument("--rows", type=int, help="only the first N pressures, layers and surfaces")
     parser.add_argument("--core", type=int, default=4, help="quads along the side of the mesh's core")
     parser.add_argument("--rings", type=int, default=8, help="around the core")
     given = parser.parse_args()
@@ -109,7 +109,7 @@ def main() -> None:
         for layer_m, soft_pa in LAYERS[: given.rows]:
             layered = LayeredWall(layer_m, soft_pa, given.core, given.rings)
             states_snc = layered.states_snc(to_si(iop_mmhg, "mmhg"))
-            for name, mesh in (("sclera's", layered.sclera), ("layer's", layered.top)):
+            for name, mesh in (("sclera's", layered.sclera), ("layer's", layered.top))[: given.rows]:
                 seen_sn = surfaces(mesh, states_snc)
                 read_n, off_m = plain.true.read_n(seen_sn)
                 sections, over = plain.calibrated(seen_sn)
