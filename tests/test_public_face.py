@@ -25,7 +25,8 @@ from scleraforce.study import parse_study, read_study
 ROOT = Path(scleraforce.__file__).parent
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
-HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "matplotlib", "click", "tqdm"]
+HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "matplotlib", "click", "tqdm",
+         "scipy.linalg", "scipy.ndimage", "scipy.special"]  # fmt: skip
 
 
 def loaded_after(code: str) -> set[str]:
@@ -46,6 +47,8 @@ def test_each_name_loads_only_its_own_imports() -> None:
     loaded = loaded_after("import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording")
     assert {"cv2", "onnxruntime"} <= loaded
     assert not loaded & {"torch", "zarr", "matplotlib", "click", "tqdm"}
+    loaded = loaded_after("import scleraforce as sf; sf.calibrate")
+    assert not loaded & {*HEAVY} - {"scipy", "cv2", "onnxruntime", "numpy"}  # Numba imports SciPy's name
 
 
 @pytest.mark.slow

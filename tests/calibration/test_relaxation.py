@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 from relaxing_eyes import FORCES_N, TISSUE, found_in, pushed
+from scipy.optimize import nnls
 
-from scleraforce.calibration.relaxation import TIMES_S
+from scleraforce.calibration.relaxation import TIMES_S, not_negative
 from scleraforce.errors import CalibrationError
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
@@ -97,3 +98,14 @@ def test_parts_of_several_lengths_and_shares_beyond_1_are_refused() -> None:
 
 def test_a_relaxation_is_json() -> None:
     assert json.loads(json.dumps(vars(KnownRelaxation.declared(TISSUE.terms))))["shares"] == [0.12, 0.15]
+
+
+def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:
+    rng, inner = np.random.default_rng(3), 0
+    for _ in range(40):
+        root, wanted = rng.standard_normal((6, 4)), rng.standard_normal(6)
+        expected = nnls(root, wanted)[0]
+        found = not_negative(root.T @ root, root.T @ wanted)
+        assert found == pytest.approx(expected, abs=1e-9)
+        inner += int((expected == 0.0).any() and (expected > 0.0).any())
+    assert inner > 10
