@@ -127,6 +127,15 @@ def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
     return eye, replace(study, tissue=TissueStudy(stiffer_around=2.0))
 
 
+def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return an open eye that loses 5 to 20 % of a held force with 0.5 to 3 s, and as much again with 5 to 30 s."""
+    shares, scales = rng.uniform(0.05, 0.2, 2), np.exp(rng.uniform(0.0, np.log(6.0), 2))
+    terms = zip(shares.tolist(), (scales * (0.5, 5.0)).tolist(), strict=True)
+    return eye, replace(
+        study, tissue=TissueStudy(relaxation=tuple((fixed(share), fixed(tau_s)) for share, tau_s in terms))
+    )
+
+
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at most, the wall bursts at 0.42."""
     eye = replace(eye, youngs_modulus_pa=rng.uniform(1e6, 2e6), iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"))
@@ -268,6 +277,12 @@ GROUPS: Mapping[str, Group] = {
     "woven": Group(words="twice as stiff around the eye's axis as along it; globe open and declared", own=_woven),
     "layered": Group(
         words="soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and declared", own=_layered
+    ),
+    "relaxing": Group(
+        words="a held needle loses 5 to 20 % of its force with 0.5 to 3 s, and as much with 5 to 30 s; globe open and "
+        "declared",
+        own=_relaxing,
+        error_mn=0.5,
     ),
 }
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from figures.commands import is_made, note_stale, remove, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
-from figures.sections import compute_eye
+from figures.sections import ROOM, compute_eye
 from figures.workers import in_processes
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import ScleraforceError
@@ -149,15 +149,20 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     """
     start = perf_counter()
     computed = compute_eye(drawn)
-    plan = plan_phantom(drawn.eye, drawn.forces_n(computed.largest_n), drawn.study, drawn.seed)
+    forces_n = drawn.forces_n(computed.largest_n)
+    plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
+    deepest_n = max(plan.elastic_n)
+    if deepest_n > computed.largest_n:  # dents of tissue that relaxes are deeper; elastic forces grow with all forces
+        share = (1.0 - ROOM) * computed.largest_n / deepest_n
+        plan = plan_phantom(drawn.eye, [share * force_n for force_n in forces_n], drawn.study, drawn.seed)
 
-    sections_at, forces_n = computed.sections_at, plan.forces_n
+    sections_at = computed.sections_at
     pairs = zip(plan.frames, plan_sections(plan, sections_at), strict=True)
     made = MadeEye(
         files=tuple(frame.file for frame in plan.frames),
         largest_n=computed.largest_n,
-        forces_n=np.array(forces_n),
-        tips_m=np.array(computed.tips_m(forces_n)),
+        forces_n=np.array(plan.forces_n),
+        tips_m=np.array(computed.tips_m(plan.elastic_n)),
         lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
         seconds=perf_counter() - start,
     )
