@@ -2,7 +2,7 @@
 
     python benchmarks/bench_conjunctiva.py [--frames 40]
 
-Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 250 um; the thickness is declared with an
+Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 600 um; the thickness is declared with an
 error of 2 %. The row of 0 um has five times as many walls, without a layer, uneven by up to 12 % and declared 2 to 20 %
 too thin: nothing should be found there.
 """
@@ -27,7 +27,7 @@ from scleraforce.study.fields import fixed
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)
 POINTS = 800  # of each curve
-LAYERS_UM = (0, 50, 80, 110, 140, 180, 220, 250)
+LAYERS_UM = (0, 50, 80, 110, 140, 180, 220, 250, 350, 450, 600)
 
 
 def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:

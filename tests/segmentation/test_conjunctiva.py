@@ -12,7 +12,7 @@ from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.conjunctiva import below_conjunctiva
+from scleraforce.segmentation.conjunctiva import below_conjunctiva, second_surface_m
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import PhantomStudy, Study, fixed
@@ -37,7 +37,7 @@ def bscan(over: Conjunctiva | None, seed: int, wave: float = 0.0) -> Bscan:
     return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng)
 
 
-@pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6])
+@pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6, 450e-6])
 def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> None:
     for seed in range(3):
         made = bscan(layer(thickness_m, seed), seed)
@@ -49,6 +49,24 @@ def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> N
         np.testing.assert_array_equal(found.inner_row, first.inner_row)
         assert first.conjunctiva_m is None
         assert found.conjunctiva_m == pytest.approx(thickness_m, rel=0.15, abs=10e-6)
+
+
+@pytest.mark.parametrize("thickness_m", [80e-6, 250e-6, 450e-6])
+def test_without_a_known_thickness_a_second_surface_is_a_fault(thickness_m: float) -> None:
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    made = bscan(layer(thickness_m, 2), 2)
+    assert second_surface_m(made.frame, SCALE, find_wall(made.frame, SCALE)) == pytest.approx(thickness_m, rel=0.15)
+    unsure = look(made.frame, SCALE, STUDY.slice, finder=finder)
+    assert "below the first" in str(unsure.reason)
+    assert not unsure.cuts[0].any()
+    assert look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=finder).reason is None
+
+
+@pytest.mark.parametrize("wave", [0.0, 0.12])
+def test_a_bare_wall_has_no_second_surface(wave: float) -> None:
+    for seed in range(6):
+        made = bscan(None, seed, wave)
+        assert second_surface_m(made.frame, SCALE, find_wall(made.frame, SCALE)) is None
 
 
 def test_a_conjunctiva_that_waves_is_followed() -> None:

@@ -11,7 +11,9 @@ from scleraforce.library.fit import NO_WALL_M, BoundaryFit
 from scleraforce.library.prior import Prior
 from scleraforce.reader.answer import Answer, Reading, unusable
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.conjunctiva import second_surface_m
 from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.light import as_logarithmic
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.slice import boundary_slices
@@ -195,6 +197,12 @@ class Look:
         return self.segmentation.needle
 
 
+SECOND_SURFACE = (
+    "another surface lies {:.0f} µm below the first, which may be that of soft layers over the sclera; declare the "
+    "wall's thickness"
+)
+
+
 def look(
     frame: Pixels,
     scale: PixelScale,
@@ -203,10 +211,17 @@ def look(
     thickness_m: float | None = None,
     finder: WallFinder | None = None,
 ) -> Look:
-    """Segment a frame and draw the slices that a model reads."""
+    """Segment a frame and draw the slices that a model reads.
+
+    Where the thickness is not known and there is time for a finder, a second surface below the first is a fault.
+    """
     found = find_wall(frame, scale, thickness_m, finder)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
+    if thickness_m is None and finder is not None:
+        below_m = second_surface_m(as_logarithmic(frame), scale, found)
+        if below_m is not None:
+            return Look(found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um")))
     cuts = boundary_slices(found, scale, slice_study, shifts)
     return Look(found, cuts, None if cuts[0].any() else "the wall lies outside the window of the slice")
 

@@ -21,15 +21,18 @@ from scleraforce.segmentation.inner import stretch
 from scleraforce.segmentation.loops import best_path
 
 LEAST_M = 35e-6  # a wall that looks this much thicker than known may lie below a conjunctiva
-LARGEST_M = 0.4e-3  # conjunctiva with Tenon's layer
+LARGEST_M = 0.7e-3  # conjunctiva with Tenon's layer
 CELL_M = 8e-6  # of depth below the surface in the unrolled picture
-CELLS = 80
+CELLS = 80  # at least
+BEYOND = 1.2  # of the excess of thickness: the unrolled picture reaches to there
 GROUPS = 40  # of columns
 SURFACE_CELLS = 3  # mirror reflection and blur of the surface
 WINDOW = 6  # cells above and below a step that are compared
 EXPECTED = (0.4, 1.7)  # of the excess of thickness: where the step may lie
 REACH = 4  # cells from group to group
 SURE_SDS = 1.5  # of a step: their mean on a path through speckle is less than 1
+# Without a known thickness: 1.5 at most on 60 even walls, 1.7 and more under layers of 50 to 450 um.
+SURE_ALONE_SDS, MOST_SHARE = 2.0, 0.6  # a second surface is sought in this share of the wall
 LEAST_STEP = 0.02  # of the level below the surface
 POOLED = 3  # groups whose mean makes a step stand out of the speckle
 SMOOTHED = 3  # groups
@@ -50,7 +53,7 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
         return found
     columns = np.flatnonzero(np.isfinite(found.outer_row))
     row, along_rows = _surface(found, columns, scale)
-    layer_m = _layer(_unrolled(frame, columns, row, along_rows), found.thickness_m, excess_m)
+    layer_m = _layer(_unrolled(frame, columns, row, along_rows, _cells(excess_m)), found.thickness_m, excess_m)
     if layer_m is None or abs(excess_m - float(np.median(layer_m))) > FITS * excess_m:
         return found
     median_m = float(np.median(layer_m))
@@ -59,6 +62,24 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
     outer_row[columns] += along_rows * np.interp(np.arange(len(columns)), middles, layer_m)
     left_m = (found.inner_row[columns] - outer_row[columns]) / along_rows
     return replace(found, outer_row=outer_row, thickness_m=float(np.median(left_m)), conjunctiva_m=median_m)
+
+
+def second_surface_m(frame: Pixels, scale: PixelScale, found: Segmentation) -> float | None:
+    """Return how deep a second surface lies below the first, m; None if none stands out.
+
+    Where the wall's thickness is not known, this tells that the first may be a layer's: `frame` as in `find_wall`.
+    """
+    if not found.usable or not found.inner_found:
+        return None
+    columns = np.flatnonzero(np.isfinite(found.outer_row))
+    deepest_m = min(LARGEST_M, MOST_SHARE * found.thickness_m)
+    light = _unrolled(frame, columns, *_surface(found, columns, scale), _cells(deepest_m))
+    path, sure = _climb(light, found.thickness_m, LEAST_M, deepest_m, SURE_ALONE_SDS)
+    return float(np.median(path)) * CELL_M if sure else None
+
+
+def _cells(deepest_m: float) -> int:
+    return max(CELLS, int(BEYOND * deepest_m / CELL_M) + 2 * WINDOW)
 
 
 def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) -> tuple[Float, Float]:
@@ -70,13 +91,13 @@ def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) 
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 
-def _unrolled(frame: Pixels, columns: NDArray[np.intp], row: Float, along_rows: Float) -> Float:
+def _unrolled(frame: Pixels, columns: NDArray[np.intp], row: Float, along_rows: Float, cells: int) -> Float:
     """Return the mean light below a surface, (group, cell), over its level there."""
-    depth_m = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+    depth_m = (np.arange(cells, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
     map_row = row + depth_m[:, None] * along_rows
     map_column = np.broadcast_to(columns.astype(np.float32), map_row.shape).copy()
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    light = cast(Float, cv2.resize(sampled.astype(np.float32), (GROUPS, CELLS), interpolation=cv2.INTER_AREA)).T
+    light = cast(Float, cv2.resize(sampled.astype(np.float32), (GROUPS, cells), interpolation=cv2.INTER_AREA)).T
     level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
     scaled: Float = light / np.maximum(level, np.float32(1e-6))
     return scaled
@@ -88,22 +109,30 @@ def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
     `light`: below the surface, (group, cell); `thickness_m`: of layer and wall together; `excess_m`: over the wall's
     known thickness.
     """
-    end = min(CELLS, int(thickness_m / CELL_M)) - WINDOW
-    first, last = (int(share * excess_m / CELL_M) for share in EXPECTED)
-    first, last = max(first, SURFACE_CELLS + 1), min(last, end)
-    if last - first < 2:
+    path, sure = _climb(light, thickness_m, EXPECTED[0] * excess_m, EXPECTED[1] * excess_m, SURE_SDS)
+    if not sure:
         return None
-    step = _steps(light)
-    sd = _spread(step[:, first:end])
-    score = np.ascontiguousarray(step[:, first:last]) - np.linspace(0.0, 1e-4, last - first, dtype=np.float32)
-    path = best_path(score, REACH) + first
-    size = step[np.arange(len(path)), path]
-    if size.mean() < max(SURE_SDS * sd, LEAST_STEP):
-        return None
+    size = _steps(light)[np.arange(len(path)), path]
     weight = np.maximum(size, np.float32(0.0)) + np.float32(1e-3)
     smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
     smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
     return cast(Float, smooth * np.float32(CELL_M))
+
+
+def _climb(
+    light: Float, thickness_m: float, least_m: float, most_m: float, sure_sds: float
+) -> tuple[NDArray[np.intp], bool]:
+    """Return the path of the largest steps up between two depths, (group,) cells, and whether it stands out."""
+    end = min(light.shape[1], int(thickness_m / CELL_M)) - WINDOW
+    first, last = max(int(least_m / CELL_M), SURFACE_CELLS + 1), min(int(most_m / CELL_M), end)
+    if last - first < 2:
+        return np.empty(0, dtype=np.intp), False
+    step = _steps(light)
+    sd = _spread(step[:, first:end])
+    score = np.ascontiguousarray(step[:, first:last]) - np.linspace(0.0, 1e-4, last - first, dtype=np.float32)
+    path = best_path(score, REACH) + first
+    size = step[np.arange(len(path)), path].mean()
+    return path, bool(size >= max(sure_sds * sd, LEAST_STEP))
 
 
 def _spread(step: Float) -> float:
@@ -116,8 +145,8 @@ def _steps(light: Float) -> Float:
     """Return the rise of light at each edge between cells, (group, cell); neighbours are pooled."""
     pooled = cast(Float, cv2.blur(light, (1, POOLED)))
     total = np.concatenate([np.zeros((len(light), 1), np.float32), pooled.cumsum(axis=1, dtype=np.float32)], axis=1)
-    edge = np.arange(CELLS)  # between cells
-    top, bottom = np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, CELLS)
+    edge = np.arange(light.shape[1])  # between cells
+    top, bottom = np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, len(edge))
     above = (total[:, edge] - total[:, top]) / np.maximum(edge - top, 1)
     below = (total[:, bottom] - total[:, edge]) / np.maximum(bottom - edge, 1)
     return np.where(edge > SURFACE_CELLS, below - above, 0.0).astype(np.float32)
