@@ -74,7 +74,7 @@ class Conjunctiva:
     A needle (`press`) compresses it. The tissue around confines what is below the needle, so that under a pressure q it
     keeps the share exp(-q/M) of its thickness, M = lambda + 2 mu at Young's modulus `modulus_pa`. Beside the needle the
     surface sinks as that of a half-space under a flat punch, cut off over the thickness (Johnson, Contact Mechanics,
-    sec. 3.8). It is too soft to change the wall's own shape.
+    sec. 3.8). The wall's own shape is drawn without the layer.
     """
 
     thickness_m: float
