@@ -11,7 +11,7 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from commands import BINS, Started, monitor_folder, started
 from small_models import fixed_study
 from small_monitor import Peer
@@ -99,27 +99,6 @@ def _after(scanner: Peer, force_mn: int, shown: Shown | None = None) -> Status:
     return scanner.statuses()[-1]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("adaptive", [True, False])
-def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_the_study(
-    folder: Path, tmp_path: Path, adaptive: bool
-) -> None:
-    """The frames show a wall of 0.3 MPa: a softer one looks the same under less force and pressure."""
-    thin_m, softer = 420e-6, 2.0 / 3.0
-    walls = {mn: wall_section(tip_of(mn / softer / 1e3, thin_m), thickness_m=thin_m) for mn in (6, 24)}
-    thin = {force_mn: [image(wall, seed) for seed in SEEDS] for force_mn, wall in walls.items()}
-    iop_mmhg = softer * IOP_PA / to_si(1.0, "mmhg")
-    known = ["--youngs-modulus-mpa", f"{softer * MODULUS_PA / 1e6}", "--thickness-um", f"{thin_m * 1e6}"]
-    known += ["--iop-mmhg", f"{iop_mmhg:.4f}", "--gap-mm", f"{GAP_M * 1e3}", "--globe", "open"]
-    known += ["--black-box", str(tmp_path / "box")]
-    with started(folder, *known, *(["--adaptive-bound"] if adaptive else [])) as monitor:
-        bound_mn = float(next(line for line in monitor.lines if "withdraws" in line).split("reaches ")[1].split()[0])
-        assert bound_mn < 23.0 if adaptive else bound_mn == 30.0
-        with Peer(monitor.port, version=2) as scanner:
-            last = _undisturbed(scanner, monitor, 24, thin)
-    assert (last.code, last.name) == ((3, "BOUND") if adaptive else (1, "")), last
-
-
 def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown | None = None) -> Status:
     """Return the STATUS after 20 frames of this force; again where this machine paused longer than a scanner may."""
     for _ in range(10):
@@ -171,8 +150,6 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         (["--thickness-um", "5000"], "5000 is above the largest allowed value 3000"),
         (["--thickness-um", "nan"], "nan"),
         (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
-        (["--adaptive-bound"], "needs the eye's modulus, thickness and IOP"),
-        (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
         (["--record", "box"], "the folder of the black box is there"),
         (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
         (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),

@@ -48,8 +48,6 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
               "highest.")  # fmt: skip
 @click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True), help="Withdraw if the force's interval reaches "
               "this; default: the lower bound of the highest class.")  # fmt: skip
-@click.option("--adaptive-bound", is_flag=True, help="Adapt the bound to this eye: the force that stretches its wall "
-              "as much as the bound stretches the study's wall.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
               help="After contact, withdraw after this number of unusable frames in a row.")  # fmt: skip
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
@@ -115,7 +113,7 @@ def monitor(
     settings = MonitorSettings(
         eye=eye or "eye-1",
         known=known,
-        limits=_limits(reader, known, given),
+        limits=_limits(reader, given),
         refractive_index=given["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
@@ -151,7 +149,7 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
-def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
+def _limits(reader: "Reader", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
     oct_study = reader.study.oct
@@ -160,7 +158,7 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     )
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
-        bound_n=_bound_n(reader, known, given["bound_mn"], given["adaptive_bound"]),
+        bound_n=reader.study.classes.bounds_n[-1] if given["bound_mn"] is None else to_si(given["bound_mn"], "mn"),
         unusable_frames=given["unusable_frames"],
         unusable_opinions=given["unusable_opinions"],
         reaction_s=to_si(given["reaction_ms"], "ms"),
@@ -169,21 +167,6 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.reads_force,
         expects_opinion=given["second_opinion"] and reader.reads_force,  # a class is read in one way only
-    )
-
-
-def _bound_n(reader: "Reader", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
-    study = reader.study
-    if not adaptive:
-        return study.classes.bounds_n[-1] if bound_mn is None else to_si(bound_mn, "mn")
-    from scleraforce.mechanics.wall_stress import adaptive_bound_n
-
-    if bound_mn is not None:
-        raise InputError("--bound-mn: --adaptive-bound starts from the study's bound; leave out one of them")
-    if known.modulus is None or known.thickness_m is None or known.iop_pa is None:
-        raise InputError("--adaptive-bound: needs the eye's modulus, thickness and IOP; give them, or leave it out")
-    return adaptive_bound_n(
-        study, thickness_m=known.thickness_m, youngs_modulus_pa=known.modulus.mean_pa, iop_pa=known.iop_pa
     )
 
 

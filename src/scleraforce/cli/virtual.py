@@ -1,7 +1,6 @@
 """`scleraforce simulate` and `phantom`: virtual eyes."""
 
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -33,11 +32,8 @@ THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
          rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)  # fmt: skip
 @click.option("--vtu", type=PATH, callback=new_file, help="File to write: the mesh and its displacement (VTK).")
 @click.option("--xdmf", type=PATH, callback=new_file, help="File to write: the mesh at rest and under the force.")
-@options("html", "plot", html="Page to write, with a 3-D view of the wall.",
-         plot="Picture to write: the deformed mesh and the slice (PNG, SVG, PDF).")  # fmt: skip
-def simulate(
-    study: Study, vtu: Path | None, xdmf: Path | None, html: Path | None, plot: Path | None, **given: Any
-) -> Report:
+@options("plot", plot="Picture to write: the deformed mesh and the slice (PNG, SVG, PDF).")  # fmt: skip
+def simulate(study: Study, vtu: Path | None, xdmf: Path | None, plot: Path | None, **given: Any) -> Report:
     """Bend one eye by one force: displacement, slice, picture.
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
@@ -60,10 +56,6 @@ def simulate(
         from scleraforce.report.model_figures import draw_simulation
 
         write_figure(draw_simulation(eye), plot)
-    if html is not None:
-        from scleraforce.report.eye_view import write_simulation_html
-
-        write_simulation_html(eye, html, datetime.now(UTC))
     result = {
         "tip_displacement_mm": from_si(eye.tip_m, "mm"),
         "dent_mm": from_si(eye.dent_m, "mm"),
@@ -77,7 +69,7 @@ def simulate(
     }
     resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
     size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
-    written = [f"wrote {path}" for path in (vtu, xdmf, plot, html) if path is not None]
+    written = [f"wrote {path}" for path in (vtu, xdmf, plot) if path is not None]
     return Report(result, [*_lines(eye, study, resting_pa), size, *written])
 
 

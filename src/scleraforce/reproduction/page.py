@@ -25,7 +25,6 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
-from scleraforce.report.eye_view import VIEW_SCRIPT, VIEW_STYLE, eye_view
 from scleraforce.report.files import write_figure
 from scleraforce.report.frames import look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
@@ -95,8 +94,6 @@ def write_reproduction_html(
         f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports.",
         html.made_line(made_at),
         *sections,
-        style=VIEW_STYLE,
-        script=VIEW_SCRIPT,
     )
     html.write_page(content, run.report, overwrite=True)
 
@@ -151,7 +148,7 @@ def _model_figure(study: Study) -> html.Html:
 
 
 def _mesh_figure(study: Study) -> html.Html:
-    """Return the deformed mesh under a dangerous force (Fig. 1b), and a view of the same wall that turns."""
+    """Return the deformed mesh under a dangerous force (Fig. 1b)."""
     contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
     caption = (
@@ -159,9 +156,7 @@ def _mesh_figure(study: Study) -> html.Html:
         f"{from_si(eye.force_n, 'mn'):g} mN, the bound of the dangerous class: "
         f"{len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
     )
-    return html.Html(
-        html.figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png") + eye_view(eye)
-    )
+    return html.figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png")
 
 
 def _force_log_figure(run: Run, evaluation: Evaluation) -> html.Html:
