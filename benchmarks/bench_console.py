@@ -28,15 +28,7 @@ from scleraforce.monitor.events import Verdict
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    CompanionMessage,
-    ConsoleSettings,
-    Decided,
-    Entry,
-    ListensAt,
-    Outline,
-    Rates,
-)
+from scleraforce.service.messages import CompanionMessage, ConsoleSettings, Decided, Entry, ListensAt, Outline, Rates
 from scleraforce.service.monitor_service import listen
 
 SIZE, FRAME_S = 512, 0.01

@@ -87,10 +87,7 @@ def cut_section(mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats) -> Sec
 
 
 def polar_path(
-    sizes: tuple[float, float, float, float, float],
-    polar_rad: float,
-    tips_m: Floats,
-    size: MeridianSize | None = None,
+    sizes: tuple[float, float, float, float, float], polar_rad: float, tips_m: Floats, size: MeridianSize | None = None
 ) -> AxisymmetricPath:
     """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle.
 

@@ -124,8 +124,7 @@ def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study)
         ["calibrate", *_recordings(folder, plain), "--frames", str(CALIBRATED_FRAMES), "--mechanics", "linear"],
     )
     slices = made_by(
-        folder.work("linear-slices"),
-        ["generate", "--study", path, "--calibration", modulus, "--mechanics", "linear"],
+        folder.work("linear-slices"), ["generate", "--study", path, "--calibration", modulus, "--mechanics", "linear"]
     )
     return made_by(folder.work("classifier"), ["train", slices])
 

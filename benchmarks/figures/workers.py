@@ -13,10 +13,7 @@ Piece = TypeVar("Piece")
 
 
 def in_processes(
-    work: Callable[[Piece], None],
-    pieces: Sequence[Piece],
-    workers: int,
-    progress: Callable[[Piece, int | None], None],
+    work: Callable[[Piece], None], pieces: Sequence[Piece], workers: int, progress: Callable[[Piece, int | None], None]
 ) -> None:
     """Do pieces of work in at most `workers` processes at a time; all of them end with this call.
 

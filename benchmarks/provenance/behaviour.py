@@ -19,13 +19,7 @@ from figures.groups import GROUPS, draw_eyes
 from figures.recordings import make_eye, read_made
 from provenance.stamps import Stamp
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.learning.fingerprint import (
-    PIXELS,
-    SCORES,
-    Fingerprint,
-    item,
-    moved,
-)
+from scleraforce.learning.fingerprint import PIXELS, SCORES, Fingerprint, item, moved
 from scleraforce.library import load_library
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
 from scleraforce.reader import load_model

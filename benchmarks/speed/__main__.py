@@ -104,13 +104,7 @@ def _measure(run: Run) -> Results:
     """Run all parts."""
     start, machine, stamp = perf_counter(), machine_in_words(), new_stamp("make bench")
     tables = _tables(tuple(PARTS), run)
-    return Results(
-        made=str(stamp),
-        quick=run.quick,
-        machine=machine,
-        seconds=perf_counter() - start,
-        tables=tables,
-    )
+    return Results(made=str(stamp), quick=run.quick, machine=machine, seconds=perf_counter() - start, tables=tables)
 
 
 def _tables(names: Sequence[str], run: Run) -> dict[str, Table]:

@@ -7,11 +7,7 @@ from small_recordings import calibration_of_a_sealed_eye
 import scleraforce
 from scleraforce.report.calibration_figures import draw_calibration
 
-FOUND = (
-    "thickness 651 ± 12 µm",
-    "k 0.031 ± 0.001 mmHg^(1/3)/µl",
-    "forces 13 ± 3 % above the library's at 60 mN",
-)
+FOUND = ("thickness 651 ± 12 µm", "k 0.031 ± 0.001 mmHg^(1/3)/µl", "forces 13 ± 3 % above the library's at 60 mN")
 
 
 def test_text_and_picture_have_the_findings_beside_the_modulus(tmp_path: Path, monkeypatch, shell) -> None:

@@ -90,10 +90,7 @@ def test_options_take_precedence_over_the_recording(read, frame) -> None:
 
 
 K = "rigidity_mmhg13_per_ul"
-RECORDED = {
-    "globe": {"value": "sealed", "source": "recording.toml"},
-    K: {"value": 0.03, "source": "recording.toml"},
-}
+RECORDED = {"globe": {"value": "sealed", "source": "recording.toml"}, K: {"value": 0.03, "source": "recording.toml"}}
 
 
 def test_the_globe_is_the_options_then_the_recordings_then_unknown(read, frame) -> None:

@@ -118,11 +118,7 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
 
 
 def test_when_the_monitor_goes_the_scanners_connection_ends() -> None:
-    with (
-        fake_monitor() as monitor,
-        bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports,
-        Peer(ports[0]) as scanner,
-    ):
+    with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports, Peer(ports[0]) as scanner:
         scanner.hear(lambda peer: len(peer.statuses()) > 0)
         assert isinstance(scanner.statuses()[0], Status)
         monitor.drop()

@@ -11,12 +11,7 @@ import pytest
 from reference_walls import cut_section
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import (
-    phantom_truth,
-    plan_phantom,
-    plan_sections,
-    write_phantom,
-)
+from scleraforce.laboratory.phantom import phantom_truth, plan_phantom, plan_sections, write_phantom
 from scleraforce.laboratory.virtual_eye import (
     STILL,
     BentSections,
@@ -95,10 +90,7 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     plain = replace(STUDY, form=FormStudy(), eye=EyeStudy(density_kg_m3=0.0))
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
-    (rest, bent), (linear_rest, linear) = (
-        BentSections(eye, plain)(forces_n),
-        linear_sections(eye, plain)(forces_n),
-    )
+    (rest, bent), (linear_rest, linear) = (BentSections(eye, plain)(forces_n), linear_sections(eye, plain)(forces_n))
     moved, linear_moved = bent.outer - rest.outer, linear.outer - linear_rest.outer
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
 

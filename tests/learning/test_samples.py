@@ -9,11 +9,7 @@ from library_arrays import reached_tips
 
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
-from scleraforce.learning.samples import (
-    draw_eyes,
-    draw_samples,
-    library_of_tissue,
-)
+from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base import pole_direction
 from scleraforce.library.prediction import Walls, place_walls
 from scleraforce.library.sections import cut_surfaces

@@ -59,8 +59,7 @@ def library():
 def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
     """Skip the base's movement, which takes 0.3 s an eye and decides no drawn or stated value."""
     monkeypatch.setattr(
-        "scleraforce.calibration.library_eye.base_moves",
-        lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
+        "scleraforce.calibration.library_eye.base_moves", lambda *arguments: np.zeros((2, len(arguments[-1]), 3))
     )
 
 

@@ -37,8 +37,7 @@ def gravity_cards(mesh: HexMesh) -> str:  # noqa: ARG001 - one of three makers o
 
 
 @pytest.mark.parametrize(
-    ("element", "kind"),
-    [("C3D20", {"twenty_nodes": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})],
+    ("element", "kind"), [("C3D20", {"twenty_nodes": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})]
 )
 @pytest.mark.parametrize("load", ["iop", "gravity", "needle"])
 def test_displacements_agree_with_calculix(tmp_path: Path, element: str, kind: dict, load: str) -> None:

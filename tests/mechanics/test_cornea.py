@@ -11,12 +11,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.form import corneal_surface, form_mesh
 from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.study import (
-    CorneaStudy,
-    FormStudy,
-    WaveStudy,
-    parse_study,
-)
+from scleraforce.study import CorneaStudy, FormStudy, WaveStudy, parse_study
 
 R, T = 12e-3, 0.6e-3
 CORNEA = CorneaStudy()

@@ -185,11 +185,7 @@ def test_the_path_reads_back_its_own_states() -> None:
 def test_only_ratios_to_the_modulus_matter() -> None:
     needle = needle_at(coarse_mesh(), CONTACT, WIDE)
     stiff = coarse_wall().load_path(
-        needle,
-        youngs_modulus_pa=3 * E,
-        iop_pa=3 * IOP,
-        density_kg_m3=3 * 1100.0,
-        max_force_n=30e-3,
+        needle, youngs_modulus_pa=3 * E, iop_pa=3 * IOP, density_kg_m3=3 * 1100.0, max_force_n=30e-3
     )
     np.testing.assert_allclose(
         stiff.displacement_nc(30e-3), coarse_path().displacement_nc(10e-3), atol=1e-4 * coarse_path().tip_m(10e-3)

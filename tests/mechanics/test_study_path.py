@@ -105,8 +105,7 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
     )  # in the plane y = 0, in which the mesh is its own mirror image
     left, right = (
         bent(
-            replace(COARSEST, needle=NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=radians(direction))),
-            contact,
+            replace(COARSEST, needle=NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=radians(direction))), contact
         )
         for direction in (90.0, -90.0)
     )

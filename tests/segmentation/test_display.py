@@ -117,10 +117,7 @@ def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(shipped: WallFi
         shown = as_logarithmic(frame)
         for way in (find_wall, partial(find_wall, finder=shipped)):
             np.testing.assert_array_equal(way(frame, SCALE).inner_row, way(shown, SCALE).inner_row)
-        for found in (
-            find_wall(frame, SCALE),
-            find_wall(frame, SCALE, finder=shipped),
-        ):
+        for found in (find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)):
             assert found.usable, found.reason
             assert np.nanmedian(np.abs(found.outer_row - expected.outer_row)) < 1.0
             assert np.nanmedian(np.abs(found.inner_row - expected.inner_row)) < 3.0

@@ -14,23 +14,14 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    CompanionMessage,
-    ConsoleSettings,
-    Decided,
-    ListensAt,
-    Rates,
-)
+from scleraforce.service.messages import CompanionMessage, ConsoleSettings, Decided, ListensAt, Rates
 from scleraforce.service.monitor_service import listen
 from scleraforce.service.reset import token_digest
 
 TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
-CLIENTS = (
-    {"address": "127.0.0.1:50112", "role": "scanner"},
-    {"address": "127.0.0.1:50114", "role": "listener"},
-)
+CLIENTS = ({"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"})
 Kind = TypeVar("Kind")
 
 

@@ -111,9 +111,7 @@ def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReade
 
 
 RAW_STUDY = replace(
-    Study(),
-    reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=32),
-    raw_reader=RawReaderStudy(channels=(4, 6, 8)),
+    Study(), reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=32), raw_reader=RawReaderStudy(channels=(4, 6, 8))
 )
 
 

@@ -46,10 +46,7 @@ def measure(run: Run) -> Table:
                 beside_value=peer_s,
                 settings=f"{sizes}, dropout {network.dropout:g}, {network.dropout_masks} masks, mirrored slices; "
                 f"{CLASSIFIER_THREADS} threads of PyTorch, its validation after each epoch included",
-                more={
-                    "right class, %": 100.0 * fitted.curves.validation_accuracy[-1],
-                    "epochs": float(network.epochs),
-                },
+                more={"right class, %": 100.0 * fitted.curves.validation_accuracy[-1], "epochs": float(network.epochs)},
             ),
             Row(
                 what=PEER,
@@ -57,10 +54,7 @@ def measure(run: Run) -> Table:
                 unit="s",
                 settings=f"{sizes}, default settings (Adam, batches of 200), but `early_stopping`, and "
                 f"{MOST_EPOCHS} epochs at most",
-                more={
-                    "right class, %": 100.0 * float(peer.score(asked, unseen.target)),
-                    "epochs": float(peer.n_iter_),
-                },
+                more={"right class, %": 100.0 * float(peer.score(asked, unseen.target)), "epochs": float(peer.n_iter_)},
             ),
         ),
     )

@@ -121,11 +121,7 @@ def _stored_name(name: str) -> str:
 
 def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -> bytes:
     """Return the network with weights and signals of 8 bits, their ranges taken from samples."""
-    from onnxruntime.quantization import (  # type: ignore[import-untyped]  # it ships no types
-        CalibrationDataReader,
-        QuantFormat,
-        quantize_static,
-    )
+    from onnxruntime.quantization import CalibrationDataReader, QuantFormat, quantize_static  # type: ignore[import-untyped]  # it ships no types
 
     class Samples(CalibrationDataReader):  # type: ignore[misc]  # as above
         """The inputs that the ranges are taken from."""

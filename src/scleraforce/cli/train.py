@@ -45,12 +45,7 @@ def library(study: Study, out: Path, scheduler: str | None, workers: int | None)
          calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
          scheduler="Dask scheduler whose workers make the slices.")  # fmt: skip
 def generate(
-    study: Study,
-    out: Path,
-    calibration: Path | None,
-    mechanics: str | None,
-    scheduler: str | None,
-    workers: int | None,
+    study: Study, out: Path, calibration: Path | None, mechanics: str | None, scheduler: str | None, workers: int | None
 ) -> Report:
     """Simulate slices of the deformed sclera with their forces.
 

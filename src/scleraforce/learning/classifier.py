@@ -366,11 +366,7 @@ _one_training = threading.Lock()  # PyTorch's random numbers belong to the proce
 
 
 def _trying(
-    study: NetworkStudy,
-    training: Samples,
-    validation: Samples,
-    classes: int,
-    progress: Callable[[int], object] | None,
+    study: NetworkStudy, training: Samples, validation: Samples, classes: int, progress: Callable[[int], object] | None
 ) -> Callable[[int], Fitted | None]:
     """Return the function from a number of the grid to its trained network; None if it diverges, as large ones may."""
     sizes = grid(study)

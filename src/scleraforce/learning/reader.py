@@ -169,10 +169,7 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
 
 
 def fit_reader(
-    study: Study,
-    draw: Callable[[int], ReaderSamples],
-    workers: int,
-    progress: Callable[[int], object] | None = None,
+    study: Study, draw: Callable[[int], ReaderSamples], workers: int, progress: Callable[[int], object] | None = None
 ) -> Fitted[ReaderNetwork]:
     """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
 

@@ -23,11 +23,7 @@ from platformdirs import user_cache_path
 from scleraforce.errors import InputError
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.responses import Library
-from scleraforce.library.store import (
-    create_library,
-    open_library,
-    write_library_unit,
-)
+from scleraforce.library.store import create_library, open_library, write_library_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores, work_units

@@ -217,12 +217,7 @@ def _pressure_of_level(level: float, is_logarithmic: bool) -> float:
 
 
 def iop_ratio_under_force(
-    library: Library,
-    thickness_m: Floats,
-    iop_ratio: Floats,
-    force_ratio: Floats,
-    globe: Globe,
-    tolerance: float = 1e-7,
+    library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats, globe: Globe, tolerance: float = 1e-7
 ) -> Floats:
     """Return the pressure over E under forces F/E (sample,), m^2; the library's highest where it rises beyond.
 

@@ -127,12 +127,7 @@ class SectionMotion:
 
 
 def section_motion(
-    library: Library,
-    walls: Responses,
-    place: tuple[Floats, Floats],
-    gap_m: Floats,
-    pole_s2: Floats,
-    reach_m: float,
+    library: Library, walls: Responses, place: tuple[Floats, Floats], gap_m: Floats, pole_s2: Floats, reach_m: float
 ) -> SectionMotion:
     """Return the motion of the sections of a library's states by pressure and force.
 

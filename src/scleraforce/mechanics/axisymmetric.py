@@ -150,12 +150,7 @@ class AxisymmetricWall:
     """A wall of revolution as a problem of `continuation`."""
 
     def __init__(
-        self,
-        mesh: MeridianMesh,
-        poisson_ratio: float,
-        *,
-        symmetric: bool = False,
-        stiffening: float = 0.0,
+        self, mesh: MeridianMesh, poisson_ratio: float, *, symmetric: bool = False, stiffening: float = 0.0
     ) -> None:
         """Prepare the wall.
 

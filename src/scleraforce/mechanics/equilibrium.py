@@ -179,13 +179,8 @@ class SealedDent:
         (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
         stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, undented_inside - inside)))
         nothing = np.zeros(half)
-        columns = np.stack(
-            [np.append(problem.needle, nothing), np.append(gradient, undented_gradient)],
-            axis=1,
-        )
-        rows = np.stack(
-            [np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)],
-        )
+        columns = np.stack([np.append(problem.needle, nothing), np.append(gradient, undented_gradient)], axis=1)
+        rows = np.stack([np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)])
 
         def solve(both: Floats) -> Floats:
             return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])

@@ -98,13 +98,7 @@ class LinearWall:
         return answer
 
     def displacement(
-        self,
-        needle_nc: Floats,
-        force_n: float,
-        *,
-        youngs_modulus_pa: float,
-        iop_pa: float,
-        density_kg_m3: float,
+        self, needle_nc: Floats, force_n: float, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float
     ) -> Floats:
         """Return (p u_p + rho g u_g + F u_n) / E, the wall's displacement (node, 3) in m, by superposition."""
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2

@@ -169,12 +169,7 @@ class HexMesh:
 
 
 def build_mesh(
-    radius_m: float,
-    thickness_m: float,
-    divisions: int = 10,
-    level: int = 1,
-    layers: int = 1,
-    order: int = 2,
+    radius_m: float, thickness_m: float, divisions: int = 10, level: int = 1, layers: int = 1, order: int = 2
 ) -> HexMesh:
     """Return the wall between the spheres of radius R and R - t, z >= 0.
 

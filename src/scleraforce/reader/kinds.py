@@ -18,15 +18,7 @@ from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
-from scleraforce.reader.answer import (
-    METHODS,
-    Answer,
-    Reading,
-    disagreement,
-    fit_reading,
-    spanned_interval,
-    unusable,
-)
+from scleraforce.reader.answer import METHODS, Answer, Reading, disagreement, fit_reading, spanned_interval, unusable
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork

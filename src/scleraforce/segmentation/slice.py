@@ -35,10 +35,7 @@ def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: S
 
 
 def boundary_slices(
-    segmentation: BoundaryRows,
-    scale: PixelScale,
-    slice_study: SliceStudy,
-    shifts: tuple[float, ...],
+    segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...]
 ) -> NDArray[np.uint8]:
     """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns)."""
     size = slice_study.rows, slice_study.columns
