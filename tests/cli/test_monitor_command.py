@@ -11,7 +11,7 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from commands import BINS, Started, monitor_folder, started
 from small_models import fixed_study
 from small_monitor import Peer
@@ -36,7 +36,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return monitor_folder(tmp_path_factory.mktemp("monitor"))
 
 
-Shown = dict[int, list[np.ndarray]]
 IDS = count(1)
 PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a busy machine, not of the eye
 SENT: list[np.ndarray] = []
@@ -44,16 +43,15 @@ SEEDS = range(60)  # more frames than the monitor remembers: a live scanner neve
 
 
 @cache
-def usual_frames() -> Shown:
-    return {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in SEEDS] for force_mn in (8, 40)}
+def usual_frames() -> dict[int, list[np.ndarray]]:
+    return {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in SEEDS] for force_mn in (8, 24, 40)}
 
 
-def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown: Shown | None = None) -> None:
+def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> None:
     """Send frames of a wall under a force, as a scanner does."""
-    shown = shown or usual_frames()
     for _ in range(frames):
         serial = next(IDS)
-        fresh = shown[force_mn][serial % len(SEEDS)]
+        fresh = usual_frames()[force_mn][serial % len(SEEDS)]
         SENT.append(fresh)
         scanner.say(Image(fresh[None], MATRIX), message_id=serial)
         scanner.hear(within_s=every_s)
@@ -94,27 +92,39 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(fold
     assert read_recording(withdrawn).frames
 
 
-def _after(scanner: Peer, force_mn: int, shown: Shown | None = None) -> Status:
-    push(scanner, force_mn, 3, shown=shown)
+def _after(scanner: Peer, force_mn: int) -> Status:
+    push(scanner, force_mn, 3)
     return scanner.statuses()[-1]
 
 
-def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown | None = None) -> Status:
+@pytest.mark.slow
+@pytest.mark.parametrize(("options", "ends"), [(["--bound-mn", "20"], (3, "BOUND")), ([], (1, ""))])
+def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
+    folder: Path, tmp_path: Path, options: list[str], ends: tuple[int, str]
+) -> None:
+    known = [*EYE, "--youngs-modulus-mpa", f"{MODULUS_PA / 1e6}", "--thickness-um", f"{THICKNESS_M * 1e6}"]
+    kept = ["--black-box", str(tmp_path / "box")]
+    with started(folder, *known, *options, *kept) as monitor, Peer(monitor.port, version=2) as scanner:
+        last = _undisturbed(scanner, monitor, 24)
+    assert (last.code, last.name) == ends, last
+
+
+def _undisturbed(scanner: Peer, monitor: Started, force_mn: int) -> Status:
     """Return the STATUS after 20 frames of this force; again where this machine paused longer than a scanner may."""
     for _ in range(10):
-        _wait_at_rest(scanner, monitor, shown)  # the second opinion has come as well
-        push(scanner, force_mn, 20, shown=shown)
+        _wait_at_rest(scanner, monitor)  # the second opinion has come as well
+        push(scanner, force_mn, 20)
         last = scanner.statuses()[-1]
         if last.name not in PAUSES:
             break
     return last
 
 
-def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -> None:
+def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
     """Show a harmless force until the monitor watches; reset it where this machine paused longer than a scanner may."""
 
     def at_rest() -> bool:
-        status = _after(scanner, min(shown or usual_frames()), shown)
+        status = _after(scanner, min(usual_frames()))
         if status.code == 3:
             assert status.name in PAUSES, status
             run(["monitor-reset", "--port", str(monitor.port), "--token", monitor.token])

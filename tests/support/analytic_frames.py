@@ -37,18 +37,16 @@ KNOWN = Known(
 )
 
 
-def tip_of(force_n: float, thickness_m: float = THICKNESS_M) -> float:
+def tip_of(force_n: float) -> float:
     """Dent of the wall under a force."""
-    walls = (np.array([thickness_m]), np.array([IOP_PA / MODULUS_PA]))
+    walls = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]))
     return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
 
 
-def wall_section(
-    tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3, thickness_m: float = THICKNESS_M
-) -> Section:
+def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
     """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
     unknown = np.zeros(len(at.NAMES))
-    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, thickness_m
+    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
     unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = place_walls(Walls(LIBRARY), unknown[None])[0]
     return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
