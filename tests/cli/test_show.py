@@ -154,19 +154,16 @@ def test_a_log_has_each_withdrawal_once_and_the_number_of_its_torn_parts(things:
 
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
-    "empty": "empty: give a study, library, data set, model (or a bundled one: default, paper, wall-finder)",
+    "empty": "empty: give a study, library, data set, model (or a bundled one: default, living, paper, wall-finder)",
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
-    "eye --calibration modulus.json": "--calibration: only used with --html",
-    "eye --wall-finder none": "--wall-finder: only used with --html",
-    "eye --html page.html": "--html: shows what a model reads; give --model, like default",
     "eye --model nowhere": "nowhere: no such folder, and not a bundled model",
     "eye --model wall-finder": "wall-finder: kind: found 'wall-finder'",
     "study.toml --model default": "--model: study.toml is a study; a model reads recordings",
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",
-    "eye --plot new.svg --html page.html --model nowhere": "nowhere: no such folder, and not a bundled model",
+    "eye --plot new.svg --model nowhere": "nowhere: no such folder, and not a bundled model",
 }
 
 

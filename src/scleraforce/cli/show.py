@@ -1,18 +1,16 @@
-"""`scleraforce show` and `export`: an artefact in words, as a picture or page, or in the formats of other programs."""
+"""`scleraforce show` and `export`: an artefact in words, as a picture, or in the formats of other programs."""
 
 import json
 import os
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from scleraforce.cli.options import PATH, options
-from scleraforce.cli.output import Command, Report, count_bar
+from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 
@@ -26,60 +24,29 @@ ENDINGS = (*TABLES, ".mcap", ".nrrd")
 
 @click.command(cls=Command)
 @click.argument("thing", type=PATH)
-@options("plot", "html", html="For a recording: page to browse its frames, read with --model; must not exist.")
-@click.option("--model", type=PATH, help="For a recording: model whose training limits are noted, and which reads the "
-              "frames of --html; default for the limits: the bundled reader.")  # fmt: skip
-@options("calibration", "wall_finder")
-@click.pass_context
-def show(
-    ctx: click.Context,
-    /,
-    thing: Path,
-    plot: Path | None,
-    html: Path | None,
-    model: Path | None,
-    calibration: Path | None,
-    wall_finder: Path | None,
-) -> Report:
+@options("plot")
+@click.option("--model", type=PATH, help="For a recording: model whose training limits are noted; default: the bundled "
+              "reader.")  # fmt: skip
+def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
     """Describe THING: its kind and its content.
 
     THING is a study, a library, a data set, a model (or the name of a bundled
-    one: default, paper, wall-finder), a recording, a calibration file, or the
-    log of a black box; its kind is found from its content.
+    one: default, living, paper, wall-finder), a recording, a calibration file,
+    or the log of a black box; its kind is found from its content.
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
     from scleraforce.report.files import write_figure
     from scleraforce.report.shown import thing_at
 
-    if html is not None and model is None:
-        raise InputError("--html: shows what a model reads; give --model, like default")
-    for name, flag in (("calibration", "--calibration"), ("wall_finder", "--wall-finder")):
-        if html is None and ctx.get_parameter_source(name) != ParameterSource.DEFAULT:
-            raise InputError(f"{flag}: only used with --html")
     found = thing_at(thing, model)
-    if html is not None and found.kind != "recording":
-        raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
-    if html is not None and model is not None:
-        _write_page(thing, html, model, calibration, wall_finder)
     if plot is not None:
         write_figure(found.draw(), plot)
-    written = [str(path) for path in (plot, html) if path is not None]
+    written = [] if plot is None else [str(plot)]
     return Report(
         {"kind": found.kind, "path": str(thing), **found.facts, "wrote": written},
         [*_lines(thing, found), *(f"wrote {path}" for path in written)],
     )
-
-
-def _write_page(recording: Path, html: Path, model: Path, calibration: Path | None, finder: Path | None) -> None:
-    import scleraforce as sf
-    from scleraforce.report.evaluation_page import write_browser_html
-
-    reader = sf.load_model(model, wall_finder=finder)
-    frames = len(sf.read_recording(recording).frames)
-    with count_bar("frames", 2 * frames) as advance:
-        evaluation = sf.evaluate(reader, recording, calibration, progress=advance)
-        write_browser_html(evaluation, html, datetime.now(UTC), advance)
 
 
 def _lines(path: Path, found: "Thing") -> list[str]:

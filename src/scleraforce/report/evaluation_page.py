@@ -1,29 +1,18 @@
-"""Pages of an evaluation: all answers (the paper's Table 3 and Fig. 10), and a recording frame by frame."""
+"""The page of an evaluation: all answers (the paper's Table 3 and Fig. 10)."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from datetime import datetime
-from importlib.resources import files
 from math import isnan
 from pathlib import Path
-from typing import Any
 
 from scleraforce.known import MODULUS_SOURCES
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
-from scleraforce.recording.folder import read_recording
 from scleraforce.report import html
 from scleraforce.report.frame_figures import draw_read_forces, draw_trial_forces
-from scleraforce.report.frames import WALL_COLOURS, AnsweredFrame, frame_pictures, shown_frames, wall_picture
+from scleraforce.report.frames import AnsweredFrame, frame_pictures
 from scleraforce.units import from_si
 
-BROWSER_WIDTH = 560  # pixels of a picture
-MOST_PICTURES = 1000  # what a browser opens at once: 40 MB
-BROWSER = files("scleraforce.report").joinpath("browser")
-KEYS = (
-    "Left and right arrow: one frame; page up and down: ten; home and end: first and last; space: play. The curve "
-    "shows all frames; click in it to go to one. Grey: the measured force. Dots with bars: the read force with "
-    "its 90 % interval; a cross at the top: not usable."
-)
 NAMES_REMARK = (
     "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "
     "a class, how many were recognised), precision column-wise (of the answers of a class, how many were right); the "
@@ -124,60 +113,3 @@ def _percent(value: float) -> str:
 
 def _of(hits: int, total: int) -> str:
     return f"{hits} of {total} trials"
-
-
-def write_browser_html(
-    evaluation: Evaluation, path: Path, made_at: datetime, progress: Callable[[int], object]
-) -> None:
-    """Write the page that browses one recording, with the wall that was read; `progress` counts frames."""
-    name = evaluation.frames[0].recording
-    data = {
-        "classes": html.class_names(evaluation.bounds_n),
-        "bounds_mn": [from_si(bound, "mn") for bound in evaluation.bounds_n],
-        "frames": list(_frames(evaluation, progress)),
-    }
-    markup, script, style = (
-        BROWSER.joinpath(f"browser.{kind}").read_text(encoding="utf-8") for kind in ("html", "js", "css")
-    )
-    limits = [html.section("What limits the readings", html.bullets(evaluation.notes))] if evaluation.notes else []
-    content = html.page(
-        f"Recording {evaluation.frames[0].eye}",
-        f"{name}, read by {evaluation.model}.",
-        html.made_line(made_at),
-        html.Html(markup + html.embedded("frames", data)),
-        html.section("How to read it", html.paragraph(KEYS), html.paragraph(WALL_COLOURS)),
-        *limits,
-        style=style,
-        script=script,
-    )
-    html.write_page(content, path)
-
-
-def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:
-    recording = read_recording(evaluation.frames[0].recording)
-    pictured = {answer.file for answer in shown_frames(evaluation.frames, MOST_PICTURES)}
-    for entry, answer in zip(recording.frames, evaluation.frames, strict=True):
-        picture = None
-        if entry.file in pictured:
-            look = AnsweredFrame(answer, recording, recording.frame(entry))
-            picture = wall_picture(look.frame, look.found, look.extent_m, BROWSER_WIDTH)
-        yield {"time_s": entry.time_s, "picture": picture, **_answered(answer)}
-        progress(1)
-
-
-def _answered(answer: FrameAnswer) -> dict[str, Any]:
-    return {
-        "file": answer.file,
-        "measured_mn": from_si(answer.measured_force_n, "mn"),
-        "read_mn": from_si(answer.answer.force_n, "mn"),
-        "interval_mn": answer.answer.interval_n and [from_si(end, "mn") for end in answer.answer.interval_n],
-        "predicted": answer.answer.predicted,
-        "target": answer.target,
-        "usable": answer.answer.usable,
-        "reason": answer.answer.reason,
-        "remarks": [
-            *answer.answer.warnings,
-            *(["Young's modulus was calibrated on this frame"] if answer.calibration else []),
-            *([f"left out of metrics: {answer.excluded}"] if answer.excluded else []),
-        ],
-    }

@@ -66,12 +66,12 @@ WALL_COLOURS = (
 )
 
 
-def shown_frames(frames: Sequence[FrameAnswer], most: int = MOST_PICTURES) -> tuple[FrameAnswer, ...]:
+def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     """Return the frames that a page pictures, in their order: misread and unusable ones, then others in even steps."""
     first = [n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread]
     others = sorted(set(range(len(frames))) - set(first))
-    chosen = _evenly(first, most)
-    return tuple(frames[n] for n in sorted(chosen + _evenly(others, most - len(chosen))))
+    chosen = _evenly(first, MOST_PICTURES)
+    return tuple(frames[n] for n in sorted(chosen + _evenly(others, MOST_PICTURES - len(chosen))))
 
 
 def _evenly(numbers: list[int], most: int) -> list[int]:
@@ -102,11 +102,11 @@ def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> Ht
     return section("The wall in the frames", words, gallery(pictures, marked))
 
 
-def wall_picture(frame: Pixels, found: Segmentation, extent_m: tuple[float, float], width: int = WIDTH) -> str:
-    """Return a frame (row, column) with its wall as the `src` of an image in a page, `width` pixels wide."""
+def wall_picture(frame: Pixels, found: Segmentation, extent_m: tuple[float, float]) -> str:
+    """Return a frame (row, column) with its wall as the `src` of an image in a page."""
     width_m, depth_m = extent_m
-    rows = max(1, round(width * min(depth_m / width_m, DEEPEST)))
-    picture = draw_overlay(frame, found, (rows, width))
+    rows = max(1, round(WIDTH * min(depth_m / width_m, DEEPEST)))
+    picture = draw_overlay(frame, found, (rows, WIDTH))
     # Thin coloured lines need their colour at full resolution.
     full_colour = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
     content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour])[1].tobytes()

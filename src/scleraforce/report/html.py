@@ -1,6 +1,5 @@
 """HTML of pages without templates or dependencies: elements, tables of answers, and what a page was made from."""
 
-import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -9,7 +8,7 @@ from importlib.metadata import version
 from importlib.resources import files
 from math import isnan
 from pathlib import Path
-from typing import Any, Literal, NewType
+from typing import Literal, NewType
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.plain_json import finite
 from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import Proportion, precision, recall
@@ -28,8 +26,6 @@ from scleraforce.whole_files import write_whole
 
 Html = NewType("Html", str)
 
-# Within a script element `<!--<script>` hides its end, and `</script>` is one; json.dumps escapes U+2028 itself.
-JSON_ESCAPES = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&"}
 STACKED_COLUMNS, STACKED_SENTENCES = 7, 3  # from as many columns, a table's rows become blocks on a narrow screen
 STYLE_SHEET = files("scleraforce.report").joinpath("page.css").read_text(encoding="utf-8")
 
@@ -123,25 +119,14 @@ def section(title: str, *blocks: Html) -> Html:
     return Html(f"<section><h2>{text(title)}</h2>{''.join(blocks)}</section>")
 
 
-def embedded(name: str, data: Mapping[str, Any]) -> Html:
-    r"""Return data that a script reads from the element of a name, escaped; numbers that are not finite become null.
-
-    >>> embedded("said", {"word": "</script>"})
-    '<script type="application/json" id="said">{"word":"\\u003c/script\\u003e"}</script>'
-    """
-    content = json.dumps(finite(data), allow_nan=False, separators=(",", ":")).translate(JSON_ESCAPES)
-    return Html(f'<script type="application/json" id="{escape(name)}">{content}</script>')
-
-
-def page(title: str, lead: str, stamp: str, *sections: Html, style: str = "", script: str = "") -> Html:
-    """Return a whole page: heading, a sentence or two, version and date, sections; `script` runs at its end."""
-    steered = f"<script>\n{script}</script>" if script else ""
+def page(title: str, lead: str, stamp: str, *sections: Html) -> Html:
+    """Return a whole page: heading, a sentence or two, version and date, sections."""
     return Html(
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{text(title)}</title><style>\n{STYLE_SHEET}{style}</style></head>\n"
+        f"<title>{text(title)}</title><style>\n{STYLE_SHEET}</style></head>\n"
         f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p>"
-        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + f"</main>{steered}</body></html>\n"
+        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + "</main></body></html>\n"
     )
 
 
