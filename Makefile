@@ -7,6 +7,8 @@ FIGURES ?= out/figures
 SITE ?= out/site
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
+# Notes today's behaviour in a model folder that is to ship; tests then say when the training has changed.
+MARK := PYTHONPATH=benchmarks .venv/bin/python -m provenance.fingerprint
 SHIPPED := src/scleraforce/shipped
 # One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
 FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
@@ -60,25 +62,25 @@ ranges: .venv/installed  ## the box "Will it read my data?" of README anew, from
 
 wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
 	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
-	rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
+	$(MARK) out/wall_finder && rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
 
 model: .venv/installed  ## make the library and train the reader that ships with the package, in place of the one there
 	rm -rf out/default.zarr out/default && .venv/bin/scleraforce library --out out/default.zarr
 	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
-	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
+	$(MARK) out/default && rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
 LIVING := --study src/scleraforce/study/living.toml
 
 living: .venv/installed  ## train the reader of living eyes that ships with the package; it shares the default one's library
 	rm -rf out/living.zarr out/living && .venv/bin/scleraforce library $(LIVING) --out out/living.zarr
-	.venv/bin/scleraforce train out/living.zarr --kind reader $(LIVING) --out out/living && rm out/living/library.npz
-	rm -rf $(SHIPPED)/living && cp -r out/living $(SHIPPED)/living
+	.venv/bin/scleraforce train out/living.zarr --kind reader $(LIVING) --out out/living
+	$(MARK) out/living && rm out/living/library.npz && rm -rf $(SHIPPED)/living && cp -r out/living $(SHIPPED)/living
 
 paper: .venv/installed  ## make the paper's slices and train its classifier, in place of the one that ships
 	rm -rf out/paper-study out/paper.zarr out/paper && .venv/bin/scleraforce init out/paper-study
 	.venv/bin/scleraforce generate --study out/paper-study/study.toml --out out/paper.zarr
 	.venv/bin/scleraforce train out/paper.zarr --out out/paper
-	rm -rf $(SHIPPED)/paper && cp -r out/paper $(SHIPPED)/paper
+	$(MARK) out/paper && rm -rf $(SHIPPED)/paper && cp -r out/paper $(SHIPPED)/paper
 
 dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same commit gives the same wheel
 	.ci/dist

@@ -14,8 +14,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from provenance.fingerprint import Fingerprint, moved
 from scleraforce.errors import ScleraforceError
-from scleraforce.learning.fingerprint import Fingerprint, moved
 from scleraforce.whole_files import write_whole
 
 

@@ -1,4 +1,4 @@
-"""Fingerprint of the code that decides the pages' figures (`scleraforce.learning.fingerprint`), at small size.
+"""Fingerprint of the code that decides the pages' figures (`provenance.fingerprint`), at small size.
 
 The bundled models' fingerprints, and an eye of each group of `make figures`, computed on a coarse mesh, imaged,
 and read by the bundled reader. `behaviour.json` has the fingerprint of each run whose figures are in a page.
@@ -17,9 +17,9 @@ from figures.declared import declare
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
 from figures.recordings import make_eye, read_made
+from provenance.fingerprint import PIXELS, SCORES, Fingerprint, item, moved
 from provenance.stamps import Stamp
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.learning.fingerprint import PIXELS, SCORES, Fingerprint, item, moved
 from scleraforce.library import load_library
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
 from scleraforce.reader import load_model

@@ -22,10 +22,10 @@ from figures.sections import compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
 from figures.workers import in_processes
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
+from provenance.fingerprint import item
 from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
-from scleraforce.learning.fingerprint import item
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_info
 from scleraforce.study import Study

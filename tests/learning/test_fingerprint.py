@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scleraforce.learning.fingerprint import (
+from provenance.fingerprint import (
     Fingerprint,
     classifier_fingerprint,
     finder_fingerprint,

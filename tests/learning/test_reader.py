@@ -157,7 +157,6 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(library, t
     assert model.study == study
     assert model.record["metrics"] == json.loads(json.dumps(record["metrics"]))
     assert model.record["samples"] == {"training": 2000, "validation": 500}
-    assert {"training slices", "training loss"} <= set(model.record["fingerprint"])
     card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
     assert "| `youngs_modulus_mpa` | 0.15 to 0.65 |" in card
     assert f"{record['metrics']['mae_mn']:.2f} mN" in card
@@ -199,7 +198,6 @@ def test_a_training_ends_with_intervals_that_are_measured(library, tmp_path: Pat
     train_reader(library, study, tmp_path / "model", workers=2, measured=counted.append)
     model = load_model(tmp_path / "model")
     intervals = model.record["intervals"]
-    assert "scores" in model.record["fingerprint"]
     assert counted == [1, 1, 1]
     assert 1 <= intervals["eyes"] <= 3
     assert set(intervals["network"]) == {"own E", "other E"}

@@ -13,13 +13,13 @@ import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import DatasetError
-from scleraforce.learning import cards, classifier, fingerprint, raw_reader, reader, wall_finder
+from scleraforce.learning import cards, classifier, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
 from scleraforce.learning.descent import READER_THREADS, onnx, torch
 from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
-from scleraforce.library import Library, load_library, save_library
+from scleraforce.library import Library, save_library
 from scleraforce.library.files import StoredErrors
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, network_session, write_folder
 from scleraforce.processes import available_cores
@@ -86,7 +86,6 @@ def train_classifier(
             "validation_confusion": confusion.tolist(),
         },
         "curves": asdict(fitted.curves),
-        "fingerprint": fingerprint.classifier_fingerprint(study),
         "search": [asdict(entry) for entry in candidates],
     }
     card = cards.classifier_card(study, record, (len(training), len(validation)), recall(confusion))
@@ -120,8 +119,6 @@ def train_reader(
     check_place(out)
     check_library(library, study)
     own, (content, errors) = study.reader, _stored_library(library)
-    stored = load_library(LIBRARY_FILE, content)
-    marks = fingerprint.reader_fingerprint(study, stored)
     source = Source.of(library, own, study.slice)
     fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress)
     provenance = _library_provenance("reader", study, own.seed, content)
@@ -145,8 +142,6 @@ def train_reader(
             "virtual eyes of the library's walls",
             measured,
         )
-        marks |= fingerprint.interval_fingerprint(study, stored, graph)
-    record["fingerprint"] = marks
     write_folder(out, graph, format_study(study), cards.reader_card(study, record), record, {LIBRARY_FILE: content})
     return record
 
@@ -209,7 +204,6 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
         "batches": finder.batches,
         "metrics": metrics,
         "curves": {"training_loss": fitted.training_loss},
-        "fingerprint": fingerprint.finder_fingerprint(study),
     }
     write_folder(out, graph, format_study(study), cards.finder_card(study, record), record)
     return record

@@ -26,8 +26,7 @@ Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
-# Sources that decide the stored results. A hash is enough to continue after Ctrl-C: an edit costs one run, a
-# fingerprint (`learning.fingerprint`) would cost each run several seconds. The page is drawn in every run.
+# Sources that decide the stored results: an edit costs one run. The page is drawn in every run.
 SOURCES = (
     "calibration", "known", "laboratory", "learning", "library", "mechanics", "reader", "recording", "segmentation",
     "study",

@@ -1,9 +1,13 @@
 """Fingerprints of behaviour: a few numbers that move when the training of a model would.
 
+PYTHONPATH=benchmarks python -m provenance.fingerprint FOLDER     (`make model`, `make living`, `make paper`, ...)
+
 Parts of a training are computed at small size, and each result is reduced to at most 64 numbers, which `model.json`
 keeps with a tolerance. Code that only runs in cases that the small size lacks is not covered.
 """
 
+import json
+import sys
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +33,7 @@ from scleraforce.library.store import create_library, open_library, write_librar
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, RECORD_FILE, folder_study, read_folder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -222,3 +227,19 @@ def _slice_items(name: str, slices: NDArray[np.uint8]) -> Fingerprint:
     wall = slices / 255.0
     depth = np.arange(slices.shape[1]) @ wall
     return {name: item(wall.sum(axis=1), PIXELS), f"{name}, depth": item(depth, PIXELS)}
+
+
+def fingerprint_of(path: Path) -> Fingerprint:
+    """Return the fingerprint of a model folder's training."""
+    folder = read_folder(path)
+    study, kind = folder_study(folder), folder.record["kind"]
+    if kind != "reader":
+        return {"classifier": classifier_fingerprint, "wall-finder": finder_fingerprint}[kind](study)
+    library = load_library(LIBRARY_FILE, folder.files[LIBRARY_FILE])
+    return reader_fingerprint(study, library) | interval_fingerprint(study, library, folder.files[NETWORK_FILE])
+
+
+if __name__ == "__main__":
+    place = Path(sys.argv[1]) / RECORD_FILE
+    record = json.loads(place.read_text(encoding="utf-8")) | {"fingerprint": fingerprint_of(Path(sys.argv[1]))}
+    place.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
