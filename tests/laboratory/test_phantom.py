@@ -4,8 +4,6 @@ import json
 from collections import Counter
 from dataclasses import asdict, replace
 from itertools import pairwise
-from math import pi, radians
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,29 +11,17 @@ from effects import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import (
-    Acquisition,
-    acquire_all,
-    is_recorded,
-    phantom_truth,
-    plan_moving_phantom,
-    plan_phantom,
-    render_frame,
-    sample_eyes,
-    write_phantom,
-)
+from scleraforce.laboratory.phantom import phantom_truth, plan_moving_phantom, plan_phantom, render_frame, write_phantom
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
-from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes, study_sections
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 from scleraforce.study import (
     CorneaStudy,
-    DatasetStudy,
     FormStudy,
     MeshStudy,
-    NeedleStudy,
     OctStudy,
     PhantomStudy,
     Range,
@@ -376,93 +362,3 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
         slope, offset = np.polyfit(force_n, log[:, column], 1)
         assert slope == pytest.approx(share, abs=0.01)
         assert offset == pytest.approx(sensor.offset_n[column - 1], abs=3e-4)
-
-
-MANY_STUDY = Study(
-    oct=OctStudy(columns=128, rows=96),
-    mesh=MeshStudy(divisions=4, level=0),
-    needle=NeedleStudy(polar_angle_rad=Range(min=0.4, max=0.8)),
-    dataset=DatasetStudy(gap_m=Range(min=0.4e-3, max=0.9e-3), tilt_rad=Range(min=-0.1, max=0.1)),
-)
-ACQUISITION = Acquisition((0.002, 0.01), MANY_STUDY, 3)
-
-
-@pytest.fixture(scope="module")
-def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recordings that this process has written, one by one."""
-    out = tmp_path_factory.mktemp("eyes")
-    for eye in sample_eyes(MANY_STUDY, 4, 3, "pig", {}):
-        write_phantom(out / eye.id, ACQUISITION.plan(eye), study_sections(eye, MANY_STUDY), MANY_STUDY)
-    return out
-
-
-def test_eyes_are_drawn_from_the_studys_ranges() -> None:
-    eyes = sample_eyes(MANY_STUDY, 300, 0, "eye", {})
-    assert len({eye.id for eye in eyes}) == 300
-    assert {eye.thickness_m for eye in eyes} == set(MANY_STUDY.eye.thickness_m.values)
-    ranges = {"polar_rad": (0.4, 0.8), "gap_m": (0.4e-3, 0.9e-3), "tilt_rad": (-0.1, 0.1), "azimuth_rad": (-pi, pi)}
-    for name, (low, high) in ranges.items():
-        shares = (np.array([getattr(eye, name) for eye in eyes]) - low) / (high - low)
-        assert 0.0 <= shares.min() < 0.05 < 0.95 < shares.max() <= 1.0
-    assert {(eye.youngs_modulus_pa, eye.iop_pa) for eye in eyes} == {(0.25e6, MANY_STUDY.eye.iop_pa)}
-
-
-def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
-    first, second, *_ = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
-    assert is_recorded(here / "pig-1", ACQUISITION.plan(first), MANY_STUDY)
-    assert not is_recorded(here / "pig-1", ACQUISITION.plan(second), MANY_STUDY)
-    assert not is_recorded(here / "pig-1", Acquisition((0.002, 0.011), MANY_STUDY, 3).plan(first), MANY_STUDY)
-    assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
-    for content in ("[]", "{", '{"frames": 7}', '{"frames": [7]}', "{}"):
-        (tmp_path / "truth.json").write_text(content)
-        assert not is_recorded(tmp_path, ACQUISITION.plan(first), MANY_STUDY)
-
-
-@pytest.mark.slow
-def test_workers_and_ctrl_c_change_no_byte(here: Path, tmp_path: Path) -> None:
-    eyes = sample_eyes(MANY_STUDY, 4, 3, "pig", {})
-
-    def interrupt(done: int) -> None:
-        if done:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        acquire_all(tmp_path / "out", eyes, ACQUISITION, workers=2, progress=interrupt)
-    (kept,) = (tmp_path / "out").iterdir()
-    assert contents(kept) == contents(here / kept.name)
-    assert acquire_all(tmp_path / "out", eyes, ACQUISITION, workers=2) == 3
-    assert contents(tmp_path / "out") == contents(here)
-
-
-def test_another_folder_is_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "pig-2").mkdir()
-    with pytest.raises(RecordingError, match="pig-2: not the recording of this eye and seed"):
-        acquire_all(tmp_path, sample_eyes(MANY_STUDY, 4, 3, "pig", {}), ACQUISITION, workers=1)
-    assert [path.name for path in tmp_path.iterdir()] == ["pig-2"]
-
-
-@pytest.mark.slow
-def test_the_command_makes_many_eyes_and_takes_them_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "study.toml").write_text(format_study(MANY_STUDY))
-    out = str(tmp_path / "eyes")
-    command = ["phantom", "--study", str(tmp_path / "study.toml"), "--out", out, "--forces-mn", "2,10"]
-    given = ("--polar-angle-deg", "35", "--azimuth-deg", "0")
-    assert run([*command, "--count", "2", "--eye", "pig", *given, "--workers", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["recordings"] == [str(tmp_path / "eyes" / name) for name in ("pig-1", "pig-2")]
-    assert (found["frames"], found["seed"]) == (4, 0)
-    truths = [json.loads((Path(path) / "truth.json").read_text())["eye"] for path in found["recordings"]]
-    assert [eye["polar_rad"] for eye in truths] == pytest.approx([radians(35.0)] * 2)
-    assert [eye["azimuth_rad"] for eye in truths] == [0.0] * 2  # 0 is stated, too
-    assert truths[0]["gap_m"] != truths[1]["gap_m"]
-    assert run([*command, "--count", "3", "--eye", "pig", *given]) == 0
-    assert "wrote" in capsys.readouterr().out
-    assert len(list((tmp_path / "eyes").iterdir())) == 3
-
-
-def test_workers_are_for_many_eyes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["phantom", "--out", str(tmp_path / "eye"), "--workers", "2"]) == 2
-    assert "--scheduler and --workers are for --count" in capsys.readouterr().err
-    assert run(["phantom", "--out", str(tmp_path), "--count", "2", "--workers", "2", "--scheduler", "tcp://x:1"]) == 2
-    assert "--scheduler has workers of its own" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import PATH, Quantity, chosen_workers, in_si, new_file, options
-from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, share_bar
+from scleraforce.cli.options import PATH, Quantity, in_si, new_file, options
+from scleraforce.cli.output import Command, Report, count_bar, share_bar
 from scleraforce.errors import StudyError
 from scleraforce.study import Study
 from scleraforce.study.fields import check_quantity
@@ -106,13 +106,9 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 
 
 @click.command(cls=Command)
-@click.option("--out", type=PATH, required=True, help="Recording folder to write; must not exist. With --count, the "
-              "folder of all recordings.")  # fmt: skip
+@click.option("--out", type=PATH, required=True, help="Recording folder to write; must not exist.")
 @options("study")
-@click.option("--eye", "name", help="Name of the eye; default: eye-1. With --count, the part before the number.")
-@click.option("--count", type=click.IntRange(1, 1_000_000), help="Number of eyes: contact, B-scan plane and thickness "
-              "of each are drawn from the study, unless an option gives them.")  # fmt: skip
-@options("scheduler", "workers", scheduler="Dask scheduler whose workers make the recordings of --count.")
+@click.option("--eye", "name", default="eye-1", show_default=True, help="Name of the eye.")
 @click.option("--forces-mn", "forces_n", type=_Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames per second of a moving needle: --forces-mn "
@@ -130,17 +126,7 @@ class _Forces(click.ParamType[tuple[float, ...]]):
               help="Tilt of the B-scan plane against the needle axis; default: 0.")  # fmt: skip
 @options("globe", "rigidity_pa13_per_m3", "mechanics", globe=GLOBE, rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Seed of all random choices; default: the study's.")
-def phantom(
-    out: Path,
-    study: Study,
-    name: str | None,
-    count: int | None,
-    scheduler: str | None,
-    workers: int | None,
-    forces_n: tuple[float, ...],
-    seed: int | None,
-    **values: Any,
-) -> Report:
+def phantom(out: Path, study: Study, name: str, forces_n: tuple[float, ...], seed: int | None, **values: Any) -> Report:
     """Make a virtual acquisition: raw B-scans, a force log, truth.json.
 
     [phantom] of the study has the ranges from which light, noise, shadows,
@@ -151,9 +137,6 @@ def phantom(
 
     A needle that a robot moves, at 100 frames a second:
     scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
-
-    Twenty eyes, in eyes/eye-1 to eyes/eye-20; the same command resumes an
-    interrupted run: scleraforce phantom --out eyes --count 20
     """
     import scleraforce as sf
     from scleraforce.notebook.virtual import declared, given
@@ -162,29 +145,9 @@ def phantom(
     moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s")})
     if moves and "rate_hz" not in moves:
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
-    if count is None and not (scheduler is None and workers is None):
-        raise click.UsageError("--scheduler and --workers are for --count: one eye is one process's work")
     eye, seed = given(**values), study.phantom.seed if seed is None else seed
-    if count is None:
-        eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
-        made = sf.phantom(
-            out, study, forces_n=forces_n, eye=name or "eye-1", seed=seed, counting=count_bar, **eye, **moves
-        )
-        wrote: dict[str, Any] = {"recording": str(out), "frames": len(made.frames)}
-    else:
-        from scleraforce.laboratory.phantom import Acquisition, acquire_all, sample_eyes
-        from scleraforce.study.unused import refuse_unused
-
-        refuse_unused(study, "phantom", study.mechanics.kind)
-        acquisition = Acquisition(forces_n, study, seed, **moves)
-        if "polar_angle_rad" in eye:
-            eye["polar_rad"] = eye.pop("polar_angle_rad")
-        eyes = sample_eyes(study, count, seed, name or "eye", eye)
-        with resumable_bar(out, "recordings", "eyes", count) as advance:
-            acquire_all(out, eyes, acquisition, workers=chosen_workers(scheduler, workers), progress=advance)
-        frames = sum(len(acquisition.plan(one).frames) for one in eyes)
-        wrote = {"recordings": [str(out / one.id) for one in eyes], "frames": frames}
+    eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
+    made = sf.phantom(out, study, forces_n=forces_n, eye=name, seed=seed, counting=count_bar, **eye, **moves)
+    wrote = {"recording": str(out), "frames": len(made.frames), "seed": seed}
     more = {"mechanics": study.mechanics.kind, "globe": study.globe.kind, "stiffening": study.tissue.stiffening}
-    recordings = "" if count is None else f"{count} recordings, "
-    line = f"wrote {out}: {recordings}{wrote['frames']} frames, seed {seed}"
-    return Report({**wrote, "seed": seed, **more}, [line])
+    return Report({**wrote, **more}, [f"wrote {out}: {len(made.frames)} frames, seed {seed}"])

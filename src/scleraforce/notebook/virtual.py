@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.phantom import Acquisition, write_phantom
+from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulate_eye, study_sections
 from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook import Counting, by_percent, check_rigidity, counting_for
@@ -150,9 +150,13 @@ def phantom(
         direction_rad=direction_rad,
         tilt_rad=tilt_rad,
     )
-    moves = given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s)
     seed = study.phantom.seed if seed is None else seed
-    plan = Acquisition(tuple(forces_n), study, seed, rate_hz=rate_hz, **moves).plan(pushed)
+    if rate_hz is None:
+        plan = plan_phantom(pushed, tuple(forces_n), study, seed)
+    else:
+        moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
+        moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s)
+        plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
         sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames are quick then
