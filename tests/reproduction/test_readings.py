@@ -15,9 +15,7 @@ from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import cut_sections
-from scleraforce.reader.metrics import Proportion
 from scleraforce.reproduction import readings, stages
-from scleraforce.reproduction.readings import LeftOut, read_left_out_file, write_left_out
 from scleraforce.reproduction.run import open_run
 from scleraforce.study import ClassesStudy, Study
 
@@ -69,9 +67,3 @@ def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_
     one, other = cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
     assert np.abs(one.outer - other.outer).max() < 1e-5
     assert np.abs(one.inner - other.inner).max() < 1e-5
-
-
-def test_results_survive_their_file(tmp_path: Path) -> None:
-    results = (LeftOut("eye-1", 0.25e6, Proportion(23, 25)), LeftOut("eye-2", 0.26e6, Proportion(0, 0)))
-    write_left_out(results, tmp_path / "left_out.json")
-    assert read_left_out_file(tmp_path / "left_out.json") == results

@@ -156,11 +156,6 @@ class Calibration:
         """Return b of the eyes' tissue: 1 + b is the geometric mean."""
         return float(np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound]))))
 
-    def left_out(self, eye_id: str) -> float:
-        """Return the population's mean without one eye, in Pa (that eye's own if it is the only one)."""
-        others = [eye.mean_pa for eye in self._sound if eye.id != eye_id]
-        return spread(others)[0] if others else self.population[0]
-
     @property
     def _sound(self) -> tuple[EyeCalibration, ...]:
         eyes = tuple(self.eyes.values())

@@ -18,7 +18,6 @@ from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.labels import label_frames
@@ -30,7 +29,6 @@ from scleraforce.report.frames import look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log
 from scleraforce.reproduction.bent_page import bent_section, eye_of
-from scleraforce.reproduction.readings import LeftOut, read_left_out_file
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
@@ -84,7 +82,6 @@ def write_reproduction_html(
         html.section("Training", html.paragraph(_training_words(reader, seconds)), drawn(_network_figure(reader)),
                 drawn(_training_figure(reader)), drawn(_montage_figure(run))),
         _reading(evaluation, to_the_bounds, drawn(forces_figure(evaluation))),
-        _left_out(read_left_out_file(run.left_out), evaluation),
         bent_section(run, bent_paper, bent_reader, drawn),
         _deviations(),
         html.section("Time and provenance", _times(seconds), html.provenance_table(run.study, reader)),
@@ -356,27 +353,6 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
         html.frame_table(evaluation, misread, "Misread trials.") if misread else html.paragraph("No trial was misread.")
     )
     return html.section("Reading the forces", mine, paper, gap, forces, missed)
-
-
-def _left_out(results: Sequence[LeftOut], evaluation: Evaluation) -> html.Html:
-    with_all = []
-    for one in results:
-        trials = [frame for frame in evaluation.scored if frame.eye == one.eye]
-        with_all.append(Proportion(sum(frame.answer.predicted == frame.target for frame in trials), len(trials)))
-    with_others = [one.accuracy for one in results]
-    rows: list[list[object]] = [
-        [one.eye, _mpa(one.youngs_modulus_pa), html.share(before), html.share(one.accuracy)]
-        for one, before in zip(results, with_all, strict=True)
-    ]
-    together = [Proportion(sum(p.hits for p in each), sum(p.total for p in each)) for each in (with_all, with_others)]
-    rows.append(["together", html.NOTHING, *(html.share(proportion) for proportion in together)])
-    words = (
-        "The mean modulus has seen the eyes that are read with it, here as in the paper. So each eye is read once more "
-        "with the mean of the others: the slices are labelled anew for that modulus, and a network is trained on them."
-    )
-    head = ["", "mean of the others in MPa", "read with the mean of all", "read with the mean of the others"]
-    caption = "Accuracy of each calibrated eye, with its 95 % Wilson interval."
-    return html.section("Each eye left out of the mean", html.paragraph(words), html.table(head, rows, caption))
 
 
 def _deviations() -> html.Html:

@@ -4,35 +4,28 @@ In linear mechanics the slice of a force F on a wall of modulus E equals the sli
 pressure and weight scale alike; they bend the wall far less than the needle does). So slices are labelled again for E'.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-
-import msgspec
-import numpy as np
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, calibration_as_json
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, paper_eyes
-from scleraforce.learning.classifier import TrainedNetwork, fit
-from scleraforce.learning.dataset import Dataset, open_dataset, read_population_modulus
-from scleraforce.learning.train import split_samples, train_classifier, train_reader
+from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.learning.train import train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.build import cached_library
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.report.frames import look_at_all
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
-from scleraforce.whole_files import KINDS, read_text, write_whole
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
 INTERVAL_EYES = 60  # at most: 20 of each kind of globe
@@ -113,50 +106,3 @@ def read_bent(run: Run, progress: Progress) -> tuple[Evaluation, Evaluation]:
         evaluate_recordings(load_model(path), paths, calibration, progress) for path in (run.bent_model, run.reader)
     )
     return paper, reader
-
-
-EPOCHS = 4  # at most: these networks answer a few frames each
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """An eye, the mean modulus of the others, and the share of its trials read right with it."""
-
-    eye: str
-    youngs_modulus_pa: float
-    accuracy: Proportion
-
-
-def read_left_out(
-    dataset: Dataset, calibration: Calibration, evaluation: Evaluation, progress: Callable[[int], None]
-) -> tuple[LeftOut, ...]:
-    """Read each eye's trials with a network for the mean modulus of the others; an unusable frame keeps its answer."""
-    network = replace(dataset.study.network, epochs=min(EPOCHS, dataset.study.network.epochs))
-    results = []
-    for eye in calibration.eyes:
-        modulus_pa = calibration.left_out(eye)
-        training, validation = split_samples(dataset, modulus_pa)
-        fitted = fit(network, training, validation, len(evaluation.bounds_n) + 1, progress)
-        results.append(LeftOut(eye, modulus_pa, _score(fitted.network, evaluation, eye, dataset)))
-    return tuple(results)
-
-
-def write_left_out(results: Sequence[LeftOut], path: Path) -> None:
-    """Write the results as JSON."""
-    write_whole(msgspec.json.encode(results), path)
-
-
-def read_left_out_file(path: Path) -> tuple[LeftOut, ...]:
-    """Read what `write_left_out` wrote."""
-    return msgspec.json.decode(read_text(path, KINDS["result"]), type=tuple[LeftOut, ...])
-
-
-def _score(network: TrainedNetwork, evaluation: Evaluation, eye: str, dataset: Dataset) -> Proportion:
-    trials = [frame for frame in evaluation.scored if frame.eye == eye]
-    readable = [frame for frame in trials if frame.answer.usable]
-    right = sum(frame.answer.predicted == frame.target for frame in trials if not frame.answer.usable)
-    if readable:
-        slices = np.stack([look.slice(dataset.study.slice) for look in look_at_all(readable)])
-        answers = network.probabilities(slices).argmax(axis=1)
-        right += sum(int(answer) == frame.target for answer, frame in zip(answers, readable, strict=True))
-    return Proportion(right, len(trials))

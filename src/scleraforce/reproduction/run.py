@@ -53,7 +53,6 @@ class Run:
         self.calibration = folder / "calibration.json"
         self.dataset = folder / "dataset"
         self.model = folder / "model"  # the paper's network
-        self.left_out = folder / "left_out.json"  # the answers with each eye left out of the mean modulus
         # The same for the eyes at finite strain: a calibration as the paper makes it, one on three frames of each eye,
         # and the paper's network for the linear modulus.
         self.bent_recordings = folder / "bent" / "recordings"

@@ -50,12 +50,6 @@ def reproduce(
             recordings = _recordings(run, folder)
             answers.append(evaluate_recordings(model, recordings, progress=progress))
 
-    def leave_out(run: Run, progress: Progress) -> None:
-        calibration = parse_calibration(open_calibration(run.calibration))
-        readings.write_left_out(
-            readings.read_left_out(open_dataset(run.dataset), calibration, answers[0], progress), run.left_out
-        )
-
     def read_bent(run: Run, progress: Progress) -> None:
         answers.extend(readings.read_bent(run, progress))
 
@@ -66,7 +60,6 @@ def reproduce(
     library = Stage("library", lambda _: plan_library(study).units, readings.run_library)
     reader_steps = study.reader.epochs + readings.interval_eyes(study)
     reader = Stage("train reader", lambda _: reader_steps, readings.train_force_reader, lambda run: run.reader)
-    left_out_epochs = readings.CALIBRATED_EYES * min(readings.EPOCHS, epochs)
     bent_answers = 2 * sum(len(forces_n) for _, forces_n in readings.bent_trials(study))
     stages = (
         Stage("phantom", _trials, _write_eyes, lambda run: run.recordings),
@@ -77,7 +70,6 @@ def reproduce(
               lambda run: run.dataset, resumes=True),
         Stage("train", lambda _: epochs, train, lambda run: run.model),
         Stage("evaluate", lambda run: 2 * _trials(run), evaluate),
-        Stage("leave out", lambda _: left_out_epochs, leave_out, lambda run: run.left_out),
         Stage("bend", lambda _: len(readings.bent_trials(study)), readings.bend_eyes, lambda run: run.bent_recordings),
         *([library] if run.train else []),
         Stage("calibrate bent", _bent_frames, readings.calibrate_bent, lambda run: run.bent_calibrations,
