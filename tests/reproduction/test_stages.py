@@ -171,13 +171,13 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
     out = tmp_path / "out"
     shutil.copytree(done[0], out)
     begun = json.loads((out / "reproduce.json").read_text())
-    for stage, result in (("train bent", "bent-model"), ("train reader", "reader")):
+    for stage, result in (("train bent", "bent/model"), ("train reader", "reader")):
         del begun["seconds"][stage]
-        (out / result).rename(tmp_path / result)
+        (out / result).rename(tmp_path / Path(result).name)
     (out / "reproduce.json").write_text(json.dumps(begun))
     command = [*SCLERAFORCE, "reproduce", "--out", str(out), "--study", str(study), "--json", "--train"]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while child.poll() is None and not (out / "bent-model").exists():
+    while child.poll() is None and not (out / "bent/model").exists():
         time.sleep(0.05)
     child.send_signal(signal.SIGINT)
     printed, said = child.communicate(timeout=120)
