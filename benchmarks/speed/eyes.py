@@ -11,7 +11,7 @@ from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.library import Library
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_READER
@@ -50,7 +50,7 @@ def _draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple
     unknown = np.zeros((1, len(NAMES)))
     unknown[0, [MODULUS, IOP, THICKNESS, GAP, DEPTH]] = log(modulus_pa), log(iop_pa), thickness_m, gap_m, 0.45e-3
     unknown[0, TIP] = library.tips(*wall, np.array([0.999 * largest * rng.random()]))[0]
-    curves = place_walls(Walls(library), unknown)[0]
+    curves = formed_wall(Walls(library), unknown[0])
     ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
     section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame

@@ -37,6 +37,41 @@ def compiled(loops: Loops) -> Loops:
     return cast(Loops, dispatcher)
 
 
+def compiled_part(loops: Loops) -> Loops:
+    """Return a function of loops that only other compiled functions call: it is compiled and cached within them."""
+    from numba import njit
+
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _part_compiler()}
+    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy", **options)(loops)
+    return cast(Loops, dispatcher)
+
+
+@cache
+def _part_compiler() -> Any:
+    """Return Numba's compiler of parts: LLVM optimises each only within its callers, not once more for every level."""
+    codegen, compiler = (_untyped(f"numba.core.{name}") for name in ("codegen", "compiler"))
+
+    class Part(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
+        def finalize(self) -> None:
+            for library in dict.fromkeys(self._linking_libraries):
+                self._reload_init.update(library._reload_init)
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            environments = [each.name for each in self._final_module.global_variables if "NumbaEnv" in each.name]
+            named = "\n".join(f'@"{name}" = common global i8* null' for name in environments)
+            self._codegen._add_module(codegen.ll.parse_assembly(named))
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+    class PartCompiler(compiler.Compiler):  # type: ignore[misc, name-defined]
+        def compile_extra(self, function: Any) -> Any:
+            target = self.state.targetctx.codegen()
+            self.state.library = Part(target, function.__qualname__)
+            self.state.library.enable_object_caching()
+            return super().compile_extra(function)
+
+    return PartCompiler
+
+
 @cache
 def _code_file() -> Any:
     """Return the class of a function's machine code on disk, which is loaded without the compiler's modules.

@@ -11,7 +11,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base import pole_direction
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
@@ -161,7 +161,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
         unknown[MODULUS], unknown[IOP] = np.log(eyes.modulus_pa[n]), np.log(ratio[0] * eyes.modulus_pa[n])
         for pole, shares in ((pole_direction(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
             unknown[POLE] = pole
-            placed = place_walls(Walls(library), unknown[None])[0]
+            placed = formed_wall(Walls(library), unknown)
             depths = np.stack([np.interp(column_laterals(SLICE), *curve.T) for curve in placed])
             expected = fill_boundaries(depths[None], SLICE)[0]
             shares.append((expected[1:38, 25:115] == drawn.slices[n][1:38, 25:115]).mean())

@@ -13,7 +13,7 @@ from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.contact import Contact, ScanPlane
@@ -90,9 +90,9 @@ def test_calibration_and_fit_see_the_same_section() -> None:
     lateral, constants, unknown = np.arange(-6e-3, 6.01e-3, 0.1e-3), stated(0.8), eye()
     model = calibrating(constants, lateral)
     theirs = model.curves([stated_wall(constants, 0.3e6, 1e-9, 0.6)])[0]
-    even = place_walls(Walls(model.library), unknown)[0]
+    even = formed_wall(Walls(model.library), unknown[0])
     unknown[0, at.POLE] = pole_direction(0.6, 0.8)
-    mine = place_walls(Walls(model.library), unknown)[0]
+    mine = formed_wall(Walls(model.library), unknown[0])
     for boundary in (0, 1):
         found, upright = (np.interp(lateral, *curves[boundary].T) for curves in (mine, even))
         np.testing.assert_allclose(found, theirs[boundary, :, 1], atol=3e-6)
@@ -105,9 +105,9 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
     shifted[0, [at.GAP, at.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
-    expected = place_walls(Walls(library), shifted)[0]  # this even wall has nothing else to move
+    expected = formed_wall(Walls(library), shifted[0])  # this even wall has nothing else to move
     unknown[0, at.POLE] = pole
-    found = place_walls(Walls(library), unknown)[0]
+    found = formed_wall(Walls(library), unknown[0])
     assert np.abs(pushed).min() > 20e-6
     lateral = np.linspace(-5e-3, 5e-3, 101)
     for mine, theirs in zip(found, expected, strict=True):

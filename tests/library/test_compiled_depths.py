@@ -1,18 +1,23 @@
 """The loops of the fit and of the library against oracles by arrays."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import log
+from typing import Any
 
 import fit_arrays
 import library_arrays
 import numpy as np
+import plain_fit
 import pytest
-from analytic_frames import BOTH, LATERAL_M, LIBRARY
+from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, known_eye, middling_eye, noisy_boundaries
 from analytic_library import bulging
 
-from scleraforce.known import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.known import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, KnownGlobe
+from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.placement import Places
-from scleraforce.library.prediction import Walls, law_slope, off_the_law, predict_wall
+from scleraforce.library.prediction import Walls, predict_wall
+from scleraforce.library.prior import prior_of
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, PRESSURE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.study.eye import RIGIDITY_LAWS
 
@@ -69,21 +74,44 @@ def test_derivatives_at_an_end_of_the_library_agree() -> None:
         np.testing.assert_allclose(loops.jacobian / scale, arrays.jacobian / scale, rtol=0, atol=5e-3)
 
 
-@pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_the_distance_from_the_law_and_its_slope_agree(law: str) -> None:
-    rng = np.random.default_rng(9)
-    unknown_su = np.stack([drawn(rng) for _ in range(30)])
-    walls, unknown = Walls(bulging(LIBRARY), replace(UNKNOWN, law=law)), unknown_su[0]
-    off, sd = fit_arrays.off_the_law(walls, unknown_su)
-    assert np.abs(off / sd).max() > 0.1
-    np.testing.assert_allclose(off_the_law(walls, unknown_su), off / sd, rtol=1e-6, atol=1e-9)
-    slope = law_slope(walls, unknown)
-    for place in (TIP, THICKNESS, MODULUS, IOP, SIZE, PRESSURE):
-        step = 1e-6 if place in (TIP, THICKNESS) else 1e-3
-        ends = np.stack([unknown, unknown])
-        ends[:, place] += -step, step
-        below, above = fit_arrays.off_the_law(walls, ends)[0] / sd[0]
-        assert slope[place] == pytest.approx((above - below) / (2.0 * step), rel=1e-3)
+LOGARITHMIC = replace(SEALED, law=RIGIDITY_LAWS[1])
+DISCREPANCY = ForceDiscrepancy(
+    level=0.05, growth=0.1, level_sd=0.02, growth_sd=0.1, correlation=0.5, level_by=(0.1, 0.05), growth_by=(0.0, 0.1)
+)
+
+
+@pytest.mark.parametrize("globe", [OPEN, UNKNOWN, LOGARITHMIC], ids=["open", "unknown", "logarithmic"])
+def test_the_fit_of_a_frame_is_the_same(globe: KnownGlobe) -> None:
+    rng, library = np.random.default_rng(5), bulging(LIBRARY)
+    for tip_m in (0.2e-3, 1.2e-3, 3.5e-3):
+        truth = middling_eye(tip_m, log_pressure=log(270.0 + 60e3 * tip_m), pole_along=-0.3, pole_across=0.2)
+        depth = noisy_boundaries(predict_wall(Walls(library, globe), truth, BOTH), 5e-6, rng)
+        depth[1, rng.random(len(LATERAL_M)) < 0.4] = np.nan
+        known = replace(known_eye(truth, globe), discrepancy=DISCREPANCY)
+        check_same(library, LATERAL_M, depth, prior_of(known, RANGES), 90e-6)
+
+
+def test_fits_in_several_threads_are_the_same_to_the_last_bit() -> None:
+    frames = [middling_eye(1e-3 * tip, pole_along=-0.1 * tip) for tip in (0.3, 0.8, 1.4, 2.0)]
+    depths = [predict_wall(Walls(LIBRARY, UNKNOWN), frame, BOTH).depth_m.reshape(2, -1) for frame in frames]
+
+    def fitted(number: int) -> list[np.ndarray]:
+        fit = fit_boundaries(LIBRARY, LATERAL_M, depths[number], prior_of(known_eye(frames[number], UNKNOWN), RANGES))
+        assert fit is not None
+        return [fit.unknown, fit.sd, fit.draws_n, fit.wall_bmc]
+
+    alone = [fitted(number) for number in range(4)]
+    with ThreadPoolExecutor(4) as threads:
+        for number, together in enumerate(threads.map(fitted, [0, 1, 2, 3] * 5)):
+            for one, other in zip(alone[number % 4], together, strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+def check_same(*frame: Any) -> None:
+    arrays, loops = plain_fit.fit(*frame), fit_boundaries(*frame)
+    assert loops is not None
+    for name, value in vars(arrays).items():
+        np.testing.assert_allclose(getattr(loops, name), value, rtol=2e-5, atol=1e-8, err_msg=name)
 
 
 def states(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

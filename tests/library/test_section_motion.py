@@ -7,7 +7,7 @@ from analytic_library import RADIUS_M, analytic_library, bulging
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
 from scleraforce.library.placement import Places, curve_depths
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.sections import section_motion
 from scleraforce.library.slices import Framing, column_laterals, wall_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
@@ -23,7 +23,7 @@ def seen_by_the_fit(library: Library, unknown: np.ndarray) -> np.ndarray:
     """The depths in the columns that the fit predicts (boundary, column)."""
     walls = Walls(library, gap_m=unknown[GAP], thickness_m=unknown[THICKNESS])
     both = Places(np.concatenate([COLUMNS, COLUMNS]), np.repeat([0, 1], len(COLUMNS)))
-    depth, _, _ = curve_depths(place_walls(walls, unknown[None])[0], both)
+    depth, _, _ = curve_depths(formed_wall(walls, unknown), both)
     return depth.reshape(2, -1)
 
 
@@ -40,15 +40,6 @@ def drawn(seed: int, tension: float) -> np.ndarray:
     unknown[:, IOP] = np.log(tension * 0.3e6 * unknown[:, THICKNESS] / np.exp(unknown[:, SIZE]) / RADIUS_M)
     unknown[:, POLE] = pole_directions(np.radians(rng.uniform(20.0, 55.0, COUNT)), rng.uniform(-np.pi, np.pi, COUNT))
     return unknown
-
-
-def test_walls_that_are_placed_together_are_those_placed_alone() -> None:
-    walls, unknown = Walls(bulging(analytic_library())), drawn(7, 0.3)[:4]
-    unknown[:, [LATERAL, DEPTH, ROTATION]] = unknown[0, [LATERAL, DEPTH, ROTATION]]
-    assert unknown[:, POLE].any()
-    alone = np.stack([place_walls(walls, one[None])[0] for one in unknown])
-    np.testing.assert_array_equal(place_walls(walls, unknown), alone)
-    assert np.abs(alone[1] - alone[0]).max() > 1e-5
 
 
 @pytest.mark.parametrize(("tension", "median_m", "nearly_all_m"), [(0.02, 0.5e-6, 3e-6), (0.05, 2e-6, 8e-6)])

@@ -4,12 +4,11 @@ import numpy as np
 from library_arrays import values_at
 from numpy.typing import NDArray
 
-from scleraforce.library import prediction, unknowns as at
-from scleraforce.library.base import base_push
-from scleraforce.library.fit_loops import Rings
+from scleraforce.library import unknowns as at
+from scleraforce.library.base import base_push, section_places
+from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
 from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
-from scleraforce.library.prediction import LEAST_SD, Walls, shining
-from scleraforce.library.responses import Library
+from scleraforce.library.prediction import Walls, law_of, shining
 
 Array = NDArray[np.float64]
 
@@ -24,7 +23,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         jacobian[:, place] = (_shown(walls, moved, unknown, places)[0] - depth) / (moved[place] - unknown[place])
     pose = unknown[at.LATERAL], unknown[at.DEPTH]
     jacobian[:, [at.LATERAL, at.DEPTH, at.ROTATION]] = np.stack(pose_derivatives(places, depth, slope, pose), axis=1)
-    jacobian[:, at.MODULUS] = -jacobian[:, walls.pressure]
+    jacobian[:, at.MODULUS] = -jacobian[:, law_of(walls.globe).pressure]
     jacobian[:, at.SIZE] = depth - unknown[at.DEPTH] - slope * (places.lateral_m - unknown[at.LATERAL])
     for place in (at.TIP, at.GAP, at.THICKNESS):
         jacobian[:, at.SIZE] -= unknown[place] * jacobian[:, place]
@@ -43,31 +42,38 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Depths and slopes of an even wall at places, and whether they are reached."""
     state, size, pole = (
-        prediction._library_place(walls, unknown[None]),
+        library_place(walls, unknown[None]),
         np.exp(unknown[at.SIZE]),
         unknown[None, at.POLE],
     )
     library = walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(library, walls.rings, state, pole) * size)
+    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(walls, state, pole) * size)
     outer, inner = place_curves(section, pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])[0]
     parts = smoothed(outer, places), depths_along(inner, places.lateral_m[places.outer :])
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     return depth, slope, seen
 
 
-def ring_motion(library: Library, rings: Rings, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+def ring_motion(walls: Walls, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
     """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
 
-    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each. The motion is
+    straight between places of the section.
     """
-    thickness, ratio, _ = place
-    bulge = library.base_bulge(thickness, ratio, rings.places, pole_s2)
+    library, (thickness, ratio, _) = walls.library, place
+    angles, is_inner = library.node_angles(), np.array([[0], [1]])
+    stations = np.sin(angles[-1]) * np.linspace(-1.0, 1.0, 2 * int(np.ceil(angles[-1] / STATION_RAD)) + 3)
+    across = walls.gap_m / (library.radius_m - is_inner * walls.thickness_m)
+    rings = np.sqrt(np.maximum(np.sin(angles) ** 2 - across**2, 0.0))
+    wanted = np.concatenate([-rings, rings], axis=1)
+    left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
+    share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
+    bulge = library.base_bulge(thickness, ratio, section_places(stations, across), pole_s2)
     pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
     bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
-    is_inner = np.array([[0], [1]])
-    low, high = bulge[:, is_inner, rings.left], bulge[:, is_inner, rings.left + 1]
-    at_rings: Array = low + rings.share[..., None] * (high - low)
+    low, high = bulge[:, is_inner, left], bulge[:, is_inner, left + 1]
+    at_rings: Array = low + share[..., None] * (high - low)
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
@@ -140,12 +146,12 @@ def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
     """Steps of the unknowns that move a wall; steps that would leave the library go the other way."""
     library, size = walls.library, np.exp(unknown[at.SIZE])
     thickness = unknown[at.THICKNESS] / size
-    beyond = np.exp(unknown[walls.pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
+    beyond = np.exp(unknown[law_of(walls.globe).pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
     outside = {
         at.TIP: unknown[at.TIP] / size + at.TIP_STEP_M > library.tip_m[-1],
         at.GAP: False,
         at.THICKNESS: thickness + at.THICKNESS_STEP_M > library.thickness_m[-1],
-        walls.pressure: beyond > library.iop_ratio_ends(thickness)[1],
+        law_of(walls.globe).pressure: beyond > library.iop_ratio_ends(thickness)[1],
         at.POLE.start: unknown[at.POLE.start] > 0.0,
         at.POLE.start + 1: unknown[at.POLE.start + 1] > 0.0,
     }
@@ -155,11 +161,29 @@ def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
 
 def off_the_law(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
     """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
-    known, library = walls.globe, walls.library
-    volume = np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
-        library, library.tables.volumes, *prediction._library_place(walls, unknown_su)
-    )
+    known, volume = walls.globe, displaced_m3(walls, unknown_su)
     mean, spread = known.globe(known.mean), known.globe(known.sd)
     pressure, resting = np.exp(unknown_su[:, at.PRESSURE]), np.exp(unknown_su[:, at.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
     return off, np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)
+
+
+def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
+    """Return the volume that the dent displaces, (sample,), m^3."""
+    library, state = walls.library, library_place(walls, unknown_su)
+    return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(library, library.tables.volumes, *state)
+
+
+def library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
+    """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
+    library, size = walls.library, np.exp(unknown_su[:, at.SIZE])
+    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    ratio = np.exp(unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, at.MODULUS])
+    tip_m = np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1])
+    return thickness, np.clip(ratio, *library.iop_ratio_ends(thickness)), tip_m
+
+
+def force_n(walls: Walls, unknown_su: Array) -> Array:
+    """Return the needle's force (sample,), N."""
+    state = library_place(walls, unknown_su)
+    return np.exp(unknown_su[:, at.MODULUS] + 2.0 * unknown_su[:, at.SIZE]) * walls.library.forces(*state)

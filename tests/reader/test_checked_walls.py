@@ -31,7 +31,7 @@ from scleraforce.cli.main import run
 from scleraforce.known import known_of_recording
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_classifier, load_force_reader
@@ -174,7 +174,7 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         unknown = np.zeros(len(NAMES))
         unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = dent_mm * 1e-3, 0.3e-3, 0.5e-3, GAP_M, THICKNESS_M
         unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
-        frames.append(image(Section(*place_walls(walls, unknown[None])[0])))
+        frames.append(image(Section(*formed_wall(walls, unknown))))
     frames.append(np.random.default_rng(0).integers(0, 4096, frames[0].shape, dtype=np.uint16))
     for file, frame in zip(FILES, frames, strict=True):
         assert cv2.imwrite(str(folder / "frames" / file), frame)

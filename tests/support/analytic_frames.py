@@ -14,7 +14,7 @@ from scleraforce.laboratory.light import BscanOptics, NeedleShaft, Pose, sample_
 from scleraforce.laboratory.scanner_display import ImagedEye
 from scleraforce.library import unknowns as at
 from scleraforce.library.placement import Placed, Places
-from scleraforce.library.prediction import Walls, place_walls
+from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.prior import SHINE_MEAN_M
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
@@ -48,7 +48,7 @@ def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3
     unknown = np.zeros(len(at.NAMES))
     unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
     unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
-    curves = place_walls(Walls(LIBRARY), unknown[None])[0]
+    curves = formed_wall(Walls(LIBRARY), unknown)
     return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
 
 

@@ -1,6 +1,6 @@
 """Compiled loops: the depths that a frame shows of a library's wall, their derivatives, and the law of its globe.
 
-`tests/oracles/fit_arrays.py` does the same by arrays.
+Nodes of a wall far beyond the frame are left out. `tests/oracles/fit_arrays.py` does the same by arrays.
 """
 
 from typing import NamedTuple
@@ -8,354 +8,139 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import compiled
+from scleraforce.compiled import compiled, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
 from scleraforce.library.sealed import level_of
 from scleraforce.library.splines import SUPPORT
-from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_at
+from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_of
 
 Floats = NDArray[np.float64]
-Curves = NDArray[np.float32]
 Integers = NDArray[np.intp]
+Vector = tuple[float, float, float]
 
 LEAST_NORM = 1e-9
 GAUSS_HERMITE = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0  # places, weights
+STATION_RAD = 0.04  # between the places of a section at which the base's effect is computed
+SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
+SPARE_DENTED_M = 0.1e-3
+ALONG, ACROSS = at.POLE.start, at.POLE.start + 1
+LEFT, RIGHT, WEDGE = at.FORM.start, at.FORM.start + 3, at.FORM.start + 6
+UP = (0.0, 0.0, 1.0)
 
 
-class States(NamedTuple):
-    """States of walls in the library's own size, (wall,) each; the pole's direction (wall, 2); and all walls' pose.
+class Scene(NamedTuple):
+    """A library, the index of the pressure under the needle, places on a frame, and where its plane meets the rings.
 
-    `curves_of` and `motion_of`: the wall whose curves, and whose motion under the pressure, each has: itself, or one
-    before it.
+    `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as in `placement.Places`.
+    `stations` (boundary, station, 3): unit vectors to places of the section at rest, where the base's effect is found;
+    `about_needle`: the same about the needle axis (`_turn`). A ring (boundary, left nodes and right ones), from the
+    axis outwards on either side, lies between the station `left` and the next one, by `share` of the way.
     """
 
-    thickness_m: Floats
-    iop_ratio: Floats
-    tip_m: Floats
-    size: Floats
-    gap_m: Floats
-    pole: Floats
-    curves_of: Integers
-    motion_of: Integers
-    lateral_m: float
-    depth_m: float
-    rotation_rad: float
-
-
-class Rings(NamedTuple):
-    """The crossings of sections and the library's rings, and places at which the base's effect is computed.
-
-    `places` (boundary, place, 3): unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary,
-    left nodes and right ones), from the axis outwards on either side, lies between the place `left` and the next one,
-    by `share` of the way.
-    """
-
-    places: Floats
+    tables: SplineTables
+    pressure: int
+    at_m: Floats
+    outer: int
+    smoothing_m: float
+    stations: Floats
+    about_needle: Floats
     left: Integers
     share: Floats
+    sines: Floats
+    cosines: Floats
 
 
-@compiled
-def depths_of_walls(
-    tables: SplineTables,
-    rings: Rings,
-    states: States,
-    at_m: Floats,
-    outer: int,
-    smoothing_m: float,
-    depth_m: Floats,
-    slope: Floats,
-    reached: NDArray[np.bool_],
-) -> None:
-    """Write the depths of walls at places, which go from the left on either boundary, (wall, place), m.
+class Wall(NamedTuple):
+    """A wall of the library: its curves (boundary, node, 2), and the motion of its rings (boundary, ring, 3).
 
-    Of the first wall also the slope and whether it is reached (place,).
-    """
-    walls, nodes = len(states.tip_m), tables.curves.shape[1] // 4
-    shapes = _empty_shapes(tables, walls)
-    lateral, down = np.empty(2 * nodes), np.empty(2 * nodes)
-    slope_at, reached_at = np.empty(len(at_m)), np.empty(len(at_m), dtype=np.bool_)
-    for wall in range(walls):
-        _find_shape(tables, rings, states, wall, shapes)
-        for boundary in range(2):
-            _place(states, wall, boundary, shapes, lateral, down)
-            length = _without_folds(lateral, down)
-            part = slice(0, outer) if boundary == 0 else slice(outer, len(at_m))
-            _depths_along(
-                lateral[:length], down[:length], at_m[part], smoothing_m if boundary == 0 else 0.0,
-                depth_m[wall, part], slope_at[part], reached_at[part],
-            )  # fmt: skip
-        if wall == 0:
-            slope[:], reached[:] = slope_at, reached_at
-
-
-@compiled
-def sections_of_walls(tables: SplineTables, rings: Rings, states: States, placed: Floats) -> None:
-    """Write the two boundaries of walls in the frame, (wall, boundary, 2 node, [lateral, depth]), m."""
-    lateral, down = np.empty(placed.shape[2]), np.empty(placed.shape[2])
-    shapes = _empty_shapes(tables, len(placed))
-    for wall in range(len(placed)):
-        _find_shape(tables, rings, states, wall, shapes)
-        for boundary in range(2):
-            _place(states, wall, boundary, shapes, lateral, down)
-            placed[wall, boundary, :, 0], placed[wall, boundary, :, 1] = lateral, down
-
-
-class _Shapes(NamedTuple):
-    """Curves of walls (wall, boundary, node, 2), motions of their rings (wall, boundary, ring, 3), and base's push.
-
-    `pushed` (wall, 2); `rows` and `weights` belong to the last wall's state.
+    `meridian` (boundary, node, [away, up]) is its motion under the pressure alone, `turned` its stations about the
+    eye's axis (`_turn`), `pushed` (2,) the base's push. The rest is workspace: rows and weights of its state, motions
+    of stations (station, 3), and the section (2 node,) with its slopes.
     """
 
-    curves: Floats
-    motions: Floats
+    curve: Floats
+    motion: Floats
+    meridian: Floats
+    turned: Floats
     pushed: Floats
     rows: Integers
     weights: Floats
+    moved: Floats
+    lateral: Floats
+    down: Floats
+    steep: Floats
 
 
-@compiled
-def _empty_shapes(tables: SplineTables, walls: int) -> _Shapes:
+class Depths(NamedTuple):
+    """The depths of a wall at places (place,): of an even wall, `even_m` and `even_slope`, and with form and shine."""
+
+    even_m: Floats
+    even_slope: Floats
+    depth_m: Floats
+    slope: Floats
+    seen: NDArray[np.bool_]
+    jacobian: Floats
+
+
+@compiled_part
+def scene_of(
+    tables: SplineTables, pressure: int, places: tuple[Floats, int, float], gap_m: float, thickness_m: float
+) -> Scene:
+    """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`, `outer` and `smoothing_m`."""
     nodes = tables.curves.shape[1] // 4
-    return _Shapes(
-        np.empty((walls, 2, nodes, 2)), np.empty((walls, 2, 2 * nodes, 3)), np.empty((walls, 2)),
-        np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
+    count, sines = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1, np.sin(tables.angles)
+    along = sines[nodes - 1] * (np.arange(2 * count + 1) / count - 1.0)
+    stations, about_needle = np.empty((2, len(along), 3)), np.empty((2, len(along), 5))
+    left, share = np.empty((2, 2 * nodes), dtype=np.intp), np.empty((2, 2 * nodes))
+    for boundary in range(2):
+        across = gap_m / (tables.radius_m - boundary * thickness_m)
+        stations[boundary, :, 0], stations[boundary, :, 1] = along, across
+        stations[boundary, :, 2] = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
+        for ring in range(2 * nodes):
+            wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (-1.0 if ring < nodes else 1.0)
+            station = _before(along, wanted)
+            left[boundary, ring] = station
+            share[boundary, ring] = (wanted - along[station]) / (along[station + 1] - along[station])
+    _turn(stations, tables.angles, UP, about_needle)
+    at_m, outer, smoothing_m = places
+    cosines = np.cos(tables.angles)
+    return Scene(
+        tables, pressure, at_m, outer, smoothing_m, stations, about_needle, left, share, sines, cosines
     )  # fmt: skip
 
 
-@compiled
-def _find_shape(tables: SplineTables, rings: Rings, states: States, wall: int, shapes: _Shapes) -> None:
-    rows, weights = shapes.rows, shapes.weights
-    state_weights(tables, states.thickness_m[wall], states.iop_ratio[wall], states.tip_m[wall], rows, weights)
-    if states.curves_of[wall] == wall:
-        curves_at(tables.curves, rows, weights, shapes.curves[wall].reshape(tables.curves.shape[1]))
-    if states.motion_of[wall] == wall:
-        _motion(tables, rings, states, wall, shapes.motions[wall])
-    pushed = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * value_at(tables.forces, rows, weights)
-    shapes.pushed[wall] = states.pole[wall] * (pushed / states.thickness_m[wall])
+@compiled_part
+def _before(nodes: Floats, place: float) -> int:
+    """Return the last of increasing nodes below a place, which has a next one.
 
-
-@compiled
-def _place(states: States, wall: int, boundary: int, shapes: _Shapes, lateral: Floats, down: Floats) -> None:
-    """Write a boundary of a wall in the frame, (2 node,)."""
-    curve, motion = shapes.curves[states.curves_of[wall], boundary], shapes.motions[states.motion_of[wall], boundary]
-    _cut(curve, motion, shapes.pushed[wall], states.size[wall], states.gap_m[wall], lateral, down)
-    c, s = np.cos(states.rotation_rad), np.sin(states.rotation_rad)
-    for node in range(len(lateral)):
-        across, deep = lateral[node], down[node]
-        lateral[node] = c * across - s * deep + states.lateral_m
-        down[node] = s * across + c * deep + states.depth_m
-
-
-@compiled
-def _motion(tables: SplineTables, rings: Rings, states: States, wall: int, motion: Floats) -> None:
-    """Write how the pressure moves the rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
-    nodes, places = len(tables.angles), rings.places.shape[1]
-    meridian, at_places = np.empty((2, nodes, 2)), np.empty((places, 3))
-    undented_at(tables, states.thickness_m[wall], states.iop_ratio[wall], meridian.reshape(4 * nodes))
-    along, across = states.pole[wall]
-    upright = np.sqrt(max(1.0 - along**2 - across**2, 0.0))
-    for boundary in range(2):
-        radius_m = tables.radius_m - boundary * states.thickness_m[wall]
-        for node in range(nodes):
-            meridian[boundary, node, 0] -= radius_m * np.sin(tables.angles[node])
-            up = tables.radius_m - meridian[boundary, node, 1]
-            meridian[boundary, node, 1] = up - radius_m * np.cos(tables.angles[node])
-        at_places[:] = 0.0
-        for place in range(places):
-            at = rings.places[boundary, place]
-            _add_motion(meridian[boundary], tables.angles, (along, across, upright), 1.0, at, at_places[place])
-            _add_motion(meridian[boundary], tables.angles, (0.0, 0.0, 1.0), -1.0, at, at_places[place])
-        for ring in range(motion.shape[1]):
-            left, share = rings.left[boundary, ring], rings.share[boundary, ring]
-            for part in range(3):
-                low, high = at_places[left, part], at_places[left + 1, part]
-                motion[boundary, ring, part] = low + share * (high - low)
-            motion[boundary, ring, 2] *= -1.0
-
-
-@compiled
-def _add_motion(
-    meridian: Floats, angles: Floats, axis: tuple[float, float, float], sign: float, at: Floats, total: Floats
-) -> None:
-    """Add the motion of a place of a wall about an axis, given along its meridian (node, [away, up])."""
-    along = at[0] * axis[0] + at[1] * axis[1] + at[2] * axis[2]
-    x, y, z = at[0] - along * axis[0], at[1] - along * axis[1], at[2] - along * axis[2]
-    norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
-    angle = min(max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1])
-    # Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
-    node, after = 0, len(angles) - 1
+    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
+    """
+    node, after = 0, len(nodes) - 1
     while after - node > 1:
         middle = (node + after) // 2
-        if angles[middle] < angle:
+        if nodes[middle] < place:
             node = middle
         else:
             after = middle
-    share = (angle - angles[node]) / (angles[node + 1] - angles[node])
-    outwards = sign * (meridian[node, 0] + share * (meridian[node + 1, 0] - meridian[node, 0])) / norm
-    up = sign * (meridian[node, 1] + share * (meridian[node + 1, 1] - meridian[node, 1]))
-    total[0] += outwards * x + up * axis[0]
-    total[1] += outwards * y + up * axis[1]
-    total[2] += outwards * z + up * axis[2]
+    return node
 
 
-@compiled
-def _cut(
-    curve: Floats, moved: Floats, pushed: Floats, size: float, gap_m: float, lateral: Floats, down: Floats
-) -> None:
-    """Write where the plane meets a boundary (node, 2), left side first, (2 node,)."""
-    nodes = len(curve)
-    squares = np.empty(nodes)
-    for side in range(2):
-        ring = side * nodes
-        first = nodes
-        for node in range(nodes):
-            gap = gap_m - size * (moved[ring + node, 1] + pushed[1])
-            squares[node] = (size * curve[node, 0]) ** 2 - gap**2
-            if squares[node] > 0.0 and first == nodes:
-                first = node
-        beyond, first = first, first % nodes
-        before = max(first - 1, 0)
-        share = 1.0
-        if first > 0:
-            share = min(max(-squares[before] / max(squares[first] - squares[before], 1e-30), 0.0), 1.0)
-        middle = size * curve[before, 1]
-        middle += share * (size * curve[first, 1] - middle)
-        for node in range(nodes):
-            near = ring + max(node, first)
-            across = np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
-            deep = size * curve[node, 1] if node >= beyond else middle
-            place = nodes + node if side else nodes - 1 - node
-            lateral[place] = (across if side else -across) + size * (moved[near, 0] + pushed[0])
-            down[place] = deep + size * moved[near, 2]
+@compiled_part
+def empty_wall(scene: Scene) -> Wall:
+    """Return a wall without values."""
+    nodes, stations = scene.tables.curves.shape[1] // 4, scene.stations.shape[1]
+    return Wall(
+        np.empty((2, nodes, 2)), np.zeros((2, 2 * nodes, 3)), np.empty((2, len(scene.sines), 2)),
+        np.empty((2, stations, 5)), np.zeros(2), np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
+        np.empty((stations, 3)), np.empty(2 * nodes), np.empty(2 * nodes), np.empty(2 * nodes),
+    )  # fmt: skip
 
 
-@compiled
-def _without_folds(lateral: Floats, down: Floats) -> int:
-    """Move the points that lie ahead of all before to the front; return their number."""
-    length = 1
-    for node in range(1, len(lateral)):
-        if lateral[node] > lateral[length - 1]:
-            lateral[length], down[length] = lateral[node], down[node]
-            length += 1
-    return length
-
-
-@compiled
-def _depths_along(
-    lateral: Floats,
-    down: Floats,
-    at_m: Floats,
-    smoothing_m: float,
-    depth_m: Floats,
-    slope: Floats,
-    reached: NDArray[np.bool_],
-) -> None:
-    """Write depth, slope and whether it is reached, of a polyline under a Gaussian (`placement.curve_depths`)."""
-    if len(lateral) == 1:
-        depth_m[:], slope[:], reached[:] = down[0], 0.0, False
-        return
-    depth_m[:], slope[:] = 0.0, 0.0
-    for place in range(len(at_m)):
-        reached[place] = lateral[0] <= at_m[place] <= lateral[-1]
-    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
-        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
-        segment = 0
-        for place in range(len(at_m)):
-            at = at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
-            while segment < len(lateral) - 2 and lateral[segment + 1] < at:
-                segment += 1
-            steep = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment])
-            depth_m[place] += weight * (down[segment] + steep * (at - lateral[segment]))
-            slope[place] += weight * steep
-
-
-ALONG, ACROSS = at.POLE.start, at.POLE.start + 1
-LEFT, RIGHT, WEDGE = at.FORM.start, at.FORM.start + 3, at.FORM.start + 6
-CURVES_OF, MOTION_OF = at.SAME_CURVES_AND_MOTION.astype(np.intp)
-
-
-class Law(NamedTuple):
-    """The law of a globe that may be sealed: the rates of its mean rigidity and of its standard deviation.
-
-    `least_sd` is relative, of the pressure that the law gives.
-    """
-
-    is_logarithmic: bool
-    mean_rate: float
-    spread_rate: float
-    least_sd: float
-
-
-@compiled
-def off_the_laws(tables: SplineTables, law: Law, unknown_su: Floats, off: Floats, sd: Floats) -> None:
-    """Write how far level(P) is off its mean, and its standard deviation (sample,) (`globe_term`)."""
-    rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
-    for sample in range(len(off)):
-        unknown = unknown_su[sample]
-        thickness, ratio, tip = _library_place(tables, unknown, at.PRESSURE)
-        state_weights(tables, thickness, ratio, tip, rows, weights)
-        volume = np.exp(3.0 * unknown[at.SIZE]) * value_at(tables.volumes, rows, weights)
-        pressure, resting = np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
-        risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
-        slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure
-        off[sample] = risen - law.mean_rate * volume
-        sd[sample] = np.hypot(law.spread_rate * volume, law.least_sd * slope)
-
-
-@compiled
-def predict(
-    tables: SplineTables,
-    rings: Rings,
-    unknown: Floats,
-    pressure: int,
-    at_m: Floats,
-    outer: int,
-    smoothing_m: float,
-    depth_m: Floats,
-    slope: Floats,
-    jacobian: Floats,
-    seen: NDArray[np.bool_],
-) -> None:
-    """Write the prediction at places (`placement.Placed`); `pressure`: index of the pressure under the needle."""
-    moving = np.array([at.TIP, at.GAP, at.THICKNESS, pressure, ALONG, ACROSS])
-    moved = np.empty(len(moving))
-    varied = np.empty((len(moving) + 1, len(unknown)))
-    varied[:] = unknown
-    for number in range(len(moving)):
-        place = moving[number]
-        varied[number + 1, place] += _step(tables, unknown, place, pressure)
-        moved[number] = varied[number + 1, place] - unknown[place]
-    depths = np.empty((len(varied), len(at_m)))
-    depths_of_walls(tables, rings, _states(tables, varied, pressure), at_m, outer, smoothing_m, depths, slope, seen)
-    jacobian[:] = 0.0
-    for place in range(len(at_m)):
-        is_inner = 0.0 if place < outer else 1.0
-        across, deep = at_m[place] - unknown[at.LATERAL], depths[0, place]
-        formed, form_slope = _form(unknown, across, is_inner, jacobian[place])
-        row, steep = jacobian[place], slope[place]
-        by_size = deep - unknown[at.DEPTH] - steep * across
-        for number in range(len(moving)):
-            row[moving[number]] = (depths[number + 1, place] - deep) / moved[number]
-        for number in (at.TIP, at.GAP, at.THICKNESS):
-            by_size -= unknown[number] * row[number]
-        row[at.MODULUS], row[at.SIZE], row[at.INNER_OFFSET] = -row[pressure], by_size, is_inner
-        row[at.LATERAL], row[at.DEPTH] = -steep - form_slope, 1.0
-        row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
-        slope[place] = steep + form_slope
-        shine = (1.0 - is_inner) * np.exp(-((slope[place] / at.SHINING_SLOPE) ** 2))
-        row[at.SHINE] = -shine
-        if not seen[place]:
-            row[:] = 0.0
-        depth_m[place] = deep + unknown[at.INNER_OFFSET] * is_inner + formed - unknown[at.SHINE] * shine
-
-
-@compiled
-def _library_place(tables: SplineTables, unknown: Floats, pressure: int) -> tuple[float, float, float]:
-    """Return thickness, pressure over E and tip in the library's own size (`prediction`)."""
-    size = np.exp(unknown[at.SIZE])
-    low, high = tables.thickness_ends_m
+@compiled_part
+def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vector:
+    """Return thickness, pressure over E and tip in the library's own size, kept within its ranges."""
+    size, (low, high) = np.exp(unknown[at.SIZE]), tables.thickness_ends_m
     thickness = min(max(unknown[at.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
     least, most = tables.tension_ends[0] * per_tension, tables.tension_ends[1] * per_tension
@@ -363,26 +148,260 @@ def _library_place(tables: SplineTables, unknown: Floats, pressure: int) -> tupl
     return thickness, ratio, min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
 
 
-@compiled
-def _states(tables: SplineTables, varied: Floats, pressure: int) -> States:
-    """Return walls as `depths_of_walls` takes them, all at the first one's pose."""
-    walls = len(varied)
-    thickness, ratio, tip, size = np.empty(walls), np.empty(walls), np.empty(walls), np.empty(walls)
-    for wall in range(walls):
-        thickness[wall], ratio[wall], tip[wall] = _library_place(tables, varied[wall], pressure)
-        size[wall] = np.exp(varied[wall, at.SIZE])
-    return States(
-        thickness, ratio, tip, size, varied[:, at.GAP].copy(), varied[:, ALONG : ACROSS + 1].copy(),
-        CURVES_OF, MOTION_OF, varied[0, at.LATERAL], varied[0, at.DEPTH], varied[0, at.ROTATION],
-    )  # fmt: skip
+@compiled_part
+def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
+    """Write the wall of unknowns up to `count` nodes."""
+    state, axis = library_place(scene.tables, unknown, scene.pressure), _axis(unknown)
+    find_curve(scene.tables, state, count, wall, 2)
+    _find_push(scene.tables, state, unknown, wall.pushed)
+    wall.motion[:] = 0.0
+    if axis[2] < 1.0:
+        _find_meridian(scene, state, wall.meridian)
+        _turn(scene.stations, scene.tables.angles, axis, wall.turned)
+        _move(scene, wall.meridian, wall.turned, axis, count, wall.moved, wall.motion)
 
 
-@compiled
-def _step(tables: SplineTables, unknown: Floats, place: int, pressure: int) -> float:
+@compiled_part
+def _axis(unknown: Floats) -> Vector:
+    """Return the eye's axis."""
+    return unknown[ALONG], unknown[ACROSS], np.sqrt(max(1.0 - unknown[ALONG] ** 2 - unknown[ACROSS] ** 2, 0.0))
+
+
+@compiled_part
+def find_curve(tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int) -> None:
+    """Write the first nodes of the curves of a state, of the outer boundary or of both."""
+    state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
+    for boundary in range(boundaries):
+        first, curve = 2 * wall.curve.shape[1] * boundary, wall.curve[boundary, :count].reshape(2 * count)
+        curves_at(tables.curves, wall.rows, wall.weights, first, curve)
+
+
+@compiled_part
+def _find_push(tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats) -> None:
+    """Write the push of the base at a state (`base.base_push`)."""
+    force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
+    pushed[:] = unknown[ALONG:] * (SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0])
+
+
+@compiled_part
+def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
+    """Write how the pressure alone moves a wall (boundary, node, [away from the axis, up])."""
+    undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
+    for boundary in range(2):
+        radius_m, way = scene.tables.radius_m - boundary * state[0], meridian[boundary]
+        for node in range(len(way)):
+            way[node, 0] -= radius_m * scene.sines[node]
+            way[node, 1] = scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
+
+
+@compiled_part
+def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
+    """Write where stations lie about an axis (boundary, station, 5).
+
+    Each lies on the meridian between a node and the next one by a share; then follows its unit vector from the axis.
+    """
+    for boundary in range(2):
+        for place in range(stations.shape[1]):
+            x, y, z = stations[boundary, place]
+            along = x * axis[0] + y * axis[1] + z * axis[2]
+            x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+            norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
+            angle = min(max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1])
+            node, turn = _before(angles, angle), turned[boundary, place]
+            turn[0], turn[1] = node, (angle - angles[node]) / (angles[node + 1] - angles[node])
+            turn[2], turn[3], turn[4] = x / norm, y / norm, z / norm
+
+
+@compiled_part
+def _move(
+    scene: Scene, meridian: Floats, turned: Floats, axis: Vector, count: int, moved: Floats, motion: Floats
+) -> None:
+    """Write how the pressure moves the first rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
+    nodes, left = motion.shape[1] // 2, scene.left
+    for boundary in range(2):
+        way = meridian[boundary]
+        for place in range(left[boundary, count - 1], left[boundary, nodes + count - 1] + 2):
+            turn, rest = turned[boundary, place], scene.about_needle[boundary, place]
+            away, up = _moved_along(way, turn)
+            resting, above = _moved_along(way, rest)
+            moved[place, 0] = away * turn[2] + up * axis[0] - resting * rest[2]
+            moved[place, 1] = away * turn[3] + up * axis[1] - resting * rest[3]
+            moved[place, 2] = above - away * turn[4] - up * axis[2]
+        for side in range(2):
+            for ring in range(side * nodes, side * nodes + count):
+                station, share = left[boundary, ring], scene.share[boundary, ring]
+                for part in range(3):
+                    low, high = moved[station, part], moved[station + 1, part]
+                    motion[boundary, ring, part] = low + share * (high - low)
+
+
+@compiled_part
+def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
+    """Return the motion along the meridian, away from its axis and up, at a station."""
+    node, share = int(turn[0]), turn[1]
+    away = way[node, 0] + share * (way[node + 1, 0] - way[node, 0])
+    return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
+
+
+@compiled_part
+def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown: Floats, wall: Wall) -> None:
+    """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
+    nodes, squares, lateral, down, gap_m = len(curve), wall.steep, wall.lateral, wall.down, unknown[at.GAP]
+    size, c, s = np.exp(unknown[at.SIZE]), np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
+    for side in range(2):
+        ring, sign, first = side * nodes, 2.0 * side - 1.0, count
+        for node in range(count):
+            gap = gap_m - size * (motion[ring + node, 1] + pushed[1])
+            squares[node] = (size * curve[node, 0]) ** 2 - gap**2
+            if squares[node] > 0.0 and first == count:
+                first = node
+        beyond, first, share = first, first % count, 1.0
+        last = max(first - 1, 0)
+        if first > 0:
+            share = min(max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0), 1.0)
+        middle = size * curve[last, 1]
+        middle += share * (size * curve[first, 1] - middle)
+        for node in range(count):
+            near = ring + max(node, first)
+            across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
+            across += size * (motion[near, 0] + pushed[0])
+            deep = (size * curve[node, 1] if node >= beyond else middle) + size * motion[near, 2]
+            place = count + node if side else count - 1 - node
+            lateral[place] = c * across - s * deep + unknown[at.LATERAL]
+            down[place] = s * across + c * deep + unknown[at.DEPTH]
+
+
+@compiled_part
+def without_folds(lateral: Floats, down: Floats, length: int) -> int:
+    """Move the points that lie ahead of all before to the front; return their number."""
+    kept = 1
+    for node in range(1, length):
+        if lateral[node] > lateral[kept - 1]:
+            lateral[kept], down[kept] = lateral[node], down[node]
+            kept += 1
+    return kept
+
+
+@compiled_part
+def _read_depths(scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats) -> None:
+    """Write depth and slope of a boundary's section at its places, under a Gaussian (`placement.curve_depths`)."""
+    lateral, down, steep = wall.lateral, wall.down, wall.steep
+    begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
+    depth_m[begin:end], slope[begin:end] = down[0] if length == 1 else 0.0, 0.0
+    for segment in range(length - 1):
+        steep[segment] = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment])
+    smoothing_m = 0.0 if boundary else scene.smoothing_m
+    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
+        weight, segment = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0, 0
+        for place in range(begin, end if length > 1 else begin):
+            along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
+            while segment < length - 2 and lateral[segment + 1] < along:
+                segment += 1
+            depth_m[place] += weight * (down[segment] + steep[segment] * (along - lateral[segment]))
+            slope[place] += weight * steep[segment]
+
+
+@compiled_part
+def _ends(scene: Scene) -> tuple[float, float]:
+    """Return the ends of a frame's places, m."""
+    low, high, last = scene.at_m[0], scene.at_m[scene.outer - 1], len(scene.at_m) - 1
+    if scene.outer <= last:
+        low, high = min(low, scene.at_m[scene.outer]), max(high, scene.at_m[last])
+    return low - 2.0 * scene.smoothing_m, high + 2.0 * scene.smoothing_m
+
+
+@compiled_part
+def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
+    """Write the depths that a frame shows of the wall of unknowns; return the number of its nodes that are found."""
+    tables, (low, high), nodes = scene.tables, _ends(scene), len(scene.share[0]) // 2
+    size, s = np.exp(unknown[at.SIZE]), np.abs(np.sin(unknown[at.ROTATION]))
+    reach = max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low) + s * size * tables.radius_m
+    reach = (reach / max(np.cos(unknown[at.ROTATION]), LEAST_NORM) + SPARE_M) / size
+    reach /= tables.radius_m - tables.thickness_ends_m[1]
+    count = nodes if reach >= 1.0 else min(_before(tables.angles, np.arcsin(reach)) + 3, nodes)
+    _find_wall(scene, unknown, count, wall)
+    boundary = 0
+    while boundary < 2:
+        cut_wall(wall.curve[boundary], wall.motion[boundary], wall.pushed, count, unknown, wall)
+        length = without_folds(wall.lateral, wall.down, 2 * count)
+        left, right = wall.lateral[0], wall.lateral[length - 1]
+        if count < nodes and (left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M):
+            count, boundary = nodes, 0
+            _find_wall(scene, unknown, count, wall)
+            continue
+        _read_depths(scene, boundary, length, wall, depths.even_m, depths.even_slope)
+        for place in range(scene.outer * boundary, len(scene.at_m) if boundary else scene.outer):
+            depths.seen[place] = length > 1 and left <= scene.at_m[place] <= right
+        boundary += 1
+    for place in range(len(scene.at_m)):
+        is_inner = 0.0 if place < scene.outer else 1.0
+        formed, form_slope = _form(unknown, scene.at_m[place] - unknown[at.LATERAL], is_inner)
+        depths.slope[place] = depths.even_slope[place] + form_slope
+        depths.depth_m[place] = depths.even_m[place] + unknown[at.INNER_OFFSET] * is_inner + formed
+        depths.depth_m[place] -= unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+    return count
+
+
+@compiled_part
+def _shine(slope: float) -> float:
+    return float(np.exp(-((slope / at.SHINING_SLOPE) ** 2)))
+
+
+@compiled_part
+def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths) -> None:
+    """Write the derivatives of the wall that `show_wall` has just shown; `other` is workspace."""
+    tables, axis, jacobian, varied = scene.tables, _axis(unknown), depths.jacobian, unknown.copy()
+    if axis[2] == 1.0:
+        _find_meridian(scene, library_place(tables, unknown, scene.pressure), wall.meridian)
+    depth_m, slope = np.empty(len(scene.at_m)), np.empty(len(scene.at_m))
+    jacobian[:] = 0.0
+    for moving in np.array([at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]):
+        varied[moving] = unknown[moving] + _step(scene, unknown, moving)
+        moved, state = varied[moving] - unknown[moving], library_place(tables, varied, scene.pressure)
+        curve, motion = wall.curve, wall.motion
+        if moving in (at.TIP, at.THICKNESS, scene.pressure):
+            find_curve(tables, state, count, other, 2)
+            curve = other.curve
+        if moving in (ALONG, ACROSS):
+            motion = other.motion
+            _turn(scene.stations, tables.angles, _axis(varied), other.turned)
+            _move(scene, wall.meridian, other.turned, _axis(varied), count, other.moved, motion)
+        elif axis[2] < 1.0 and moving in (at.THICKNESS, scene.pressure):
+            motion = other.motion
+            _find_meridian(scene, state, other.meridian)
+            _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
+        _find_push(tables, state, varied, other.pushed)
+        for boundary in range(2):
+            cut_wall(curve[boundary], motion[boundary], other.pushed, count, varied, other)
+            length = without_folds(other.lateral, other.down, 2 * count)
+            _read_depths(scene, boundary, length, other, depth_m, slope)
+        jacobian[:, moving] = (depth_m - depths.even_m) / moved
+        varied[moving] = unknown[moving]
+    for place in range(len(depth_m)):
+        row, steep, deep = jacobian[place], depths.even_slope[place], depths.even_m[place]
+        if not depths.seen[place]:
+            row[:] = 0.0
+            continue
+        is_inner, across = 0.0 if place < scene.outer else 1.0, scene.at_m[place] - unknown[at.LATERAL]
+        by_size = deep - unknown[at.DEPTH] - steep * across
+        by_size -= unknown[at.TIP] * row[at.TIP] + unknown[at.GAP] * row[at.GAP]
+        row[at.SIZE] = by_size - unknown[at.THICKNESS] * row[at.THICKNESS]
+        row[at.MODULUS], row[at.INNER_OFFSET] = -row[scene.pressure], is_inner
+        row[at.LATERAL], row[at.DEPTH] = -depths.slope[place], 1.0
+        row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
+        row[at.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
+        row[WEDGE] = across * is_inner
+        for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
+            ramp, rise = _ramp(side * across - unknown[first])
+            row[first] = -(unknown[first + 1] + unknown[first + 2] * ramp) * rise
+            row[first + 1], row[first + 2] = ramp, 0.5 * ramp**2
+
+
+@compiled_part
+def _step(scene: Scene, unknown: Floats, place: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other way (`prediction`)."""
-    size = np.exp(unknown[at.SIZE])
-    thickness = unknown[at.THICKNESS] / size
-    step, leaves = at.POLE_STEP, unknown[place] > 0.0
+    tables, size = scene.tables, np.exp(unknown[at.SIZE])
+    thickness, step, leaves = unknown[at.THICKNESS] / size, at.POLE_STEP, unknown[place] > 0.0
     if place == at.TIP:
         step = at.TIP_STEP_M
         leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
@@ -391,24 +410,94 @@ def _step(tables: SplineTables, unknown: Floats, place: int, pressure: int) -> f
     elif place == at.THICKNESS:
         step = at.THICKNESS_STEP_M
         leaves = thickness + step > tables.thickness_ends_m[1]
-    elif place == pressure:
+    elif place == scene.pressure:
         step, highest = at.LOG_PRESSURE_STEP, tables.tension_ends[1] * (thickness / tables.radius_m)
-        leaves = np.exp(unknown[pressure] - unknown[at.MODULUS] + step) > highest
+        leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
     return -step if leaves else step
 
 
-@compiled
-def _form(unknown: Floats, from_contact_m: float, is_inner: float, row: Floats) -> tuple[float, float]:
-    """Return the contribution of a form to depth and slope, and write its derivatives (`unknowns`)."""
+@compiled_part
+def _ramp(beyond_m: float) -> tuple[float, float]:
+    """Return how far a place lies beyond a limbus, a smooth furrow, and its slope (`unknowns`)."""
+    root = np.sqrt(beyond_m**2 + at.SOFT_M**2)
+    return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
+
+
+@compiled_part
+def _form(unknown: Floats, from_contact_m: float, is_inner: float) -> tuple[float, float]:
+    """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
     depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
-    row[WEDGE] = from_contact_m * is_inner
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
         angle, curvature = unknown[first + 1], unknown[first + 2]
-        beyond = side * from_contact_m - unknown[first]
-        root = np.sqrt(beyond**2 + at.SOFT_M**2)
-        ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
-        by_beyond = (angle + curvature * ramp) * rise
+        ramp, rise = _ramp(side * from_contact_m - unknown[first])
         depth += (angle + 0.5 * curvature * ramp) * ramp
-        slope += side * by_beyond
-        row[first], row[first + 1], row[first + 2] = -by_beyond, ramp, 0.5 * ramp**2
+        slope += side * (angle + curvature * ramp) * rise
     return depth, slope
+
+
+@compiled_part
+def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -> None:
+    """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2 node, [lateral, depth]), m."""
+    count = section.shape[1] // 2
+    _find_wall(scene, unknown, count, wall)
+    for boundary in range(2):
+        cut_wall(wall.curve[boundary], wall.motion[boundary], wall.pushed, count, unknown, wall)
+        section[boundary, :, 0] = wall.lateral
+        for place in range(2 * count):
+            formed, _ = _form(unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary))
+            section[boundary, place, 1] = wall.down[place] + formed
+
+
+LEAST_SD = 3e-3  # relative, of the pressure that a globe's law gives: volumes of the library
+
+
+class Law(NamedTuple):
+    """The law of a globe: the rates of the bounds, the mean and the standard deviation of its rigidity; 0 if open.
+
+    `pressure` is the index of the unknown that is the pressure under the needle.
+    """
+
+    pressure: int
+    is_open: bool
+    is_logarithmic: bool
+    lowest: float
+    mean: float
+    highest: float
+    spread: float
+
+
+@compiled_part
+def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
+    """Return how far level(P) is off its mean, and its standard deviation (`prediction`)."""
+    volume, pressure, resting = displaced(tables, law, unknown), np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
+    risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
+    slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure
+    return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
+
+
+@compiled_part
+def displaced(tables: SplineTables, law: Law, unknown: Floats) -> float:
+    """Return the volume that the dent displaces, m^3."""
+    thickness, ratio, tip = library_place(tables, unknown, law.pressure)
+    return float(np.exp(3.0 * unknown[at.SIZE]) * value_of(tables, tables.volumes, thickness, ratio, tip))
+
+
+@compiled_part
+def force_at(tables: SplineTables, law: Law, unknown: Floats) -> float:
+    """Return the needle's force, N."""
+    thickness, ratio, tip = library_place(tables, unknown, law.pressure)
+    force_ratio = value_of(tables, tables.forces, thickness, ratio, tip)
+    return float(np.exp(unknown[at.MODULUS] + 2.0 * unknown[at.SIZE]) * force_ratio)
+
+
+@compiled
+def predict(
+    tables: SplineTables, law: Law, places: tuple[Floats, int, float], gap_m: float, thickness_m: float,
+    unknown: Floats, depths: Depths, section: Floats,
+) -> float:  # fmt: skip
+    """Write depths and derivatives of walls of about a gap and a thickness, and their section; return the force, N."""
+    scene = scene_of(tables, law.pressure, places, gap_m, thickness_m)
+    wall, other = empty_wall(scene), empty_wall(scene)
+    derive(scene, unknown, show_wall(scene, unknown, wall, depths), wall, other, depths)
+    formed_section(scene, unknown, wall, section)
+    return force_at(tables, law, unknown)

@@ -1,4 +1,4 @@
-"""Starts of a fit: the best of a coarse search over walls and lateral places, on the outer boundary alone.
+"""Compiled loops: starts of a fit, the best of a coarse search over walls and lateral places on the outer boundary.
 
 In a globe that may be sealed each dent is tried at two pressures: for the least rigidity that it may have and for its
 mean. A dent at which that pressure runs away is not a start. Where it has nearly run away, dents hardly grow with the
@@ -6,19 +6,22 @@ force, or shrink: the states of such a globe are then searched by their pressure
 starts again with a limbus where the rest of the surface shows one.
 """
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import compiled_part
 from scleraforce.library import unknowns as at
-from scleraforce.library.placement import Columns, Placed
-from scleraforce.library.prediction import Walls, force_n, place_walls, predict_wall
-from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
+from scleraforce.library.sealed import VolumePaths, level_of, pressure_at_dent
+from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
+from scleraforce.library.states import value_of
 
-Array = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 DENTS = 14
+STARTS = 2
 SHIFT_M = 0.3e-3
 FARTHEST_M = 3e-3
 POINTS = 40  # of the outer boundary
@@ -30,174 +33,246 @@ HIGHER = 0.3  # a much higher pressure's logarithm is higher by this
 LARGEST_N = 90e-3  # half as much again as the forces of a needle
 
 
-def starts(
-    walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int, farthest_m: float = FARTHEST_M
-) -> list[Array]:
-    """Return at most `count` starts: dents that lie better than their neighbours, the best first, (unknown,) each.
+class Surface(NamedTuple):
+    """Some places of an outer boundary and their depth, m, the largest shift of a wall laid on it, and workspace.
 
-    Each has its best lateral place, at most `farthest_m` from the frame's middle, and depth. A dent that lies much
-    worse than the best is not a start. `mean` (unknown,) is the prior's; `lateral_m` and `depth_m` (place,) are the
-    outer boundary where it is seen.
+    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what is left of the depths.
     """
-    # Dents crowd where they are shallow: forces grow quickest there.
-    tips = walls.library.tip_m[-1] * np.exp(mean[at.SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
-    samples = np.repeat(mean[None], DENTS, axis=0)
-    samples[:, at.TIP] = tips
-    samples, dent_s = _at_pressures(walls, samples)
-    laid, cost = _laid(walls, samples, lateral_m, depth_m, farthest_m)
-    least = np.full(DENTS, np.inf)
-    np.minimum.at(least, dent_s, cost)
-    around = np.concatenate([[np.inf], least, [np.inf]])
-    better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
-    best = better[np.argsort(least[better])][:count]
-    return [laid[int(np.argmin(np.where(dent_s == dent, cost, np.inf)))] for dent in best]
+
+    lateral_m: Floats
+    depth_m: Floats
+    farthest_m: float
+    grid_m: Floats
+    rest_m: Floats
 
 
-def bearing_start(walls: Walls, mean: Array, borne_n: float, lateral_m: Array, depth_m: Array) -> Array:
-    """Return the start (unknown,) in a sealed globe whose needle is known to bear a force; arguments of `starts`."""
-    states = _by_pressure(walls, mean)
-    nearest = int(np.argmin(np.abs(force_n(walls, states) - borne_n)))
-    start: Array = _laid(walls, states[[nearest]], lateral_m, depth_m)[0][0]
-    return start
+@compiled_part
+def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface:
+    """Return some places of an outer boundary, (place,), where it is seen."""
+    count, some = len(lateral_m), np.empty((2, min(POINTS, len(lateral_m))))
+    for point in range(some.shape[1]):
+        place = count - 1 if point == POINTS - 1 else int(point * max(1.0, (count - 1) / (POINTS - 1)))
+        some[0, point], some[1, point] = lateral_m[place], depth_m[place]
+    reach = int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M)) + 1
+    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1]))
 
 
-def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, depth_m: Array) -> Array | None:
-    """Return the best state of a sealed globe among those at much higher pressures than `fitted`.
+@compiled_part
+def _lay(problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work: Work) -> float:
+    """Write the best lateral place and depth of a wall on a surface; return how far off it then is.
 
-    None if all lie much worse than that one, or the globe has none; other arguments as for `starts`.
+    The wall is taken at the pose of other unknowns, `pose`, as one over the pole.
     """
-    states = _by_pressure(walls, mean)
-    higher = (states[:, at.PRESSURE] > fitted[at.PRESSURE] + HIGHER) & (force_n(walls, states) < LARGEST_N)
-    laid, cost = _laid(walls, np.concatenate([fitted[None], states[higher]]), lateral_m, depth_m)
-    best = int(np.argmin(cost[1:])) + 1 if higher.any() else 0
-    return laid[best] if best and cost[best] <= MUCH_WORSE * cost[0] else None
+    wall, tables, nodes, posed = work.other, problem.scene.tables, work.other.curve.shape[1], unknown.copy()
+    for place in (at.LATERAL, at.DEPTH, at.ROTATION):
+        posed[place] = pose[place]
+    find_curve(tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1)
+    wall.motion[0], wall.pushed[:] = 0.0, 0.0
+    cut_wall(wall.curve[0], wall.motion[0], wall.pushed, nodes, posed, wall)
+    length, segment = without_folds(wall.lateral, wall.down, 2 * nodes), 0
+    lateral, down, grid_m, reach = wall.lateral, wall.down, surface.grid_m, len(surface.grid_m) // 2
+    for place in range(len(grid_m)):
+        along = min(max((place - reach) * GRID_M, lateral[0]), lateral[length - 1])
+        while segment < length - 2 and lateral[segment + 1] <= along:
+            segment += 1
+        steep = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment]) if length > 1 else 0.0
+        grid_m[place] = down[segment] + steep * (along - lateral[segment])
+    best, rest_m = np.inf, surface.rest_m
+    for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
+        shift, off = number * SHIFT_M - surface.farthest_m, 0.0
+        for place in range(len(rest_m)):
+            cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
+            rest_m[place] = surface.depth_m[place] - grid_m[cell]
+        middle = float(np.median(rest_m))
+        for rest in rest_m:
+            off += min(np.abs(rest - middle), FAR_M) / len(rest_m)
+        if off < best:
+            best, unknown[at.LATERAL], unknown[at.DEPTH] = off, shift, middle
+    return best
 
 
-def _laid(
-    walls: Walls, samples: Array, lateral_m: Array, depth_m: Array, farthest_m: float = FARTHEST_M
-) -> tuple[Array, Array]:
-    """Return the best poses of walls on an outer boundary (sample, unknown), and how far off they are (sample,)."""
-    some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
-    lateral_m, depth_m = lateral_m[some], depth_m[some]
-    over_pole = samples.copy()
-    over_pole[:, at.POLE] = 0.0
-    outer = place_walls(walls, over_pole)[:, 0]
-    reach = int(np.ceil((np.abs(lateral_m).max() + farthest_m) / GRID_M)) + 1
-    grid = np.arange(-reach, reach + 1) * GRID_M
-    depth_sg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
-    shifts = np.arange(-farthest_m, farthest_m + SHIFT_M / 2, SHIFT_M)
-    cell = np.rint((lateral_m - shifts[:, None]) / GRID_M).astype(np.intp) + reach
-    rest = depth_m - depth_sg[:, cell]  # (sample, shift, place)
-    down = np.median(rest, axis=2)
-    cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
-    every, best = np.arange(len(samples)), cost.argmin(axis=1)
-    laid = samples.copy()
-    laid[:, at.LATERAL], laid[:, at.DEPTH] = shifts[best], down[every, best]
-    return laid, cost[every, best]
+@compiled_part
+def find_starts(problem: Problem, paths: VolumePaths, surface: Surface, work: Work, found: Floats) -> int:
+    """Write at most STARTS starts (start, unknown), dents that lie better than their neighbours; return their number.
+
+    The best comes first. Each has its best lateral place and depth. A dent that lies much worse than the best is not a
+    start. Where no pressure bears any dent, the mean is one.
+    """
+    tables, law, mean = problem.scene.tables, problem.law, problem.belief.mean
+    laid, least, tried = np.empty((DENTS, UNKNOWNS)), np.full(DENTS + 2, np.inf), np.empty(UNKNOWNS)
+    thickness, resting, size, modulus, per_rate = _resting(problem)
+    for rigidity in range(1 if law.is_open else 2):
+        for dent in range(DENTS):  # they crowd where they are shallow: forces grow quickest there
+            tried[:] = mean
+            tried[at.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
+            if not law.is_open:
+                rate = (law.mean if rigidity else law.lowest) * per_rate
+                state = thickness, resting, min(tried[at.TIP] / size, tables.tip_m[-1])
+                ratio = pressure_at_dent(tables, paths, state, rate, law.is_logarithmic)
+                if np.isnan(ratio):
+                    continue
+                tried[at.PRESSURE] = np.log(ratio * modulus)
+            off = _lay(problem, surface, tried, mean, work)
+            if off < least[dent + 1]:
+                least[dent + 1], laid[dent] = off, tried
+    worst, count, costs = MUCH_WORSE * least.min(), 0, np.full(DENTS, np.inf)
+    for dent in range(DENTS):
+        off = least[dent + 1]
+        if off <= least[dent] and off <= least[dent + 2] and off <= worst:
+            costs[dent] = off
+    while count < STARTS and costs.min() < np.inf:
+        best = int(np.argmin(costs))
+        found[count], costs[best] = laid[best], np.inf
+        count += 1
+    if count == 0:
+        found[0], count = mean, 1
+    return count
 
 
-def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Return dents (sample, unknown) at their possible pressures, and the number of the dent of each (sample,)."""
-    globe, dents = walls.globe, np.arange(len(dents_du))
-    if not globe.can_be_sealed:
-        return dents_du, dents
-    thickness, resting, size, modulus = _resting(walls, dents_du)
-    rigidity = np.repeat([globe.lowest, globe.mean], len(dents))
-    tips = np.minimum(dents_du[:, at.TIP] / size, walls.library.tip_m[-1])
-    thickness, resting, tips, size, modulus = (np.tile(part, 2) for part in (thickness, resting, tips, size, modulus))
-    law = globe.globe(rigidity * size**3).over(modulus)
-    ratio = iop_ratio_at_dent(walls.library, thickness, resting, tips, law)
-    borne = np.isfinite(ratio)
-    samples = np.tile(dents_du, (2, 1))
-    samples[:, at.PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
-    return samples[borne], np.tile(dents, 2)[borne]
+@compiled_part
+def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
+    """Return the mean's thickness and pressure over E without the needle, in the library's size; that size, and E.
+
+    The last number is the rate of its globe's law there over that of the globe (`mechanics.globe`).
+    """
+    mean = problem.belief.mean
+    thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
+    size, modulus = np.exp(mean[at.SIZE]), np.exp(mean[at.MODULUS])
+    return thickness, ratio, size, modulus, size**3 / (1.0 if problem.law.is_logarithmic else np.cbrt(modulus))
 
 
-def _by_pressure(walls: Walls, mean: Array) -> Array:
-    """Return states of a globe of the mean rigidity (state, unknown), by their pressure."""
-    library = walls.library
-    thickness, resting, size, modulus = (values[0] for values in _resting(walls, mean[None]))
-    law = walls.globe.globe(walls.globe.mean * size**3).over(modulus)
-    ratios = np.geomspace(resting, library.iop_ratio_ends(thickness)[1], PRESSURES)
-    volumes = (law.level(ratios) - law.level(resting)) / law.rate
-    tips = np.tile(library.tip_m, (PRESSURES, 1))
-    held = library.displaced_m3(np.full(tips.size, thickness), np.repeat(ratios, tips.shape[1]), tips.ravel())
-    reached = zip(volumes, held.reshape(tips.shape), strict=True)
-    states = np.repeat(mean[None], PRESSURES, axis=0)
-    states[:, at.PRESSURE] = np.log(ratios * modulus)
-    states[:, at.TIP] = size * np.array([np.interp(volume, row, library.tip_m) for volume, row in reached])
-    return states[volumes <= held.reshape(tips.shape)[:, -1]]
+@compiled_part
+def bearing_start(problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats) -> None:
+    """Write the start in a sealed globe whose needle is known to bear a force."""
+    states, best = np.empty((PRESSURES, UNKNOWNS)), np.inf
+    for state in range(_find_states(problem, states)):
+        off = np.abs(force_at(problem.scene.tables, problem.law, states[state]) - borne_n)
+        if off < best:
+            best, start[:] = off, states[state]
+    _lay(problem, surface, start, problem.belief.mean, work)
 
 
-def _resting(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array, Array]:
-    """Return thickness and pressure over E without the needle, in the library's size; that size, and E (sample,)."""
-    library, size, modulus = walls.library, np.exp(unknown_su[:, at.SIZE]), np.exp(unknown_su[:, at.MODULUS])
-    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    resting = np.clip(np.exp(unknown_su[:, at.IOP]) / modulus, *library.iop_ratio_ends(thickness))
-    return thickness, resting, size, modulus
+@compiled_part
+def higher_start(problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats) -> bool:
+    """Write the best state of a sealed globe among those at much higher pressures than `fitted`.
+
+    Return False if all lie much worse than that one, or the globe has none.
+    """
+    states, tried, found = np.empty((PRESSURES, UNKNOWNS)), fitted.copy(), False
+    best = MUCH_WORSE * _lay(problem, surface, tried, fitted, work)
+    for state in range(_find_states(problem, states)):
+        tried[:] = states[state]
+        borne_n = force_at(problem.scene.tables, problem.law, tried)
+        if tried[at.PRESSURE] > fitted[at.PRESSURE] + HIGHER and borne_n < LARGEST_N:
+            off = _lay(problem, surface, tried, fitted, work)
+            if off < best or (off == best and not found):
+                best, start[:], found = off, tried, True
+    return found
 
 
-PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)
+@compiled_part
+def _find_states(problem: Problem, states: Floats) -> int:
+    """Write states of a globe of the mean rigidity (state, unknown), by their pressure; return their number."""
+    tables, law, count = problem.scene.tables, problem.law, 0
+    (thickness, resting, size, modulus, per_rate), tips = _resting(problem), tables.tip_m
+    highest = tables.tension_ends[1] * thickness / tables.radius_m
+    for number in range(PRESSURES):
+        ratio, tip = resting * (highest / resting) ** (number / (PRESSURES - 1)), 0
+        risen = level_of(ratio, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
+        volume, low = risen / (law.mean * per_rate), value_of(tables, tables.volumes, thickness, ratio, tips[0])
+        if volume <= value_of(tables, tables.volumes, thickness, ratio, tips[-1]):
+            high = value_of(tables, tables.volumes, thickness, ratio, tips[1])
+            while tip < len(tips) - 2 and high <= volume:
+                tip, low = tip + 1, high
+                high = value_of(tables, tables.volumes, thickness, ratio, tips[tip + 1])
+            states[count] = problem.belief.mean
+            states[count, at.PRESSURE] = np.log(ratio * modulus)
+            states[count, at.TIP] = size * (tips[tip] + (volume - low) / (high - low) * (tips[tip + 1] - tips[tip]))
+            count += 1
+    return count
+
+
+LIMBUS_PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)
 LEAST_COLUMNS = 5  # beyond a limbus
-SIDES = (-1.0, 1.0)
-POSE = [at.DEPTH, at.ROTATION]
 CURVATURE = 2  # of a side's form
 MIDDLE_M = 1.5e-3  # to either side of the frame's: there lies the contact of a frame that can be read
 
 
-def limbus_starts(columns: Columns, unknown: Array, placed: Placed, sides: Sequence[float] = SIDES) -> list[Array]:
-    """Return unknowns with a limbus on each of some sides, where enough of the surface is seen there.
+@compiled_part
+def limbus_start(problem: Problem, unknown: Floats, sign: float, work: Work, start: Floats) -> bool:
+    """Write unknowns with a limbus on one side; return False where too little of the surface is seen there.
 
     The limbus's place is searched; the angle and the curvature beyond, and the depth and the turn of the wall with
-    them, follow by linear least squares on the outer boundary. `unknown` and `placed` are a fit without that limbus and
-    its prediction; side -1 is the left one, 1 the right one.
+    them, follow by linear least squares on the outer boundary. `unknown` is a fit without that limbus; side -1 is the
+    left one, 1 the right one.
     """
-    outer = columns.places.outer
-    rest_m, pose = (columns.depth_m - placed.depth_m)[:outer], placed.jacobian[:outer, POSE]
-    found = []
-    for sign in sides:
-        along_m = sign * (columns.places.lateral_m[:outer] - unknown[at.LATERAL])
-        tried = [_limbus(place_m, along_m, rest_m, pose) for place_m in PLACES_M]
-        off_m, moved, limbus = min(tried, key=lambda one: one[0])
-        if np.isfinite(off_m):
-            start, first = unknown.copy(), at.FORM.start + (0 if sign < 0.0 else 3)
-            start[POSE] += moved
-            start[first : first + 3] = limbus
-            found.append(start)
-    return found
+    scene, depths = problem.scene, work.depths
+    show_wall(scene, unknown, work.wall, depths)
+    basis, along_m, rest_m = np.zeros((scene.outer, 4)), np.empty(scene.outer), np.empty(scene.outer)
+    for place in range(scene.outer):
+        across = scene.at_m[place] - unknown[at.LATERAL]
+        along_m[place], rest_m[place] = sign * across, problem.depth_m[place] - depths.depth_m[place]
+        if depths.seen[place]:
+            basis[place, 0] = 1.0
+            basis[place, 1] = across + depths.even_slope[place] * (depths.even_m[place] - unknown[at.DEPTH])
+    best, solution, first = np.inf, np.empty(4), at.FORM.start + (0 if sign < 0.0 else 3)
+    for limbus_m in LIMBUS_PLACES_M:
+        off_m = _fit_limbus(limbus_m, along_m, rest_m, basis, solution)
+        if off_m < best:
+            best, start[:] = off_m, unknown
+            start[at.DEPTH] += solution[0]
+            start[at.ROTATION] += solution[1]
+            start[first], start[first + 1], start[first + 2] = limbus_m, solution[2], solution[3]
+    return best < np.inf
 
 
-def one_sided_starts(walls: Walls, columns: Columns, mean: Array, count: int) -> list[Array]:
-    """Return unknowns with a limbus on one side, of walls that are laid on the middle and the other side alone.
+@compiled_part
+def _fit_limbus(limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats, solution: Floats) -> float:
+    """Write depth, turn, angle and curvature of the best limbus at a place; return the mean misfit of the surface.
+
+    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `basis`
+    (place, 4): derivatives by the pose, and workspace.
+    """
+    count = 0
+    for place in range(len(along_m)):
+        beyond_m = max(along_m[place] - limbus_m, 0.0)
+        count += beyond_m > 0.0
+        basis[place, 2], basis[place, 3] = beyond_m, 0.5 * beyond_m**2
+    if count < LEAST_COLUMNS:
+        return np.inf
+    matrix, solution[:] = np.zeros((4, 4)), 0.0
+    for place in range(len(along_m)):
+        for i in range(4):
+            solution[i] += basis[place, i] * rest_m[place]
+            for j in range(4):
+                matrix[i, j] += basis[place, i] * basis[place, j]
+    towards, lower, off_m = solution.copy(), matrix.copy(), 0.0
+    factorise(lower)
+    solve(lower, solution)
+    curvature = min(max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE])
+    if curvature != solution[3]:
+        solution[:3], solution[3] = towards[:3] - curvature * matrix[:3, 3], curvature
+        solve(lower[:3, :3], solution[:3])
+    for place in range(len(along_m)):
+        off_m += np.abs(rest_m[place] - dot(basis[place], solution))
+    return off_m / len(along_m)
+
+
+@compiled_part
+def one_sided_starts(problem: Problem, paths: VolumePaths, work: Work, found: Floats) -> int:
+    """Write unknowns with a limbus on one side, of walls laid on the middle and the other side; return their number.
 
     A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow there, which a search over the
-    whole surface takes for the dent. `count` dents are tried on each side.
+    whole surface takes for the dent.
     """
-    lateral_m, depth_m = columns.places.lateral_m[: columns.places.outer], columns.depth_m[: columns.places.outer]
-    found = list[Array]()
-    for sign in SIDES:
+    count, begun = 0, np.empty((STARTS, UNKNOWNS))
+    lateral_m, depth_m = problem.scene.at_m[: problem.scene.outer], problem.depth_m[: problem.scene.outer]
+    for sign in (-1.0, 1.0):
         near = sign * lateral_m <= MIDDLE_M
         if np.count_nonzero(near) < LEAST_COLUMNS:
             continue
-        for start in starts(walls, mean, lateral_m[near], depth_m[near], count, MIDDLE_M):
-            found += limbus_starts(columns, start, predict_wall(walls, start, columns.places), (sign,))
-    return found
-
-
-def _limbus(place_m: float, along_m: Array, rest_m: Array, pose: Array) -> tuple[float, Array, Array]:
-    """Return the mean misfit of the surface with the best limbus at a place, the change of the pose, and that limbus.
-
-    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `pose`
-    (place, 2): derivatives of the wall's depth by the pose.
-    """
-    beyond_m = np.maximum(along_m - place_m, 0.0)
-    if np.count_nonzero(beyond_m) < LEAST_COLUMNS:
-        return np.inf, np.zeros(2), np.zeros(3)
-    basis = np.column_stack([pose, beyond_m, 0.5 * beyond_m**2])
-    solution = np.linalg.lstsq(basis, rest_m, rcond=None)[0]
-    curvature = np.clip(solution[-1], *at.FORM_ENDS[:, CURVATURE])
-    if curvature != solution[-1]:
-        bent_m = rest_m - curvature * basis[:, -1]
-        solution[:-1], solution[-1] = np.linalg.lstsq(basis[:, :-1], bent_m, rcond=None)[0], curvature
-    off_m = float(np.abs(rest_m - basis @ solution).mean())
-    return off_m, solution[: len(POSE)], np.array([place_m, *solution[len(POSE) :]])
+        surface = surface_of(lateral_m[near], depth_m[near], MIDDLE_M)
+        for number in range(find_starts(problem, paths, surface, work, begun)):
+            if limbus_start(problem, begun[number], sign, work, found[count]):
+                count += 1
+    return count

@@ -6,9 +6,8 @@ wall does not pull the wall along (Huber and Ronchetti, Robust Statistics, 2009,
 (1963), relative to the diagonal of the normal matrix.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,8 +138,7 @@ class Problem(Protocol):
         """Return the nearest unknowns that can be predicted for."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stopping:
+class Stopping(NamedTuple):
     """The end of a fit: after `iterations` steps, or a step shorter than `converged_sd` standard deviations.
 
     Or a step that is hardly damped and lowers the cost by less than `settled_cost`. `retry_damping` is the least
@@ -153,20 +151,14 @@ class Stopping:
     retry_damping: float = 0.0
 
 
-def gauss_newton(
-    problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
-) -> tuple[Array, Placed, float]:
-    """Return the fitted unknowns, their prediction and their cost.
-
-    `step_of` returns the step for the damped normal matrix and the gradient; by default their solution.
-    """
+def gauss_newton(problem: Problem, start: Array, stopping: Stopping) -> tuple[Array, Placed, float]:
+    """Return the fitted unknowns, their prediction and their cost."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
     for _ in range(stopping.iterations):
         normal, gradient = problem.normal_equations(unknown, placed)
         damped = normal + damping * np.diag(np.diag(normal))
-        step = np.linalg.solve(damped, gradient) if step_of is None else step_of(damped, gradient)
-        trial = problem.inside(unknown + step)
+        trial = problem.inside(unknown + np.linalg.solve(damped, gradient))
         step = trial - unknown
         if float(step @ normal @ step) < stopping.converged_sd**2:
             break

@@ -212,16 +212,6 @@ class Library:
         """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3."""
         return self._at_tips(self._volume_coefficients, thickness_m, iop_ratio, tip_m)
 
-    def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
-        """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each."""
-        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
-        check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        t, of_t = self._weights.splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
-        d, of_d = self._weights.splines[2].weights(inside_ends(tip_m, self.tip_m))
-        rows, weights = weight_products(t, of_t, d, of_d, len(self.tip_m))
-        both = (weights[:, None] @ self._volumes_along_pressure[rows])[:, 0]
-        return both[:, : len(self.tension)], both[:, len(self.tension) :]
-
     def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
         """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`."""
         rows, weights = self._walls(thickness_m, iop_ratio)
@@ -375,7 +365,7 @@ class Library:
         return splines.tensor_coefficients(self._weights.splines, self._contact_volumes).reshape(-1)
 
     @cached_property
-    def _volumes_along_pressure(self) -> Floats:
+    def volumes_along_pressure(self) -> Floats:
         """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
         return splines.values_and_slopes(self._weights.splines, self._contact_volumes, axis=1)
 

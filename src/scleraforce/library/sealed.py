@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import compiled
-from scleraforce.library.responses import Library
-from scleraforce.library.splines import CONVERGED, MOST_STEPS, SUPPORT, first_crossing
-from scleraforce.library.states import SplineTables, spline_weights, state_weights, value_at
+from scleraforce.compiled import compiled, compiled_part
+from scleraforce.library.responses import Library, check_inside, inside_ends
+from scleraforce.library.splines import SUPPORT, first_place
+from scleraforce.library.states import SplineTables, spline_weights, value_of
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
@@ -32,13 +32,60 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
     number or (sample,). Walls without the needle, and dents, outside the library raise `InputError`.
     """
     library.check_walls(thickness_m, iop_ratio)
-    thickness_m, iop_ratio, tip_m, rate = np.broadcast_arrays(thickness_m, iop_ratio, tip_m, globe.rate)
-    volumes, slopes = library.displaced_along_pressure(thickness_m, tip_m)
-    ratios = library.tension * (thickness_m / library.radius_m)[:, None]
-    missing = globe.level(ratios) - rate[:, None] * volumes
-    rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
-    log_tension = first_crossing(np.log(library.tension), missing, rise, globe.level(iop_ratio))
-    return np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
+    check_inside("tip", tip_m, 0.0, float(library.tip_m[-1]), "mm")
+    inside = inside_ends(thickness_m, library.thickness_m), inside_ends(tip_m, library.tip_m)
+    eyes = np.broadcast_arrays(*inside, globe.rate, iop_ratio)
+    thickness, tip, rate, ratio = (np.array(part, dtype=np.float64) for part in eyes)
+    is_logarithmic = globe.law == RIGIDITY_LAWS[1]
+    pressures_at_dents(library.tables, volume_paths(library), thickness, tip, rate, is_logarithmic, ratio)
+    return ratio
+
+
+class VolumePaths(NamedTuple):
+    """Displaced volumes along the pressure: logarithms of the library's tensions (p,), and weights (t d, 2 p)."""
+
+    log_tension: Floats
+    rows: Floats
+
+
+def volume_paths(library: Library, used: bool = True) -> VolumePaths:
+    """Return the paths of a library, without values where they are not used."""
+    return VolumePaths(np.log(library.tension), library.volumes_along_pressure if used else np.empty((0, 0)))
+
+
+@compiled
+def pressures_at_dents(
+    tables: SplineTables, paths: VolumePaths, thickness_m: Floats, tip_m: Floats, rate: Floats, is_logarithmic: bool,
+    ratio: Floats,
+) -> None:  # fmt: skip
+    """Put the pressures over E at dents (sample,) in place of those without the needle."""
+    for n in range(len(ratio)):
+        ratio[n] = pressure_at_dent(tables, paths, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic)
+
+
+@compiled_part
+def pressure_at_dent(
+    tables: SplineTables, paths: VolumePaths, state: tuple[float, float, float], rate: float, is_logarithmic: bool
+) -> float:
+    """Return the pressure over E at a dent; NaN where none of the library solves the law.
+
+    `state`: thickness, pressure over E without the needle, and dent.
+    """
+    thickness_m, resting, tip_m = state
+    if rate == 0.0:
+        return float(resting)
+    t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
+    d, of_d = spline_weights(tables.tip, tip_m)
+    tensions, path = tables.tensions, np.zeros(2 * tables.tensions)
+    for i in range(SUPPORT):
+        for j in range(SUPPORT):
+            path -= rate * of_t[i] * of_d[j] * paths.rows[(t + i) * tables.tips + d + j]
+    for p in range(tensions):
+        level = level_of(np.exp(paths.log_tension[p]) * thickness_m / tables.radius_m, is_logarithmic)
+        path[p] += level
+        path[tensions + p] += 1.0 if is_logarithmic else level / 3.0
+    log_tension = first_place(paths.log_tension, path, level_of(resting, is_logarithmic))
+    return float(np.exp(log_tension) * thickness_m / tables.radius_m)
 
 
 SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
@@ -84,11 +131,11 @@ def pressures_under_forces(
         found[n] = _pressure(tables, eye, eyes.lowest[n], eyes.highest[n], tolerance)
 
 
-@compiled
+@compiled_part
 def _pressure(tables: SplineTables, eye: SealedEye, lowest: float, highest: float, tolerance: float) -> float:
     resting, rate = eye.resting, eye.rate
     most = _displaced(tables, eye, resting)
-    bound = _pressure_of_level(level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most, eye.is_logarithmic)
+    bound = pressure_of_level(level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most, eye.is_logarithmic)
     if rate > 0.0:
         low, high, below = np.log(resting), np.log(min(max(bound, resting), highest)), -rate * most
     else:
@@ -112,7 +159,7 @@ def _pressure(tables: SplineTables, eye: SealedEye, lowest: float, highest: floa
     return float(np.exp(low - below * (high - low) / (above - below)))
 
 
-@compiled
+@compiled_part
 def _missing(tables: SplineTables, eye: SealedEye, log_ratio: float) -> float:
     """Return the error of the law at a pressure."""
     ratio = np.exp(log_ratio)
@@ -120,26 +167,23 @@ def _missing(tables: SplineTables, eye: SealedEye, log_ratio: float) -> float:
     return float(risen - eye.rate * _displaced(tables, eye, ratio))
 
 
-@compiled
+@compiled_part
 def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
     """Return the volume that the force displaces at a pressure over E, m^3."""
-    weights, path = np.empty(SUPPORT), eye.path
-    first = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m), weights)
-    path[:] = 0.0
+    first, weights = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m))
+    path, eye.path[:] = eye.path, 0.0
     for number in range(SUPPORT):
         for column in range(len(path)):
             path[column] += weights[number] * eye.along[first + number, column]
-    tip = _reached_tip(tables.tip_m, path, eye.force_ratio)
-    rows, of_rows = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
-    state_weights(tables, eye.thickness_m, ratio, tip, rows, of_rows)
-    return value_at(tables.volumes, rows, of_rows)
+    tip = first_place(tables.tip_m, path, eye.force_ratio)
+    tip = tables.tip_m[-1] if np.isnan(tip) else tip
+    return value_of(tables, tables.volumes, eye.thickness_m, ratio, tip)
 
 
-@compiled
+@compiled_part
 def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats) -> None:
     """Write the weights over the tension of a wall's paths (p, 2 d)."""
-    weights = np.empty(SUPPORT)
-    first = spline_weights(tables.thickness, np.log(thickness_m), weights)
+    first, weights = spline_weights(tables.thickness, np.log(thickness_m))
     along[:] = 0.0
     for number in range(SUPPORT):
         for tension in range(tables.tensions):
@@ -148,71 +192,15 @@ def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats)
                 along[tension, column] += weights[number] * row[column]
 
 
-@compiled
-def _reached_tip(tip_m: Floats, path: Floats, wanted: float) -> float:
-    """Return where loading first reaches a force; the deepest tip where it never does (`splines.first_crossing`)."""
-    tips = len(tip_m)
-    if path[0] >= wanted:
-        return float(tip_m[0])
-    for tip in range(tips - 1):
-        step = tip_m[tip + 1] - tip_m[tip]
-        start, end = path[tips + tip] * step, path[tips + tip + 1] * step
-        rise = path[tip + 1] - path[tip]
-        cubic = path[tip], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
-        place, peak = _peak(cubic)
-        if max(peak, path[tip + 1]) >= wanted:
-            return float(tip_m[tip] + step * _rising_root(cubic, wanted, place))
-    return float(tip_m[-1])
-
-
-@compiled
-def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
-    """Return place and value of the largest force of an interval (`splines._peaks`)."""
-    _, b, c, d = cubic
-    end = _value(cubic, 1.0)
-    under = c * c - 3.0 * b * d
-    if under > 0.0:
-        divisor = np.sqrt(under) - c
-        if divisor > 0.0:
-            place = b / divisor
-            if 0.0 < place < 1.0 and _value(cubic, place) > end:
-                return place, _value(cubic, place)
-    return 1.0, end
-
-
-@compiled
-def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
-    """Return where a cubic reaches a value from below (`splines._rising_root`)."""
-    low, place = 0.0, 0.5 * high
-    for _ in range(MOST_STEPS):
-        over = _value(cubic, place) - wanted
-        if over < 0.0:
-            low = place
-        else:
-            high = place
-        slope = (3.0 * cubic[3] * place + 2.0 * cubic[2]) * place + cubic[1]
-        step = place - over / slope if slope != 0.0 else np.inf
-        following = step if low <= step <= high else 0.5 * (low + high)
-        moved = abs(following - place)
-        place = following
-        if moved < CONVERGED:
-            break
-    return place
-
-
-@compiled
-def _value(cubic: tuple[float, float, float, float], x: float) -> float:
-    return ((cubic[3] * x + cubic[2]) * x + cubic[1]) * x + cubic[0]
-
-
-@compiled
+@compiled_part
 def level_of(pressure: float, is_logarithmic: bool) -> float:
     """Return the level of a pressure, which is linear in the volume (`mechanics.globe`)."""
     return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
 
 
-@compiled
-def _pressure_of_level(level: float, is_logarithmic: bool) -> float:
+@compiled_part
+def pressure_of_level(level: float, is_logarithmic: bool) -> float:
+    """Return the pressure of a level; never below 0."""
     return np.exp(level) if is_logarithmic else max(level, 0.0) ** 3
 
 

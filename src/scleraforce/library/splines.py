@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import compiled, compiled_part
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
@@ -173,54 +175,70 @@ def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: 
     `force_sd` and `slope_sd` are force and slope at the increasing tips (sample, tip). The first tip is returned where
     its force is larger already.
     """
-    cubic = _cubics(np.diff(tip_m), force_sd, slope_sd)
-    peak_place, peak = _peaks(cubic)
-    reached = np.maximum(peak, force_sd[:, 1:]) >= wanted_s[:, None]
-    interval = np.argmax(reached, axis=1)
-    sample = np.arange(len(wanted_s))
-    coefficients = tuple(part[sample, interval] for part in cubic)
-    place = _rising_root(coefficients, wanted_s, peak_place[sample, interval])
-    tip = tip_m[interval] + place * np.diff(tip_m)[interval]
-    tip = np.where(force_sd[:, 0] >= wanted_s, tip_m[0], tip)
-    return np.where(reached.any(axis=1), tip, np.nan)
+    found = np.array(wanted_s, dtype=np.float64)
+    _first_places(tip_m, np.concatenate([force_sd, slope_sd], axis=1), found)
+    return found
 
 
-def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Coefficients of 1, x, x^2, x^3 in every interval, x from 0 to 1, each (sample, interval)."""
-    start, end = slope[:, :-1] * step, slope[:, 1:] * step
-    rise = np.diff(force, axis=1)
-    return force[:, :-1], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+@compiled
+def _first_places(tip_m: Floats, paths: Floats, wanted: Floats) -> None:
+    """Put the place (sample,) at which each path (sample, 2 place) first reaches its value instead of the value."""
+    for sample in range(len(wanted)):
+        wanted[sample] = first_place(tip_m, paths[sample], wanted[sample])
 
 
-def _rising_root(cubic: tuple[Floats, ...], wanted: Floats, high: Floats) -> Floats:
-    """Place between 0 and `high` where cubics reach a value from below: Newton's steps, bisection where they leave."""
-    low, place = np.zeros_like(high), 0.5 * high
+@compiled_part
+def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
+    """Return where a path, values and slopes at increasing places, first reaches a value."""
+    tips = len(tip_m)
+    if path[0] >= wanted:
+        return float(tip_m[0])
+    for tip in range(tips - 1):
+        step = tip_m[tip + 1] - tip_m[tip]
+        start, end = path[tips + tip] * step, path[tips + tip + 1] * step
+        rise = path[tip + 1] - path[tip]
+        cubic = path[tip], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+        place, peak = _peak(cubic)
+        if max(peak, path[tip + 1]) >= wanted:
+            return float(tip_m[tip] + step * _rising_root(cubic, wanted, place))
+    return np.nan
+
+
+@compiled_part
+def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Return place and value of the largest force of an interval."""
+    _, b, c, d = cubic
+    end = _value(cubic, 1.0)
+    under = c * c - 3.0 * b * d
+    if under > 0.0:
+        divisor = np.sqrt(under) - c
+        if divisor > 0.0:
+            place = b / divisor
+            if 0.0 < place < 1.0 and _value(cubic, place) > end:
+                return place, _value(cubic, place)
+    return 1.0, end
+
+
+@compiled_part
+def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
+    """Return where a cubic reaches a value from below."""
+    low, place = 0.0, 0.5 * high
     for _ in range(MOST_STEPS):
         over = _value(cubic, place) - wanted
-        under = over < 0.0
-        low, high = np.where(under, place, low), np.where(under, high, place)
+        if over < 0.0:
+            low = place
+        else:
+            high = place
         slope = (3.0 * cubic[3] * place + 2.0 * cubic[2]) * place + cubic[1]
-        step = place - np.divide(over, slope, out=np.full_like(over, np.inf), where=slope != 0.0)
-        following = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-        moved = np.abs(following - place).max(initial=0.0)
+        step = place - over / slope if slope != 0.0 else np.inf
+        following = step if low <= step <= high else 0.5 * (low + high)
+        moved = abs(following - place)
         place = following
         if moved < CONVERGED:
             break
     return place
 
 
-def _value(cubic: tuple[Floats, ...], x: Floats) -> Floats:
+@compiled_part
+def _value(cubic: tuple[float, float, float, float], x: float) -> float:
     return ((cubic[3] * x + cubic[2]) * x + cubic[1]) * x + cubic[0]
-
-
-def _peaks(cubic: tuple[Floats, Floats, Floats, Floats]) -> tuple[Floats, Floats]:
-    """Place in 0 to 1 and value of the largest force in every interval (sample, interval)."""
-    _, b, c, d = cubic
-    # The maximum of the cubic is the root of b + 2 c x + 3 d x^2 where the curvature is negative, in the form that
-    # does not cancel: x = b / (-c + sqrt(c^2 - 3 b d)). No such root, or one outside: the larger end.
-    under = c * c - 3.0 * b * d
-    divisor = np.sqrt(np.maximum(under, 0.0)) - c
-    x = np.divide(b, divisor, out=np.ones_like(b), where=divisor > 0.0)
-    inside = (under > 0.0) & (x > 0.0) & (x < 1.0)
-    place = np.where(inside & (_value(cubic, np.where(inside, x, 1.0)) > _value(cubic, np.ones_like(x))), x, 1.0)
-    return place, _value(cubic, place)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.compiled import compiled
+from scleraforce.compiled import compiled, compiled_part
 from scleraforce.library.splines import SUPPORT, Pieces
 
 Floats = NDArray[np.float64]
@@ -43,6 +43,7 @@ class SplineTables(NamedTuple):
 
 
 Curves = NDArray[np.float32]
+Values = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -60,79 +61,118 @@ class Responses:
     force_ratio: Floats
 
 
-@compiled
-def spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
-    """Write the weights of the four B-splines at a place between the ends; return the first (`CubicSpline.weights`)."""
-    interval = 0
-    while interval + 1 < len(pieces.start) and place >= pieces.start[interval + 1]:
-        interval += 1
-    share = (place - pieces.start[interval]) / pieces.step[interval]
-    for number in range(SUPPORT):
-        value = pieces.coefficient_ikb[interval, SUPPORT - 1, number]
-        for power in range(SUPPORT - 2, -1, -1):
-            value = value * share + pieces.coefficient_ikb[interval, power, number]
-        weights[number] = value
-    return interval
+@compiled_part
+def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, float, float, float]]:
+    """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
+    interval, after = 0, len(pieces.start)
+    while after - interval > 1:
+        middle = (interval + after) // 2
+        if pieces.start[middle] <= place:
+            interval = middle
+        else:
+            after = middle
+    share, powers = (place - pieces.start[interval]) / pieces.step[interval], pieces.coefficient_ikb[interval]
+    first, second = _power(powers, 0, share), _power(powers, 1, share)
+    return interval, (first, second, _power(powers, 2, share), _power(powers, 3, share))
 
 
-@compiled
+@compiled_part
+def _power(powers: Floats, number: int, share: float) -> float:
+    return float(
+        ((powers[3, number] * share + powers[2, number]) * share + powers[1, number]) * share + powers[0, number]
+    )
+
+
+@compiled_part
 def state_weights(
     tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: NDArray[np.intp], weights: Floats
 ) -> None:
     """Write the rows (64,) of the state tables that a state lies between, and their weights."""
-    of_t, of_p, of_d = np.empty(SUPPORT), np.empty(SUPPORT), np.empty(SUPPORT)
-    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
-    d = spline_weights(tables.tip, tip_m, of_d)
-    place = 0
+    t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
+    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    d, of_d = spline_weights(tables.tip, tip_m)
     for i in range(SUPPORT):
-        for j in range(SUPPORT):
-            row = ((t + i) * tables.tensions + p + j) * tables.tips + d
+        row = ((t + i) * tables.tensions + p) * tables.tips + d
+        for j, weight in enumerate((of_p[0], of_p[1], of_p[2], of_p[3])):
+            place = SUPPORT * (SUPPORT * i + j)
             for k in range(SUPPORT):
-                rows[place], weights[place] = row + k, of_t[i] * of_p[j] * of_d[k]
-                place += 1
+                rows[place + k] = row + j * tables.tips + k
+            scale = of_t[i] * weight
+            weights[place], weights[place + 1] = scale * of_d[0], scale * of_d[1]
+            weights[place + 2], weights[place + 3] = scale * of_d[2], scale * of_d[3]
 
 
-@compiled
-def value_at(values: Floats, rows: NDArray[np.intp], weights: Floats) -> float:
+Weights = tuple[float, float, float, float]
+
+
+@compiled_part
+def value_of(tables: SplineTables, values: Floats, thickness_m: float, iop_ratio: float, tip_m: float) -> float:
     """Return the value of a table (t p d,) at a state."""
-    value = 0.0
-    for place in range(len(rows)):
-        value += weights[place] * values[rows[place]]
-    return value
+    t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
+    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    d, of_d = spline_weights(tables.tip, tip_m)
+    tips, row = tables.tips, (t * tables.tensions + p) * tables.tips + d
+    step = tips * tables.tensions  # written out: a loop over a tuple takes three times as long
+    first, second = _over_tensions(values, row, tips, of_p, of_d), _over_tensions(values, row + step, tips, of_p, of_d)
+    third = _over_tensions(values, row + 2 * step, tips, of_p, of_d)
+    fourth = _over_tensions(values, row + 3 * step, tips, of_p, of_d)
+    return float(of_t[0] * first + of_t[1] * second + of_t[2] * third + of_t[3] * fourth)
 
 
-@compiled
-def curves_at(curves: Curves, rows: NDArray[np.intp], weights: Floats, found: Floats) -> None:
-    """Write the curves (b n c,) of a state."""
+@compiled_part
+def _over_tensions(values: Floats, row: int, tips: int, of_p: Weights, of_d: Weights) -> float:
+    first, second = _over_tips(values, row, of_d), _over_tips(values, row + tips, of_d)
+    third, fourth = _over_tips(values, row + 2 * tips, of_d), _over_tips(values, row + 3 * tips, of_d)
+    return of_p[0] * first + of_p[1] * second + of_p[2] * third + of_p[3] * fourth
+
+
+@compiled_part
+def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
+    first, second = of_d[0] * values[row], of_d[1] * values[row + 1]
+    return float(first + second + of_d[2] * values[row + 2] + of_d[3] * values[row + 3])
+
+
+@compiled_part
+def curves_at(curves: Curves, rows: NDArray[np.intp], weights: Floats, first: int, found: Floats) -> None:
+    """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
     found[:] = 0.0
-    for place in range(len(rows)):
-        weight, row = weights[place], curves[rows[place]]
-        for value in range(len(found)):
-            found[value] += weight * row[value]
+    for place in range(0, len(rows), SUPPORT):
+        row, end = rows[place], first + len(found)
+        a, b, c, d = weights[place], weights[place + 1], weights[place + 2], weights[place + 3]
+        _add_rows(
+            found, a, curves[row, first:end], b, curves[row + 1, first:end],
+            c, curves[row + 2, first:end], d, curves[row + 3, first:end],
+        )  # fmt: skip
 
 
-@compiled
+@compiled_part
 def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
     """Write the wall without the needle (b n c,)."""
-    of_t, of_p = np.empty(SUPPORT), np.empty(SUPPORT)
-    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
-    found[:] = 0.0
+    t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
+    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    undented, found[:] = tables.undented, 0.0
     for i in range(SUPPORT):
-        for j in range(SUPPORT):
-            weight, row = of_t[i] * of_p[j], tables.undented[(t + i) * tables.tensions + p + j]
-            for value in range(len(found)):
-                found[value] += weight * row[value]
+        row = (t + i) * tables.tensions + p
+        _add_rows(
+            found, of_t[i] * of_p[0], undented[row], of_t[i] * of_p[1], undented[row + 1],
+            of_t[i] * of_p[2], undented[row + 2], of_t[i] * of_p[3], undented[row + 3],
+        )  # fmt: skip
+
+
+@compiled_part
+def _add_rows(
+    found: Floats, a: float, of_a: Values, b: float, of_b: Values, c: float, of_c: Values, d: float, of_d: Values
+) -> None:
+    for value in range(len(found)):
+        found[value] = found[value] + a * of_a[value] + b * of_b[value] + c * of_c[value] + d * of_d[value]
 
 
 @compiled
 def values_at(tables: SplineTables, values: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
     """Return the values of a table (t p d,) at states (sample,)."""
-    rows, weights, found = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3), np.empty(len(tip_m))
+    found = np.empty(len(tip_m))
     for sample in range(len(found)):
-        state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
-        found[sample] = value_at(values, rows, weights)
+        found[sample] = value_of(tables, values, thickness_m[sample], iop_ratio[sample], tip_m[sample])
     return found
 
 
@@ -142,5 +182,5 @@ def curves_of(tables: SplineTables, thickness_m: Floats, iop_ratio: Floats, tip_
     rows, weights, curves = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3), np.empty(found.shape[1])
     for sample in range(len(found)):
         state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
-        curves_at(tables.curves, rows, weights, curves)
+        curves_at(tables.curves, rows, weights, 0, curves)
         found[sample] = curves

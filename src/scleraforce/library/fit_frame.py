@@ -1,0 +1,268 @@
+"""One compiled call: a frame's fit, from its boundaries to the force with its posterior.
+
+`tests/oracles/plain_fit.py` does the same by arrays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled, compiled_part
+from scleraforce.known import REFERENCE_N
+from scleraforce.library import fit_starts, search_loops, unknowns as at
+from scleraforce.library.fit_loops import Law, displaced, force_at, formed_section, scene_of
+from scleraforce.library.fit_starts import Surface
+from scleraforce.library.placement import NORMAL_MEDIAN, Stopping
+from scleraforce.library.sealed import VolumePaths, level_of, pressure_of_level
+from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, Work
+from scleraforce.library.states import SplineTables
+
+Floats = NDArray[np.float64]
+
+COLUMNS = 110  # of each boundary that are fitted
+OUTER_SD_M, INNER_SD_M = 5e-6, 9e-6  # of the boundaries along their normal
+CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
+LEAST_NOISE, MOST_NOISE = 0.3, 1e3  # of a frame's boundaries, over their SDs: a small misfit may be chance
+OUTLIER_SD = 8.0
+LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
+MODEL_SD = 0.01  # relative, of the force: real walls against the library's
+MODEL_SD_N = 0.1e-3
+# A limbus is looked for where a fit leaves aside more than such a share of the columns, or loses more than 99 % of the
+# fits of even walls of the library do (138 frames of 16 virtual eyes).
+LOST, STRAINED = 0.05, 30.0
+LIMBUS_STARTS = 4  # the best ones
+STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
+TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)  # for differences of fits
+FIRST_STEPS = Stopping(iterations=8, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)  # from each start
+# Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are sought, how far off in its
+# standard deviations, how much lower a cost has to be, and how often.
+VALLEY_SD, VALLEY_STRIDE, VALLEY_LOWER, VALLEY_ROUNDS = 0.08, 2.0, 0.1, 4
+FARTHEST_EYE = 3.0  # standard deviations of E and k that a discrepancy is followed to
+INTERVAL = (0.05, 0.95)
+
+
+class Doubt(NamedTuple):
+    """Standard normal numbers (draw, unknowns and two) and (draw, 2), and the eye's `ForceDiscrepancy`.
+
+    `terms` (level and growth, 4): mean, standard deviation, and effects of E and rigidity.
+    """
+
+    normal: Floats
+    level_growth: Floats
+    terms: Floats
+    correlation: float
+
+
+class Fitted(NamedTuple):
+    """A frame's fit as plain arrays (`fit.BoundaryFit`).
+
+    `numbers` (6,): force, ends of its interval, misfit over the SDs, share of outliers, cost.
+    """
+
+    unknown: Floats
+    sd: Floats
+    draws_n: Floats
+    wall_bmc: Floats
+    numbers: Floats
+
+
+@compiled
+def fit_frame(
+    tables: SplineTables, paths: VolumePaths, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float,
+    belief: Belief, doubt: Doubt, borne_n: float, begun: Floats, fitted: Fitted,
+) -> bool:  # fmt: skip
+    """Write the fit of a frame; from the unknowns `begun` to the end if there are any (0 or unknown,).
+
+    `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
+    """
+    step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
+    at_m, depth_m, sd_m = np.empty(2 * COLUMNS), np.empty(2 * COLUMNS), np.empty(2 * COLUMNS)
+    for boundary in range(2):
+        outer = count
+        for column in range(0, len(lateral_m), step):
+            if np.isfinite(depth_bc[boundary, column]):
+                at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
+                sd_m[count] = INNER_SD_M if boundary else OUTER_SD_M
+                count += 1
+    if outer < 2 * UNKNOWNS:
+        return False
+    as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
+    places = at_m[:count], outer, smoothing_m
+    scene = scene_of(tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS])
+    problem, work = Problem(scene, law, depth_m[:count], sd_m[:count], as_one, belief), search_loops.work_of(scene)
+    unknown, spread = fitted.unknown, np.empty((UNKNOWNS, UNKNOWNS))
+    if len(begun):
+        unknown[:] = begun
+        search_loops.keep_inside(tables, unknown)
+        cost = search_loops.descend(problem, unknown, TO_THE_END, work)
+    else:
+        starts, surface = (
+            np.empty((fit_starts.STARTS, UNKNOWNS)),
+            fit_starts.surface_of(at_m[:outer], depth_m, fit_starts.FARTHEST_M),
+        )
+        cost = _best_fit(
+            problem, starts[: fit_starts.find_starts(problem, paths, surface, work, starts)], work, unknown
+        )
+        cost = _with_limbus(problem, paths, starts[0], cost, work, unknown)
+        if not law.is_open:
+            cost = _beyond(problem, surface, borne_n, cost, work, unknown)
+            cost = _along_valley(problem, cost, work, unknown, spread)
+    _conclude(problem, cost, doubt, work, spread, fitted)
+    return True
+
+
+@compiled_part
+def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> float:
+    """Write the unknowns of the best fit from any start (start, unknown); return its cost."""
+    unknown[:], best = starts[0], np.inf
+    if len(starts) > 1:
+        for start in starts:
+            tried = start.copy()
+            cost = search_loops.descend(problem, tried, FIRST_STEPS, work)
+            if cost < best:
+                best, unknown[:] = cost, tried
+    return search_loops.descend(problem, unknown, STOPPING, work)
+
+
+@compiled_part
+def _better(problem: Problem, starts: Floats, best: float, work: Work, unknown: Floats) -> float:
+    """Put the best fit from any start in place of `unknown` if its cost is lower than `best`; return the cost."""
+    tried = np.empty(UNKNOWNS)
+    cost = _best_fit(problem, starts, work, tried)
+    if cost < best:
+        unknown[:], best = tried, cost
+    return best
+
+
+@compiled_part
+def _with_limbus(
+    problem: Problem, paths: VolumePaths, first: Floats, best: float, work: Work, unknown: Floats
+) -> float:
+    """Put the best fit with a limbus in place of one that leaves much aside, if it is better; return the cost."""
+    if best <= STRAINED:
+        search_loops.evaluate(problem, unknown, work)
+        lost = 0
+        for place in range(len(work.off)):
+            lost += not (work.depths.seen[place] and np.abs(work.off[place]) <= OUTLIER_SD)
+        if lost <= LOST * len(work.off):
+            return best
+    begun, count = np.empty((4 + 2 * fit_starts.STARTS, UNKNOWNS)), 0
+    for near in (unknown, first):
+        for sign in (-1.0, 1.0):
+            if fit_starts.limbus_start(problem, near, sign, work, begun[count]):
+                count += 1
+    count += fit_starts.one_sided_starts(problem, paths, work, begun[count:])
+    costs, chosen = np.empty(count), np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
+    for number in range(count):
+        search_loops.keep_inside(problem.scene.tables, begun[number])
+        costs[number] = search_loops.evaluate(problem, begun[number], work)[0]
+    for number in range(len(chosen)):
+        least = int(np.argmin(costs))
+        chosen[number], costs[least] = begun[least], np.inf
+    return _better(problem, chosen, best, work, unknown) if count else best
+
+
+@compiled_part
+def _beyond(problem: Problem, surface: Surface, borne_n: float, best: float, work: Work, unknown: Floats) -> float:
+    """Put a sealed globe's fit begun where a known force lies, or at a higher pressure, in place of a worse one.
+
+    Where the pressure has nearly run away, two dents that are alike may be under very different forces.
+    """
+    if problem.law.mean <= 0.0:
+        return best
+    starts, tried = np.empty((2, UNKNOWNS)), np.empty(UNKNOWNS)
+    count = 1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
+    if not np.isnan(borne_n):
+        fit_starts.bearing_start(problem, surface, borne_n, work, starts[count])
+        count += 1
+    for number in range(count):
+        search_loops.keep_inside(problem.scene.tables, starts[number])
+        cost = _best_fit(problem, starts[number : number + 1], work, tried)
+        if cost < best and force_at(problem.scene.tables, problem.law, tried) < fit_starts.LARGEST_N:
+            unknown[:], best = tried, cost
+    return best
+
+
+@compiled_part
+def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, spread: Floats) -> float:
+    """Put a sealed globe's fit at a higher or lower pressure in place of a worse one; return the cost.
+
+    Where the pressure has nearly run away, dents of very different forces look nearly alike: a long bent valley with
+    more than one lowest place.
+    """
+    for _ in range(VALLEY_ROUNDS):
+        _, count = search_loops.evaluate(problem, unknown, work)
+        search_loops.find_spread(problem, unknown, count, 1.0, work, spread)
+        with_pressure = np.zeros(UNKNOWNS)
+        for number in range(UNKNOWNS):
+            with_pressure += spread[number] * spread[number, at.PRESSURE]
+        sd = np.sqrt(with_pressure[at.PRESSURE])
+        if sd < VALLEY_SD:
+            break
+        before, starts = best, np.empty((2, UNKNOWNS))
+        for number in range(2):
+            starts[number] = unknown + (2.0 * number - 1.0) * VALLEY_STRIDE * with_pressure / sd
+            search_loops.keep_inside(problem.scene.tables, starts[number])
+        for number in range(2):
+            best = _better(problem, starts[number : number + 1], best, work, unknown)
+        if best > before - VALLEY_LOWER:
+            break
+    return best
+
+
+@compiled_part
+def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, spread: Floats, fitted: Fitted) -> None:
+    """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
+    unknown, depths, draws_n, places = fitted.unknown, work.depths, fitted.draws_n, len(problem.depth_m)
+    _, nodes = search_loops.evaluate(problem, unknown, work)
+    seen, off = depths.seen, work.off
+    size, lost = np.where(seen, np.abs(off), np.inf), 0
+    misfit = NORMAL_MEDIAN * np.median(size)
+    for place in range(places):
+        is_layer = place >= problem.scene.outer and seen[place] and 0.0 < off[place] * INNER_SD_M < LAYER_M
+        lost += size[place] > OUTLIER_SD * max(1.0, misfit) and not is_layer
+    search_loops.find_spread(problem, unknown, nodes, min(max(misfit, LEAST_NOISE), MOST_NOISE), work, spread)
+    _draw_forces(problem, unknown, spread, doubt, draws_n)
+    for place in range(UNKNOWNS):
+        fitted.sd[place] = np.sqrt((spread[:, place] ** 2).sum())
+    formed_section(problem.scene, unknown, work.wall, fitted.wall_bmc)
+    fitted.numbers[:3] = np.quantile(draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
+    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = misfit, lost / places, cost
+
+
+@compiled_part
+def _draw_forces(problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt, draws_n: Floats) -> None:
+    """Write forces drawn from the posterior, with the model error of the library on top."""
+    tables = problem.scene.tables  # once: each look into the problem counts references
+    law, drawn, moved, deciding = problem.law, unknown.copy(), np.empty(len(MOVING)), np.empty((UNKNOWNS, len(MOVING)))
+    for number in range(len(MOVING)):
+        deciding[:, number] = spread[:, MOVING[number]]
+    terms, across, follows_eye = doubt.terms, doubt.correlation, np.abs(doubt.terms[:, 2:]).max() > 0.0
+    for draw in range(len(draws_n)):
+        normal = doubt.normal[draw]
+        moved[:] = 0.0
+        for number in range(UNKNOWNS):
+            for place in range(len(moved)):
+                moved[place] += normal[number] * deciding[number, place]
+        for place in range(len(moved)):
+            drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place]
+        drawn[at.TIP] = max(drawn[at.TIP], 0.0)
+        if not law.is_open:
+            volume, resting = displaced(tables, law, drawn), np.exp(drawn[at.IOP])
+            level = level_of(resting, law.is_logarithmic)
+            low = np.log(pressure_of_level(level + law.lowest * volume, law.is_logarithmic))
+            high = np.log(pressure_of_level(level + law.highest * volume, law.is_logarithmic))
+            drawn[at.PRESSURE] = min(max(drawn[at.PRESSURE], low), high)
+        borne_n = force_at(tables, law, drawn)
+        level_z, growth_z = doubt.level_growth[draw]
+        level = terms[0, 0] + terms[0, 1] * level_z
+        growth = terms[1, 0] + terms[1, 1] * (across * level_z + np.sqrt(1.0 - across**2) * growth_z)
+        if follows_eye:
+            off = search_loops.deviations(problem, drawn)
+            for one in range(2):
+                eye_z = min(max(off[one], -FARTHEST_EYE), FARTHEST_EYE)
+                level, growth = level + eye_z * terms[0, 2 + one], growth + eye_z * terms[1, 2 + one]
+        level += growth * (min(max(borne_n / REFERENCE_N, 0.0), 1.0) - 0.5)
+        borne_n = borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS]) + MODEL_SD_N * normal[UNKNOWNS + 1]
+        draws_n[draw] = max(borne_n, 0.0)

@@ -1,0 +1,276 @@
+"""Compiled loops: the least-squares problem of one frame, and the damped Gauss-Newton method that solves it.
+
+`tests/oracles/plain_fit.py` does the same by arrays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.compiled import compiled_part
+from scleraforce.library import unknowns as at
+from scleraforce.library.fit_loops import Depths, Law, Scene, Wall, derive, empty_wall, off_the_law, show_wall
+from scleraforce.library.placement import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
+from scleraforce.library.prior import HEAVY
+from scleraforce.library.states import SplineTables
+
+Floats = NDArray[np.float64]
+
+UNKNOWNS = len(at.NAMES)
+BLOCK = 4  # columns that are added together
+HEAVY_CAUCHY = 2.0  # standard deviations, of unknowns with a heavy prior
+LARGEST_LOG_SIZE = 0.5
+HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
+# Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
+# farther goes to and fro.
+POLE_STRIDE = 0.05
+POLE = at.POLE.start
+MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)  # the law's
+LENGTH_STEP_M, LOG_STEP = 1e-7, 1e-4
+NO_PIVOT = 1e-15  # of a diagonal: what is left of it is rounding
+
+
+class Belief(NamedTuple):
+    """A `prior.Prior` as plain arrays."""
+
+    mean: Floats
+    sd: Floats
+    precision: Floats
+    same_force: Floats
+    calibrated: Floats
+
+
+class Problem(NamedTuple):
+    """The least-squares problem of one frame: its scene, the globe's law, the depths it shows, and what is known.
+
+    `depth_m` and `sd_m` (place,) belong to the places; `as_one` neighbouring places share one error.
+    """
+
+    scene: Scene
+    law: Law
+    depth_m: Floats
+    sd_m: Floats
+    as_one: float
+    belief: Belief
+
+
+class Work(NamedTuple):
+    """The wall of the unknowns that were evaluated last, a workspace for walls beside it, and the normal equations.
+
+    `off` (place,): how far the columns lie off along the normal, in standard deviations.
+    """
+
+    wall: Wall
+    other: Wall
+    depths: Depths
+    normal: Floats
+    gradient: Floats
+    lower: Floats
+    step: Floats
+    rows: Floats
+    off: Floats
+
+
+@compiled_part
+def work_of(scene: Scene) -> Work:
+    """Return a workspace without values."""
+    count, square = len(scene.at_m), (UNKNOWNS, UNKNOWNS)
+    seen, jacobian = np.empty(count, dtype=np.bool_), np.empty((count, UNKNOWNS))
+    depths = Depths(np.empty(count), np.empty(count), np.empty(count), np.empty(count), seen, jacobian)
+    return Work(
+        empty_wall(scene), empty_wall(scene), depths, np.empty(square), np.empty(UNKNOWNS), np.empty(square),
+        np.empty(UNKNOWNS), np.empty((BLOCK, UNKNOWNS)), np.empty(count),
+    )  # fmt: skip
+
+
+@compiled_part
+def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]:
+    """Return the cost, the loss of the columns and of leaving the prior, and the number of nodes that are found."""
+    belief, depths, off, lost, known = problem.belief, work.depths, work.off, 0.0, 0.0
+    count, (seen, slope) = show_wall(problem.scene, unknown, work.wall, depths), (depths.seen, depths.slope)
+    off[:] = (problem.depth_m - depths.depth_m) / (problem.sd_m * np.sqrt(1.0 + slope**2))
+    for place in range(len(off)):
+        lost += np.log1p((off[place] / CAUCHY) ** 2) if seen[place] else UNSEEN_LOSS
+    away, apart = unknown - belief.mean, deviations(problem, unknown)
+    for place in HEAVY:
+        known += HEAVY_CAUCHY**2 * np.log1p((away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2)
+        away[place] = 0.0
+    known += _square(belief.precision, away) + _square(belief.calibrated, apart)
+    return CAUCHY**2 * lost / problem.as_one + known, count
+
+
+@compiled_part
+def _square(matrix: Floats, vector: Floats) -> float:
+    """Return a vector's squared length by a matrix."""
+    length = 0.0
+    for i in range(len(vector)):
+        length += vector[i] * dot(matrix[i], vector)
+    return length
+
+
+@compiled_part
+def dot(first: Floats, second: Floats) -> float:
+    """Return a product without an array between."""
+    total = 0.0
+    for i in range(len(first)):
+        total += first[i] * second[i]
+    return total
+
+
+@compiled_part
+def _add(values: Floats, times: float, others: Floats) -> None:
+    for i in range(len(values)):
+        values[i] += times * others[i]
+
+
+@compiled_part
+def deviations(problem: Problem, unknown: Floats) -> Floats:
+    """Return the deviations (2,), in standard deviations, of the force at a dent and of the pressure."""
+    found = np.zeros(2)
+    found[0] = dot(unknown - problem.belief.mean, problem.belief.same_force)
+    if not problem.law.is_open:
+        off, sd = off_the_law(problem.scene.tables, problem.law, unknown)
+        found[1] = off / sd
+    return found
+
+
+@compiled_part
+def find_normal(problem: Problem, unknown: Floats, count: int, work: Work, scale: float) -> None:
+    """Write normal matrix and gradient of the wall that was evaluated last, the columns' SDs times `scale`."""
+    belief, law, normal, gradient, away = problem.belief, problem.law, work.normal, work.gradient, unknown.copy()
+    derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
+    normal[:], away[:] = belief.precision, unknown - belief.mean
+    for place in HEAVY:
+        normal[place, place] /= 1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
+    slopes, off, varied = np.zeros((2, UNKNOWNS)), deviations(problem, unknown), unknown.copy()
+    slopes[0] = belief.same_force
+    if not law.is_open:
+        here, sd = off_the_law(problem.scene.tables, law, unknown)
+        for place in MOVING:
+            step = LENGTH_STEP_M if place in (at.TIP, at.THICKNESS) else LOG_STEP
+            varied[place] += step
+            slopes[1, place] = (off_the_law(problem.scene.tables, law, varied)[0] - here) / (step * sd)
+            varied[place] = unknown[place]
+    for i in range(UNKNOWNS):
+        gradient[i] = -dot(normal[i], away)
+        for m in range(2):
+            weighted = slopes[0, i] * belief.calibrated[0, m] + slopes[1, i] * belief.calibrated[1, m]
+            gradient[i] -= weighted * off[m]
+            _add(normal[i], weighted, slopes[m])
+    _add_columns(problem, scale, work)
+
+
+@compiled_part
+def _add_columns(problem: Problem, scale: float, work: Work) -> None:
+    """Add the columns' normal matrix and gradient, by blocks: the matrix is touched once for several columns."""
+    normal, gradient, rows, rest = work.normal, work.gradient, work.rows, np.empty(BLOCK)
+    off, jacobian = work.off, work.depths.jacobian
+    weight = 1.0 / np.sqrt((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
+    per_m, seen = weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2)), work.depths.seen
+    for first in range(0, len(off), BLOCK):
+        rows[:], rest[:] = 0.0, 0.0
+        for place in range(first, min(first + BLOCK, len(off))):
+            if seen[place]:
+                rest[place - first] = weight[place] * off[place]
+                _add(rows[place - first], per_m[place], jacobian[place])
+        for i in range(UNKNOWNS):
+            a, b, c, d = rows[0, i], rows[1, i], rows[2, i], rows[3, i]
+            gradient[i] += a * rest[0] + b * rest[1] + c * rest[2] + d * rest[3]
+            if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+                for j in range(UNKNOWNS):
+                    normal[i, j] += a * rows[0, j] + b * rows[1, j] + c * rows[2, j] + d * rows[3, j]
+
+
+@compiled_part
+def keep_inside(tables: SplineTables, unknown: Floats) -> None:
+    """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
+    unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
+    size, (low, high), modulus = np.exp(unknown[at.SIZE]), tables.thickness_ends_m, unknown[at.MODULUS]
+    unknown[at.TIP] = min(max(unknown[at.TIP], 0.0), tables.tip_m[-1] * size)
+    per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
+    least, most = np.log(tables.tension_ends[0] * per_tension), np.log(tables.tension_ends[1] * per_tension)
+    unknown[at.PRESSURE] = min(max(unknown[at.PRESSURE], least + modulus), most + modulus)
+    unknown[at.FORM] = np.minimum(np.maximum(unknown[at.FORM], at.FORM_ENDS[0]), at.FORM_ENDS[1])
+    unknown[POLE:] *= min(1.0, HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE))
+
+
+@compiled_part
+def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -> float:
+    """Move unknowns to the least cost near them, and return it; damping is Marquardt's (`placement`)."""
+    damping, trial, is_new = FIRST_DAMPING, np.empty(UNKNOWNS), True
+    cost, count = evaluate(problem, unknown, work)
+    for _ in range(stopping.iterations):
+        if is_new:
+            find_normal(problem, unknown, count, work, 1.0)
+        _find_step(work, damping)
+        trial[:] = unknown + work.step
+        keep_inside(problem.scene.tables, trial)
+        if _square(work.normal, trial - unknown) < stopping.converged_sd**2:
+            break
+        trial_cost, count = evaluate(problem, trial, work)
+        is_new = trial_cost < cost
+        if not is_new:
+            damping = max(10.0 * damping, stopping.retry_damping)
+            continue
+        hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
+        settled = hardly_damped and cost - trial_cost < stopping.settled_cost
+        unknown[:], cost, damping = trial, trial_cost, damping / 10.0
+        if settled:
+            break
+    return cost
+
+
+@compiled_part
+def _find_step(work: Work, damping: float) -> None:
+    """Write the step of damped normal equations, where the pole moves no farther than its effect is straight."""
+    lower, step = work.lower, work.step
+    lower[:], step[:] = work.normal, work.gradient
+    for i in range(UNKNOWNS):
+        lower[i, i] += damping * work.normal[i, i]
+    factorise(lower)
+    solve(lower, step)
+    farther = np.hypot(step[POLE], step[POLE + 1]) / POLE_STRIDE
+    if farther > 1.0:
+        rest, along, across = step[:POLE], step[POLE] / farther, step[POLE + 1] / farther
+        rest[:] = work.gradient[:POLE] - work.normal[:POLE, POLE] * along - work.normal[:POLE, POLE + 1] * across
+        solve(lower[:POLE], rest)
+        step[POLE], step[POLE + 1] = along, across
+
+
+@compiled_part
+def factorise(matrix: Floats) -> None:
+    """Write the Cholesky factor of a symmetric matrix into its lower half; what it does not determine becomes 0."""
+    for i in range(len(matrix)):
+        for j in range(i):
+            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
+        rest = matrix[i, i] - dot(matrix[i, :i], matrix[i, :i])
+        matrix[i, i] = np.sqrt(rest) if rest > NO_PIVOT * matrix[i, i] else np.inf
+
+
+@compiled_part
+def solve(lower: Floats, values: Floats) -> None:
+    """Solve the equations of a factor's matrix for their right-hand side, in place."""
+    for i in range(len(values)):
+        values[i] = (values[i] - dot(lower[i, :i], values[:i])) / lower[i, i]
+    for i in range(len(values) - 1, -1, -1):
+        values[i] /= lower[i, i]
+        _add(values[:i], -values[i], lower[i, :i])
+
+
+@compiled_part
+def find_spread(problem: Problem, unknown: Floats, count: int, scale: float, work: Work, spread: Floats) -> None:
+    """Write how standard normal numbers draw about the unknowns (number, unknown)."""
+    find_normal(problem, unknown, count, work, scale)
+    sd, lower = problem.belief.sd, work.lower  # in these units the matrix is well conditioned
+    for i in range(UNKNOWNS):
+        lower[i] = sd[i] * work.normal[i] * sd
+    factorise(lower)
+    spread[:] = 0.0
+    for number in range(UNKNOWNS):  # the factor's inverse, row by row
+        row = spread[number]
+        row[number] = 1.0
+        for i in range(number, -1, -1):
+            row[i] /= lower[i, i]
+            _add(row[:i], -row[i], lower[i, :i])
+        row *= sd
