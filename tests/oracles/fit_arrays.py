@@ -41,11 +41,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 
 def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Depths and slopes of an even wall at places, and whether they are reached."""
-    state, size, pole = (
-        library_place(walls, unknown[None]),
-        np.exp(unknown[at.SIZE]),
-        unknown[None, at.POLE],
-    )
+    state, size, pole = (library_place(walls, unknown[None]), np.exp(unknown[at.SIZE]), unknown[None, at.POLE])
     library = walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
     section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(walls, state, pole) * size)
