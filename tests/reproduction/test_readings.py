@@ -1,4 +1,4 @@
-"""Readings of a reproduction: both calibrations count their frames, and each eye is left out of its own mean."""
+"""Readings of a reproduction: both calibrations count their frames, and slices are labelled for another modulus."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -191,7 +191,8 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     words = (
         "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
         f"Mean of the means: {_mpa(mean_pa)} MPa, spread {spread} (the paper: "
-        f"{from_si(PAPER_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads."
+        f"{from_si(PAPER_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads; as in "
+        "the paper, it was found on four of the five eyes that are read."
     )
     truth_pa = paper_eyes(study)[0][0].youngs_modulus_pa
     over_frames = html.figure(

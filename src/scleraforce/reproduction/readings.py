@@ -1,8 +1,4 @@
-"""Two readings beside the paper's own: walls at finite strain, and each eye left out of the mean modulus.
-
-In linear mechanics the slice of a force F on a wall of modulus E equals the slice of F E'/E on a wall of E' (if
-pressure and weight scale alike; they bend the wall far less than the needle does). So slices are labelled again for E'.
-"""
+"""Readings beside the paper's own: walls at finite strain, by the paper's method and by the force reader."""
 
 from collections.abc import Sequence
 from dataclasses import replace
