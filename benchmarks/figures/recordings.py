@@ -24,7 +24,7 @@ from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sect
 from scleraforce.mechanics.contact import Section
 from scleraforce.processes import work_units
 from scleraforce.study import Study
-from scleraforce.whole_files import folder_files, hash_sources, renamed_when_whole, write_whole, write_whole_folder
+from scleraforce.whole_files import hash_sources, renamed_when_whole, write_whole, write_whole_folder
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
                 make_eye(folder, drawn)
             except ScleraforceError as fault:
                 return str(fault)
-            recording, made = folder_files(folder.recording(drawn)), folder.made(drawn).read_bytes()
+            recording, made = _files(folder.recording(drawn)), folder.made(drawn).read_bytes()
         return _Sent(hash_sources(""), recording, made)
 
     return work
@@ -200,3 +200,9 @@ def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
         files = tuple(kept["files"].tolist())
         largest_n, seconds = float(kept["largest_n"]), float(kept["seconds"])
         return MadeEye(files, largest_n, kept["forces_n"], kept["tips_m"], kept["lowest_m"], seconds)
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    """Return the content of all files of a folder, by their places in it."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}

@@ -133,12 +133,6 @@ def renamed_when_whole(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def folder_files(folder: Path) -> dict[str, bytes]:
-    """Return the content of all files of one of our folders, by their places in it."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
-
-
 def write_whole_folder(files: Mapping[str, bytes], folder: Path) -> None:
     """Write a folder of files, by their places in it, whole or not at all."""
     with folder_when_whole(folder) as part:

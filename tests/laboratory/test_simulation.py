@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.virtual_eye import SimulatedEye, simulate_eye, write_vtu, write_xdmf
+from scleraforce.laboratory.virtual_eye import SimulatedEye, simulate_eye, write_vtu
 from scleraforce.mechanics.contact import Contact
 from scleraforce.report.files import write_figure
 from scleraforce.report.model_figures import draw_simulation
@@ -52,21 +52,6 @@ def test_the_vtk_file_holds_the_wall_and_its_displacement(eye: SimulatedEye, tmp
     shell = 2.0 / 3.0 * np.pi * (12e-3**3 - (12e-3 - THICKNESS) ** 3)
     assert tetrahedra_volume(read.points, block.data) == pytest.approx(shell, rel=0.03)
     assert [path.name for path in tmp_path.iterdir()] == ["eye.vtu"]
-
-
-def test_the_xdmf_series_is_the_wall_at_rest_and_under_the_force(eye: SimulatedEye, tmp_path: Path) -> None:
-    write_xdmf(eye, tmp_path / "eye.xdmf")
-    with meshio.xdmf.TimeSeriesReader(tmp_path / "eye.xdmf") as series:
-        points, (block,) = series.read_points_cells()
-        (rest_n, rest, _), (force_n, loaded, _) = (series.read_data(step) for step in range(series.num_steps))
-    np.testing.assert_array_equal(points, eye.mesh.points_nc)
-    np.testing.assert_array_equal(block.data, eye.mesh.cells_en)
-    assert (rest_n, force_n) == (0.0, eye.force_n)
-    np.testing.assert_array_equal(loaded["displacement"], eye.displacement_nc)
-    np.testing.assert_allclose(loaded["displacement"] - rest["displacement"], eye.needle_nc, atol=1e-18)
-    assert np.abs(rest["displacement"]).max() > 1e-6  # the pressure's
-    assert not rest["needle_displacement"].any()
-    assert [path.name for path in tmp_path.iterdir()] == ["eye.xdmf"]
 
 
 def test_middle_nodes_in_the_file_lie_between_the_corners_that_vtk_says(eye: SimulatedEye, tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
+from sealed_walls import iop_ratio_at_dent
 
 from scleraforce.errors import InputError
-from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 

@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 from scleraforce.errors import InputError
 from scleraforce.monitor.decision import Decision, decide, risen_force
 from scleraforce.monitor.events import (
+    MOVES,
     TRANSITIONS,
     Cause,
     Fault,
@@ -27,7 +28,6 @@ from scleraforce.monitor.events import (
     State,
     Tick,
     Verdict,
-    transition_diagram,
 )
 from scleraforce.monitor.limits import MonitorLimits, of_scale
 from scleraforce.monitor.state import MonitorState
@@ -757,7 +757,9 @@ def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
 
 def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    assert re.findall(r"^```mermaid\n(.*?)\n```$", page, flags=re.DOTALL | re.MULTILINE) == [transition_diagram()]
+    moves = [f"    {before.name} --> {after.name}: {signal.value}" for (before, signal), after in MOVES.items()]
+    diagram = "\n".join(["stateDiagram-v2", "    [*] --> NOT_READY", *moves])
+    assert re.findall(r"^```mermaid\n(.*?)\n```$", page, flags=re.DOTALL | re.MULTILINE) == [diagram]
     assert all(f"`{cause.name}`" in page and str(cause.value) in page for cause in Cause)
     assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
 

@@ -1,24 +1,8 @@
 """The force under each frame as the filter needs it, and how far the label of a frame may lie off it.
 
-E follows from F / E, so a zero that is off by 0.5 mN is an error of E by some percent. The label's tare rests on the
-few seconds before the first contact and does not follow the sensor's drift. But the needle lets go between two pushes;
-the rests there show the zero again and again, and a line through them corrects offset and drift.
-
-A label is a mean of the filtered log over `average_s` about the frame, less the tare (`recording.labels`). Its error is
-taken for the sum of independent parts, whose variances add:
-
-- *noise*: N times the energy of the label's weights (low-pass and mean), 1/W for a long window W. N, in N^2 s, is the
-  noise's density at frequencies of pushes: 0.1 s times the scatter of means of 0.1 s about a parabola, over a second or
-  the window about each frame; the median of all frames. Such means see noise that neighbouring samples share, too.
-- *the zero*: what the rests between pushes say of the sensor's offset and drift at the frame, squared, and how unsure
-  that is (`forces.zero_line`, its offsets scaled to the sensor's noise). Without rests the log does not show the drift:
-  it is then taken to be 0.2 mN a minute (standard deviation).
-- *the tare*: N over its length, as far as that is more than the prior of the zero's line counts already.
-- *quantisation*: a step D that the sample noise s does not dither leaves a bias of the variance
-  sum_k (D/(pi k))^2/2 exp(-(2 pi k s/D)^2), from D^2/12 without noise to nothing from s = D on (Widrow and Kollar,
-  Quantization Noise, 2008, ch. 4-6); once in the window and once in the tare.
-- *motion*: how far the mean of the parabola over the window is from its value at the frame, squared, as far as it is
-  beyond two standard errors of the noise.
+E follows from F / E, so a zero that is off by 0.5 mN is an error of E by some percent. The needle lets go between two
+pushes; a line through these rests corrects the sensor's offset and drift. The error of a label is the sum of the
+independent parts of docs/calibration.md, "Error of a label".
 """
 
 from collections.abc import Sequence

@@ -8,10 +8,8 @@ better than each: the discrepancy is known given E and k (`ForceDiscrepancy`), a
 `regression` finds the four together. E and k are held by the filter's posterior, with heavy tails, for it may have been
 led astray; level and growth by their spread among eyes.
 
-Tissue that stiffens bears more at the same dent and dents in another form, the more so the farther it is strained. A
-calibration is therefore made with the walls of each stiffening that the library holds, and then with a few between the
-best ones (`search`). The loss of a stiffening is that of the frames' boundaries, read without their forces, and that of
-the forces read beside the known ones.
+The loss of a stiffening (`search`) is that of the frames' boundaries, read without their forces, and that of the forces
+read beside the known ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -6,10 +6,6 @@ that does not push on the pole the eye gives way less on the near side: the dent
 the section that is a pose, which registration finds; across the plane it is a gap that is not the stated one, which
 costs E 3 to 7 %. `mechanics.polar` has that motion, in proportion to the force (`base_moves`), `library.base` the
 pressure's part. Gravity is neglected.
-
-The eye is an even sphere. If a cornea is in view, or the wall grows thicker along the section, the fit of the frame
-shows what that adds to the boundaries, whatever E is; `without_form` removes it before the filter sees the frame. Small
-forms stay: they may be noise.
 """
 
 from collections.abc import Sequence

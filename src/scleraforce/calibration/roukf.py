@@ -12,10 +12,8 @@ One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 
 with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in the p directions. It vanishes
 for simplex points, and the correction is then literally that of the paper; for other points it makes P and the gain
-the same as in the full-order UKF (Woodbury's identity). The step may be iterated: the sampling is repeated about the
-posterior and the *prior* is corrected with the linearisation found there (García-Fernández et al. 2015, iterated
-posterior linearisation). One iteration is the plain filter; more are needed where the prior is wide and the observation
-is not linear, because the plain filter then believes its first step far more than it may.
+the same as in the full-order UKF (Woodbury's identity). The step may be iterated (García-Fernández et al. 2015,
+iterated posterior linearisation).
 """
 
 from collections.abc import Callable

@@ -31,15 +31,14 @@ THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
          default=STUDYS, polar_angle_rad="the middle of the study's range", globe=GLOBE,
          rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)  # fmt: skip
 @click.option("--vtu", type=PATH, callback=new_file, help="File to write: the mesh and its displacement (VTK).")
-@click.option("--xdmf", type=PATH, callback=new_file, help="File to write: the mesh at rest and under the force.")
 @options("plot", plot="Picture to write: the deformed mesh and the slice (PNG, SVG, PDF).")  # fmt: skip
-def simulate(study: Study, vtu: Path | None, xdmf: Path | None, plot: Path | None, **given: Any) -> Report:
+def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) -> Report:
     """Bend one eye by one force: displacement, slice, picture.
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     import scleraforce as sf
-    from scleraforce.laboratory.virtual_eye import write_vtu, write_xdmf
+    from scleraforce.laboratory.virtual_eye import write_vtu
     from scleraforce.notebook.virtual import declared
 
     study = declared(study, *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")))
@@ -49,8 +48,6 @@ def simulate(study: Study, vtu: Path | None, xdmf: Path | None, plot: Path | Non
     seconds = perf_counter() - start
     if vtu is not None:
         write_vtu(eye, vtu)
-    if xdmf is not None:
-        write_xdmf(eye, xdmf)
     if plot is not None:
         from scleraforce.report.files import write_figure
         from scleraforce.report.model_figures import draw_simulation
@@ -69,7 +66,7 @@ def simulate(study: Study, vtu: Path | None, xdmf: Path | None, plot: Path | Non
     }
     resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
     size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
-    written = [f"wrote {path}" for path in (vtu, xdmf, plot) if path is not None]
+    written = [f"wrote {path}" for path in (vtu, plot) if path is not None]
     return Report(result, [*_lines(eye, study, resting_pa), size, *written])
 
 

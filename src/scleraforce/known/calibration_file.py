@@ -16,7 +16,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
 from scleraforce.known import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Kind, Known, KnownGlobe, Modulus
-from scleraforce.known.relaxation import KnownRelaxation, Matrix, rows
+from scleraforce.known.relaxation import MOMENTS, KnownRelaxation, rows
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import eye_id_fault
 from scleraforce.study.fields import allowed, meant
@@ -282,33 +282,16 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
     if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
         return None
 
-    def together(mean: str, covariance: str) -> tuple[tuple[float, ...], Matrix]:
+    joined: dict[str, Any] = {"source": "population", "times_s": eyes[0].times_s}
+    for mean, covariance in MOMENTS.items():
         means = np.array([getattr(one, mean) for one in eyes])
         within = np.mean([getattr(one, covariance) for one in eyes], axis=0)
         between = np.cov(means.T) if len(eyes) > 1 else within
-        return tuple(means.mean(axis=0).tolist()), rows(within + between)
-
-    shares, covariance = together("shares", "covariance")
-    held, held_covariance = together("held", "held_covariance")
-    before_n, before_covariance_n2 = together("before_n", "before_covariance_n2")
-    after, after_covariance_n2 = together("after", "after_covariance_n2")
-    spans = {}
+        joined |= {mean: tuple(means.mean(axis=0).tolist()), covariance: rows(within + between)}
     for name in ("every_s", "held_s"):
         found_s = [getattr(one, name) for one in eyes]
-        spans[name] = None if None in found_s else float(np.median(found_s))
-    return KnownRelaxation(
-        times_s=eyes[0].times_s,
-        shares=shares,
-        covariance=covariance,
-        held=held,
-        held_covariance=held_covariance,
-        before_n=before_n,
-        before_covariance_n2=before_covariance_n2,
-        after=after,
-        after_covariance_n2=after_covariance_n2,
-        **spans,
-        source="population",
-    )
+        joined[name] = None if None in found_s else float(np.median(found_s))
+    return KnownRelaxation(**joined)
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:

@@ -18,6 +18,9 @@ _Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
 _Vector = tuple[_Number, ...]
 Matrix = tuple[_Vector, ...]
 
+# Means of a relaxation, and their covariances.
+MOMENTS = {"shares": "covariance", "held": "held_covariance", "before_n": "before_covariance_n2"}
+MOMENTS["after"] = "after_covariance_n2"
 # Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
 MOST_HELD, MOST_BEFORE_N = 1.0, 15e-3
 SPREAD = 1.0 / 3.0  # standard deviation of such a memory over its largest value: 90 % reach from none to all
@@ -50,8 +53,7 @@ class KnownRelaxation:
 
     def __post_init__(self) -> None:
         size = len(self.times_s)
-        vectors = self.shares, self.held, self.before_n, self.after
-        matrices = self.covariance, self.held_covariance, self.before_covariance_n2, self.after_covariance_n2
+        vectors, matrices = ([getattr(self, name) for name in names] for names in (MOMENTS, MOMENTS.values()))
         square = all(len(matrix) == size and all(len(row) == size for row in matrix) for matrix in matrices)
         if not square or any(len(vector) != size for vector in vectors) or not sum(self.shares) < 1.0:
             raise CalibrationError("relaxation: its parts have several lengths, or shares add up to 1 or more")

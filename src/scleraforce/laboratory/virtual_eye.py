@@ -392,17 +392,5 @@ def write_vtu(eye: SimulatedEye, path: Path) -> None:
         meshio.Mesh(eye.mesh.points_nc, _cells(eye), point_data=fields).write(part, file_format="vtu")
 
 
-def write_xdmf(eye: SimulatedEye, path: Path) -> None:
-    """Write mesh and fields as a series of two states for ParaView, at rest and under the force (times, in N)."""
-    import meshio  # imported here, as above
-
-    resting_nc = eye.displacement_nc - eye.needle_nc
-    with renamed_when_whole(path) as part, meshio.xdmf.TimeSeriesWriter(part, data_format="XML") as series:
-        series.write_points_cells(eye.mesh.points_nc, _cells(eye))
-        for force_n, displacement_nc in ((0.0, resting_nc), (eye.force_n, eye.displacement_nc)):
-            fields = {"displacement": displacement_nc, "needle_displacement": displacement_nc - resting_nc}
-            series.write_data(force_n, point_data=fields)
-
-
 def _cells(eye: SimulatedEye) -> list[tuple[str, NDArray[np.int64]]]:
     return [(CELLS[eye.mesh.cells_en.shape[1]], eye.mesh.cells_en)]

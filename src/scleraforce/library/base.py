@@ -1,32 +1,8 @@
 """The effect of the eye's base on a needle beside the pole: bulge, push, rise of the contact, and stiffness.
 
-**Bulge.** The library's wall is clamped about the needle axis, the eye's about its own. A half-sphere that is held at
-its base bulges: under the pressure alone the library knows that wall exactly, about the eye's axis as about the
-needle's. What moves a point from the one to the other is added to the library's dented walls. It shifts the dent along
-the section and across it, in proportion to the pressure at first, and bends the wall beside the dent: by 10 um at a
-tension of 0.12, 30 um at 0.2.
-
-**Push.** The needle's force moves the dent, too (`base_push`): it has a part across the eye's axis, under which the
-half-sphere gives way by shear. How the wall bends with it is `calibration.library_eye`.
-
-**Rise.** A half-sphere under pressure bulges between its clamps: its middle rises more than what lies beside it. At a
-pressure p the needle's force F moves the contact inwards by x, and the volume and the contact's way are the derivatives
-of one potential (Maxwell's reciprocity, Timoshenko and Goodier, Theory of Elasticity, sec. 97):
-
-    d(dV)/dF = -d(V)/dF = dx/dp = w'(p) - d(dent)/dp
-
-with w(p) the contact's rise without the needle and the dent from there, as in the library. At one pressure and one dent
-a contact at another polar angle differs by its force and by w', so its dent displaces F w' less F0 w0' more than one on
-the pole. What the dents of both differ by, d/dp of the integral of F - F0 over the dent, is left out: below 1 % of the
-volume. Under the pressure alone wall and base are of revolution about the eye's axis, so w is the pole's curve.
-
-**Stiffness.** From a contact beside the pole at the polar angle a the base is a plane, nearer on one side: in the
-direction phi around the needle axis (from the meridian, away from the pole) it lies at the angle b with
-tan b = cot a / cos phi. The force at a dent is scaled by 1 + SHARE (mean over phi of F(b)/F(90 deg) - 1), where F(b) is
-the force of a wall of revolution clamped at b. On three eyes (0.5 to 0.8 mm, E 0.25 to 0.38 MPa, IOP 266 and 400 Pa),
-needles at 35 to 50 deg and dents to 4 mm, 3-D finite strain gave 0.41 to 0.63 of the mean. The factor is that of the
-first stiffening of the tissue for all of them: up to 45 degrees from the pole it changes by less than 1 % with it, at
-55 degrees by 3 % (b = 10) and 9 % (30) in thick walls.
+The library's wall is clamped about the needle axis, the eye's about its own; docs/physics.md, "The base beside the
+needle", has the derivations and what was measured. Maxwell's reciprocity: Timoshenko and Goodier, Theory of Elasticity,
+sec. 97.
 """
 
 import numpy as np

@@ -11,11 +11,8 @@ needle. Of a normal k this says that level(P) is normal about level(P0) + mean(k
 sd(k) dV. So the pressure is fitted, which a frame shows, and not the rigidity, which it shows only where the dent is
 deep.
 
-The eye's base lies nearer on one side of the needle (`library.base`). Its effect is known where the pole's place is
-known; else that place is an unknown. The motion is smooth: it is found at a few places of the section, for an
-approximate gap and thickness (their effect is below 1 um), and interpolated to where the plane meets the rings.
-
-The form of an eye that is not an even sphere is added at rest (`library.unknowns`); how it bends is left out.
+The pole's place, on which the base's motion depends (`library.base`), is an unknown where it is not given. The form of
+an eye that is not an even sphere is added at rest (`library.unknowns`); how it bends is left out.
 """
 
 from dataclasses import KW_ONLY, dataclass

@@ -7,9 +7,7 @@ at about the same one. A path is stored at given displacements of the tip, in wh
 force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
 tension and tip.
 
-The paths are of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
-side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base`), and
-the dent displaces less, because the contact rises less under the pressure (`library.base`).
+The paths are of a wall of revolution about the needle axis; `library.base` has the effect of a contact beside the pole.
 """
 
 from collections import OrderedDict

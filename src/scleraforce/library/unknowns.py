@@ -53,4 +53,3 @@ TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6
 POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
 # Of a wall and what it is compared to, by each of these steps: whose curves, whose motion under the pressure they have.
-SAME_CURVES_AND_MOTION = np.array([[0, 1, 0, 3, 4, 0, 0], [0, 0, 0, 3, 4, 5, 6]])

@@ -1,20 +1,9 @@
 """Eyes that are not spheres, walls that are not even, regions of another modulus, and the cornea.
 
-The wall is shaped from that of a sphere: a node in direction d goes to the outer surface's point in that direction,
-stretched by the semi-axes, and from there inward along the surface's normal by its share of the local thickness. Then
-the whole eye moves rigidly, so that the contact and the outward normal there are where the sphere has them: needle,
-B-scan plane and tip displacement need not know of the form. The nodes' places on the sphere remain the coordinates by
-which material points are found.
-
-The cornea is a sphere of its own. In a direction d at the angle a from the corneal axis n the surface lies rho(a) d
-from the globe's centre. Two spheres,
-
-    globe:   rho = R
-    cornea:  rho = h cos a + w,  w = sqrt(r^2 - h^2 sin^2 a),  h = sqrt(R^2 - l^2) - sqrt(r^2 - l^2),
-
-of radius R and r, the second one's centre h in front of the first one's, meet at the limbus, a ring of radius l about
-the axis. They meet at an angle; a cubic in a that has the value and slope of both at its ends takes their place across
-the limbus, in real eyes a shallow furrow 1.5 to 2 mm wide (Hogan, Alvarado, Weddell, Histology of the Human Eye, 1971).
+A node in direction d goes to the outer surface's point in that direction, stretched by the semi-axes, and from there
+inward along the surface's normal by its share of the local thickness; then the eye moves rigidly, so that contact and
+normal are where the sphere has them. The nodes' places on the sphere remain the coordinates of material points. The
+cornea: docs/physics.md, "Form of the cornea".
 """
 
 from dataclasses import replace

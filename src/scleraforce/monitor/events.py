@@ -41,12 +41,6 @@ TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
 )  # a signal without a move leaves the state unchanged
 
 
-def transition_diagram() -> str:
-    """Return the moves as a Mermaid state diagram."""
-    lines = [f"    {before.name} --> {after.name}: {signal.value}" for (before, signal), after in MOVES.items()]
-    return "\n".join(["stateDiagram-v2", "    [*] --> NOT_READY", *lines])
-
-
 class Cause(Enum):
     """The cause of a withdrawal; the value is the sub-code.
 

@@ -10,6 +10,7 @@ it. An error of g has no effect at the history of the calibration, since E follo
 
 from dataclasses import dataclass, replace
 from math import erf, hypot, isfinite, sqrt
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from scleraforce.mechanics.relaxation import line_weights
 from scleraforce.reader.answer import Answer, Reading
 
 Floats = NDArray[np.float64]
+Given = TypeVar("Given", Answer, Reading)
 
 DENSE_S = 0.3  # between frames: in longer gaps a needle may come and go
 SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for any
@@ -43,14 +45,16 @@ class FeltForce:
     less_n: float = 0.0
     more_n: float = 0.0
 
-    def reading(self, elastic: Reading, bounds_n: tuple[float, ...]) -> Reading:
-        """Return the reading of F from one of Fe; F is taken for normal on either side of its median."""
-        force_n = max(self.slope * elastic.force_n - self.lag_n, 0.0)
+    def of(self, elastic: Given, bounds_n: tuple[float, ...]) -> Given:
+        """Return a reading, or an answer, of F from one of Fe; F is taken for normal on either side of its median."""
+        assert elastic.force_n is not None
+        assert elastic.interval_n is not None
+        elastic_n, force_n = elastic.force_n, max(self.slope * elastic.force_n - self.lag_n, 0.0)
         below_n, above_n = (
-            hypot(self.slope * (end_n - elastic.force_n), NINETY_PERCENT * self.sd_n) + further_n
+            hypot(self.slope * (end_n - elastic_n), NINETY_PERCENT * self.sd_n) + further_n
             for end_n, further_n in zip(elastic.interval_n, (self.less_n, self.more_n), strict=True)
         )
-        under = [0.0]
+        under: list[float] = [0.0]
         for bound_n in bounds_n:
             side_n = max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
             under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
@@ -63,27 +67,11 @@ class FeltForce:
 
     def answer(self, elastic: Answer, bounds_n: tuple[float, ...]) -> Answer:
         """Return the answer with F from one with Fe."""
-        assert elastic.force_n is not None
-        assert elastic.interval_n is not None
-        assert elastic.probabilities is not None
-        read = self.reading(
-            Reading(
-                probabilities=elastic.probabilities,
-                force_n=elastic.force_n,
-                interval_n=elastic.interval_n,
-                contact_m=elastic.contact_m or 0.0,
-            ),
-            bounds_n,
-        )
-        return replace(
-            elastic,
-            predicted=read.predicted,
-            probabilities=read.probabilities,
-            force_n=read.force_n,
-            interval_n=read.interval_n,
-            elastic_force_n=elastic.force_n,
-            readings=tuple((name, self.reading(one, bounds_n)) for name, one in elastic.readings),
-        )
+        found = self.of(elastic, bounds_n)
+        assert found.probabilities is not None
+        predicted = int(np.argmax(found.probabilities))
+        readings = tuple((name, self.of(one, bounds_n)) for name, one in elastic.readings)
+        return replace(found, predicted=predicted, elastic_force_n=elastic.force_n, readings=readings)
 
 
 @dataclass(frozen=True, eq=False)

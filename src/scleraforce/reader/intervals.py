@@ -2,12 +2,9 @@
 
 The uncertainty that a method states leaves out the errors of its own model. So its intervals are measured on eyes that
 are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
-2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading has a
-factor, and the factors of its traits are multiplied. Traits are the causes of errors: if E was found on frames of the
-eye; the knowledge of the globe, or a pressure under the needle so high that the dent of a sealed globe says little; an
-uneven wall; a force so light that errors of the boundaries count; a force beyond the eye's
-calibration, or wide gaps within it. `model.json` keeps the factors; without them intervals are not stretched. An eye
-whose frames of known force scatter after calibration has wider intervals, too (`Known.scatter`).
+2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading, a
+cause of errors, has a factor, and the factors of its traits are multiplied. `model.json` keeps the factors; without
+them intervals are not stretched. An eye whose frames of known force scatter has wider intervals, too (`Known.scatter`).
 
 The score of a reading is the distance of the force from the median, over that of the interval's end on that side. The
 score below which 90 % of the readings lie, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
