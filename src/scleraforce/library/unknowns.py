@@ -52,4 +52,3 @@ POLE = slice(FORM.stop, len(NAMES))
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
-# Of a wall and what it is compared to, by each of these steps: whose curves, whose motion under the pressure they have.
