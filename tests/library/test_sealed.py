@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from sealed_walls import iop_ratio_at_dent
 
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
-from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.contact import Contact

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import fit_arrays
 import numpy as np
 from numpy.typing import NDArray
+from sealed_walls import iop_ratio_at_dent
 
 from scleraforce.library import fit_frame, fit_starts, search_loops, unknowns as at
 from scleraforce.library.fit import BoundaryFit, _standard_normal
@@ -16,7 +17,6 @@ from scleraforce.library.placement import FIRST_DAMPING, Columns, Placed, Places
 from scleraforce.library.prediction import Walls, formed_wall, law_of, predict_wall
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
-from scleraforce.library.sealed import iop_ratio_at_dent
 
 Array = NDArray[np.float64]
 Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
