@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.library import sealed
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled, write_figure
 from scleraforce.units import from_si, to_si
@@ -32,7 +32,9 @@ def draw() -> Figure:
     for rigidity, name, colour in RIGIDITIES:
         # The library knows forces and pressures over E only: so does the globe.
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
-        ratio = iop_ratio_at_dent(library, thickness_m, np.full_like(dent_m, IOP_PA / MODULUS_PA), dent_m, globe)
+        ratio, rates = np.full_like(dent_m, IOP_PA / MODULUS_PA), np.full_like(dent_m, globe.rate)
+        paths = sealed.volume_paths(library)
+        sealed.pressures_at_dents(library.tables, paths, thickness_m, dent_m, rates, False, ratio)
         force_n = library.forces(thickness_m, ratio, dent_m) * MODULUS_PA
         left.plot(dent_m * 1e3, force_n * 1e3, color=colour, label=name)
         right.plot(dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name)

@@ -23,7 +23,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
-from scleraforce.library.sealed import iop_ratio_under_force
+from scleraforce.library.sealed import iop_ratio_under_force, pressures_at_dents, volume_paths
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.contact import Section, SliceWindow
@@ -34,6 +34,7 @@ from scleraforce.mechanics.slices import fill_sections
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.recording.low_pass import smoothed
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Study
 from scleraforce.units import from_si, to_si
@@ -159,6 +160,10 @@ def compile_loops() -> None:
     globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     iop_ratio_under_force(_reader().library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
+    _reader().library.covers(*walls, np.array([0.0]))
+    smoothed(np.zeros(9), 0.1, 3)
+    tables, paths = _reader().library.tables, volume_paths(_reader().library)
+    pressures_at_dents(tables, paths, walls[0], np.zeros(1), np.zeros(1), False, walls[1].copy())
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):

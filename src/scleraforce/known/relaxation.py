@@ -18,8 +18,7 @@ _Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
 _Vector = tuple[_Number, ...]
 Matrix = tuple[_Vector, ...]
 
-# Means of a relaxation, and their covariances.
-MOMENTS = {"shares": "covariance", "held": "held_covariance", "before_n": "before_covariance_n2"}
+MOMENTS = {"shares": "covariance", "held": "held_covariance", "before_n": "before_covariance_n2"}  # of each mean
 MOMENTS["after"] = "after_covariance_n2"
 # Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
 MOST_HELD, MOST_BEFORE_N = 1.0, 15e-3
