@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from math import ceil, cos, pi, sin, sqrt, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Counts, Flags, Floats, Places, Reals
 from scleraforce.laboratory.light import (
     BscanOptics,
     Conjunctiva,
@@ -31,8 +31,6 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
-Vector = NDArray[np.float64]
-
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
 SKIN_COLUMNS = 0.5
 
@@ -41,12 +39,12 @@ SKIN_COLUMNS = 0.5
 class DrawnShaft:
     """A shaft in a frame, (rows, columns): its pixels, the light that passes, its edge's intensity over the noise."""
 
-    inside: NDArray[np.bool_]
+    inside: Flags
     light: Float
     skin: Float
 
 
-def draw_shaft(shaft: NeedleShaft, tip_m: Vector, tilt_rad: float, oct_study: OctStudy) -> DrawnShaft:
+def draw_shaft(shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: OctStudy) -> DrawnShaft:
     """Cut a shaft by the plane of a frame.
 
     Its tip is lateral from the frame's middle and below its top edge, m; the eye is rotated in the picture by
@@ -68,7 +66,7 @@ def draw_shaft(shaft: NeedleShaft, tip_m: Vector, tilt_rad: float, oct_study: Oc
     return DrawnShaft(inside[above:], light[above:].astype(np.float32), skin[above:].astype(np.float32))
 
 
-def _signed_distances(shaft: NeedleShaft, across: Vector, down: Vector, tilt_rad: float) -> tuple[Vector, Vector]:
+def _signed_distances(shaft: NeedleShaft, across: Floats, down: Floats, tilt_rad: float) -> tuple[Floats, Floats]:
     """Return how far pixels lie within the shaft's side and above its end, m, (rows, columns) each; below 0: outside.
 
     Points of the plane are (across, out of it, up) from the tip's place in the picture; the contact lies `gap_m` behind
@@ -91,7 +89,7 @@ def _signed_distances(shaft: NeedleShaft, across: Vector, down: Vector, tilt_rad
     return side_m, end_m
 
 
-def _columns_m(oct_study: OctStudy) -> Vector:
+def _columns_m(oct_study: OctStudy) -> Floats:
     """Return the lateral place of each column from the frame's middle, m."""
     return (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
 
@@ -100,8 +98,8 @@ def _columns_m(oct_study: OctStudy) -> Vector:
 class Bscan:
     """A raw frame and the truth: `frame` uint16 (rows, columns), `truth_mask` uint8 (rows, columns), 255 = wall."""
 
-    frame: NDArray[np.uint16]
-    truth_mask: NDArray[np.uint8]
+    frame: Counts
+    truth_mask: Bytes
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def render_bscan(
     return Bscan(frame, mask)
 
 
-def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64]) -> Float:
+def column_crossings(curve: Floats, columns_m: Floats) -> Float:
     """Return the depths (crossings, columns) at which vertical lines enter and leave the region that a curve encloses.
 
     The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines. A
@@ -172,9 +170,7 @@ def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64])
     return crossings
 
 
-def _curve_crossings(
-    curve: NDArray[np.float64], columns_m: NDArray[np.float64]
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp]]:
+def _curve_crossings(curve: Floats, columns_m: Floats) -> tuple[Places, Floats, Places]:
     """Return column, depth and sense (1: to the right, -1: to the left) of a polyline's crossings with columns."""
     step_m = columns_m[1] - columns_m[0]
     ends = np.ceil((curve[:, 0] - columns_m[0]) / step_m).clip(0, len(columns_m)).astype(np.intp)
@@ -231,7 +227,7 @@ def _filled(part_m: Float, row_m: Float) -> Float:
     return _as_float32(np.where(part_m > hair_m, part_m, 0.0) / row_m)
 
 
-def _as_float32(values: NDArray[np.floating]) -> Float:
+def _as_float32(values: Reals) -> Float:
     """Return single precision values: half the memory traffic, and far finer than a pixel."""
     return values.astype(np.float32, copy=False)
 
@@ -267,7 +263,7 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
 
 def _bright_curves(
     tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics, shaft: DrawnShaft | None
-) -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating], float]]:
+) -> Iterator[tuple[Reals, Reals, float]]:
     """Yield rows, amplitudes and half widths, in rows, of reflections, horizontal lines and covers above the tissue.
 
     The first surface of each column reflects like a mirror (Fresnel), and so does a wall below a conjunctiva.

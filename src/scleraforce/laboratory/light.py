@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.segmentation.grid import Float
@@ -86,22 +87,22 @@ class Conjunctiva:
     modulus_pa: float
     press: Press | None = None
 
-    def thicknesses(self, lateral_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def thicknesses(self, lateral_m: Floats) -> Floats:
         """Return the thickness along the wall's normal at lateral places, m."""
         wave = np.cos(2.0 * np.pi * lateral_m / self.wave_length_m + self.phase_rad)
         uneven_m = self.thickness_m * (1.0 + self.wave_fraction * wave)
         return uneven_m if self.press is None else uneven_m * (1.0 - self._sunk(lateral_m, self.press))
 
-    def _sunk(self, lateral_m: NDArray[np.float64], press: Press) -> NDArray[np.float64]:
+    def _sunk(self, lateral_m: Floats, press: Press) -> Floats:
         """Return the share of the thickness that is lost at lateral places."""
         lame_lambda, mu = lame_constants(self.modulus_pa, LAYER_POISSON_RATIO)
         pressure_pa = press.force_n / (np.pi * press.radius_m**2)
         away_m = np.maximum(np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m)
         beside = 2.0 / np.pi * np.arcsin(press.radius_m / away_m) * np.exp((press.radius_m - away_m) / self.thickness_m)
-        sunk: NDArray[np.float64] = -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
+        sunk: Floats = -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
         return sunk
 
-    def surface(self, outer: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, outer: Floats) -> Floats:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
         along = np.gradient(outer, axis=0)
         upward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
@@ -188,10 +189,10 @@ class Pose:
         """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
         return Section(self.place_points(section.outer), self.place_points(section.inner))
 
-    def place_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place_points(self, points: Floats) -> Floats:
         """Return points (point, 2), m, in the frame's own coordinates."""
         c, s = cos(self.tilt_rad), sin(self.tilt_rad)
-        placed: NDArray[np.float64] = points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
+        placed: Floats = points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
         return placed
 
 
@@ -249,7 +250,7 @@ def sample_needle(
     return drawn(NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m)
 
 
-def transmission(shadows: Sequence[Shadow], columns_m: NDArray[np.float64]) -> Float:
+def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Float:
     """Return the share of the light that shadows let through in each column, (column,)."""
     left = np.ones(len(columns_m))
     for shadow in shadows:
@@ -258,13 +259,7 @@ def transmission(shadows: Sequence[Shadow], columns_m: NDArray[np.float64]) -> F
     return left.astype(np.float32)
 
 
-def add_ridge(
-    field: Complex,
-    depth_rows: NDArray[np.floating],
-    amplitude: NDArray[np.floating],
-    sigma_rows: float,
-    rng: np.random.Generator,
-) -> None:
+def add_ridge(field: Complex, depth_rows: Reals, amplitude: Reals, sigma_rows: float, rng: np.random.Generator) -> None:
     """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
     sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
     column = np.flatnonzero(np.isfinite(depth_rows) & np.isfinite(amplitude) & (np.abs(depth_rows) < 2 * len(field)))
@@ -289,11 +284,11 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
-def _kernel(sigma: float) -> NDArray[np.float64]:
+def _kernel(sigma: float) -> Floats:
     """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
     reach = ceil(3.5 * sigma)
     values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
-    unit: NDArray[np.float64] = values / np.sqrt((values**2).sum())
+    unit: Floats = values / np.sqrt((values**2).sum())
     return unit
 
 
@@ -307,7 +302,7 @@ def decibel(level_db: float) -> float:
     return float(10.0 ** (level_db / 10.0))
 
 
-def ratios(levels_db: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def ratios(levels_db: Floats | float) -> Floats:
     """Return ratios of intensities from levels in dB."""
     return np.power(10.0, np.asarray(levels_db) / 10.0)
 

@@ -10,16 +10,14 @@ from dataclasses import dataclass
 from math import log, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Reals
 from scleraforce.laboratory.bscan import DrawnShaft
 from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.study import OctStudy
-
-Floats = NDArray[np.floating]
 
 DB = 10.0 / log(10.0)  # of a factor e
 DARKEST = 1e-6  # share of light: below it there is none
@@ -36,7 +34,7 @@ class DrawnFrames:
     """
 
     frames: Float
-    boundary_rows: Floats
+    boundary_rows: Reals
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,23 +44,23 @@ class _Layer:
     `level_db` (frame, column): at its upper edge, over the noise; it falls by `falls_db_per_m` (frame, 1).
     """
 
-    top_m: Floats
-    bottom_m: Floats
-    level_db: Floats
-    falls_db_per_m: Floats
+    top_m: Reals
+    bottom_m: Reals
+    level_db: Reals
+    falls_db_per_m: Reals
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
     """A thin bright curve: depth of its middle (frame, column), full width (frame, 1), level, dB over the noise."""
 
-    depth_m: Floats
-    width_m: Floats
-    level_db: Floats
+    depth_m: Reals
+    width_m: Reals
+    level_db: Reals
 
 
 def draw_reduced(
-    depth_sbc: Floats,
+    depth_sbc: Reals,
     optics: Sequence[BscanOptics],
     oct_study: OctStudy,
     window: FrameWindow,
@@ -93,7 +91,7 @@ def draw_reduced(
     return DrawnFrames(frames, rows)
 
 
-def _surface(outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
+def _surface(outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> Reals:
     """Return the first surface that light meets (frame, column): the conjunctiva's, or the bare wall's."""
     slope = np.gradient(outer_m, window.column_m, axis=1)
     bare = np.zeros(window.columns)
@@ -102,14 +100,14 @@ def _surface(outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow
     return outer_m - over_m * np.hypot(1.0, slope)
 
 
-def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
+def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Reals:
     """Return the level of a wall's surface, dB over the noise (frame, column): in shadows it is lower."""
     shadows = np.stack([_decibel(transmission(each.shadows, window.laterals_m)) for each in optics])
     return _each(optics, "snr_db") + shadows
 
 
 def _layers(
-    surface_m: Floats, wall_m: Floats, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
+    surface_m: Reals, wall_m: Reals, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
 ) -> tuple[_Layer, ...]:
     """Return the layer over the wall (at least the light beyond its edge), the wall and the choroid."""
     outer_m, inner_m = wall_m[:, OUTER], wall_m[:, INNER]
@@ -130,7 +128,7 @@ def _layers(
     )
 
 
-def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Floats, float]:
+def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Reals, float]:
     """Return the number of independent values that a cell averages: of speckle (frame, 1, 1), and of noise."""
     speckles, pixels = np.ones((len(optics), 1, 1)), 1.0
     for name, cell_m, pixel_m in (
@@ -147,7 +145,7 @@ def _speckled(
     layers: Sequence[_Layer],
     light_db: Float | np.float32,
     displayed: Displayed,
-    looks: tuple[Floats, float],
+    looks: tuple[Reals, float],
     window: FrameWindow,
 ) -> tuple[Float, Float]:
     """Return the mean count of each cell and its variance (frame, row, column)."""
@@ -169,7 +167,7 @@ def _speckled(
     return mean, variance
 
 
-def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Float, Float]:
+def _covered(window: FrameWindow, top_m: Reals, bottom_m: Reals) -> tuple[Float, Float]:
     """Return each cell's share between two depths, and distance below the first, m; 0 in columns without them."""
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
     top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
@@ -179,12 +177,12 @@ def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Floa
     return share, below
 
 
-def _there(level_db: Floats) -> Float:
+def _there(level_db: Reals) -> Float:
     """Return levels (frame, column) for each row (frame, 1, column); NaN becomes no light."""
     return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
 
-def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
+def _lines(surface_m: Reals, outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
     """Return the mirror reflections of the surface and of a wall below a conjunctiva, and the frames' lines."""
     light, two_sigmas_m = _light(optics, window), 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
     interface = [-np.inf if each.conjunctiva is None else each.conjunctiva.interface_db for each in optics]
@@ -199,7 +197,7 @@ def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], wi
     return [*found, *_across(surface_m, optics, window)]
 
 
-def _across(surface_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
+def _across(surface_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
     """Return the horizontal lines and the covers of frames: one line per frame for each of the largest number."""
     highest_m = np.nanmin(np.minimum(surface_m, window.rows * window.row_m), axis=1)
     curves = [
@@ -225,11 +223,11 @@ def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWin
     return np.clip(down, 0.0, 1.0).astype(np.float32)[:, None], np.clip(along, 0.0, 1.0).astype(np.float32)
 
 
-def _each(optics: Sequence[BscanOptics], name: str) -> Floats:
+def _each(optics: Sequence[BscanOptics], name: str) -> Reals:
     """Return a value of each frame's optics (frame, 1)."""
     return np.array([[getattr(each, name)] for each in optics])
 
 
-def _decibel(share: Floats) -> Float:
+def _decibel(share: Reals) -> Float:
     """Return a ratio of intensities in dB, at least that of `DARKEST`."""
     return (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)

@@ -20,14 +20,13 @@ from scipy.optimize import brentq, curve_fit
 from scipy.signal import find_peaks, savgol_filter
 from scipy.stats import gamma, linregress, ncx2, sigmaclip, theilslopes
 
+from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.errors import FrameError
 from scleraforce.laboratory.light import Line, amplitude_sigma
 from scleraforce.library.placement import robust_spread
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.light import imaged_columns
 from scleraforce.segmentation.slice import BoundaryRows
-
-Trace = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +56,8 @@ def fitted(value: float, error: float, most: float, reason: str) -> Measured:
 
 
 def fitted_curve(
-    model: Callable[..., Trace], at: NDArray[Any], seen: Trace, start: Sequence[float] | Trace, **options: Any
-) -> tuple[Trace, Trace] | None:
+    model: Callable[..., Floats], at: NDArray[Any], seen: Floats, start: Sequence[float] | Floats, **options: Any
+) -> tuple[Floats, Floats] | None:
     """Return the parameters of a curve and their standard errors; None if no curve fits."""
     try:
         value, covariance = curve_fit(model, at, seen, start, **options)
@@ -67,7 +66,7 @@ def fitted_curve(
     return value, np.sqrt(np.diag(covariance))
 
 
-def level_db(intensity: NDArray[np.float64]) -> NDArray[np.float64]:
+def level_db(intensity: Floats) -> Floats:
     """Return intensities in dB."""
     return 10.0 * np.log10(np.maximum(intensity, 1e-12))
 
@@ -112,12 +111,12 @@ class ImagedEye:
         return imaged[0], self.pixels.shape[1] - imaged[1]
 
     @cached_property
-    def walled(self) -> NDArray[np.bool_]:
+    def walled(self) -> Flags:
         """The columns that show the wall, (column,)."""
         return np.isfinite(self.wall.outer_row) & np.isfinite(self.wall.inner_row)
 
     @cached_property
-    def surface_row(self) -> Trace:
+    def surface_row(self) -> Floats:
         """The smoothed surface, (column,), NaN where there is no wall."""
         columns = np.flatnonzero(self.walled)
         every = np.arange(columns[0], columns[-1] + 1)
@@ -129,28 +128,26 @@ class ImagedEye:
         return smooth
 
     @cached_property
-    def slope_rad(self) -> Trace:
+    def slope_rad(self) -> Floats:
         """Angle between the surface and the frame's rows, (column,)."""
         ratio = self.scale.depth_m / self.scale.lateral_m
         return np.abs(np.arctan(np.gradient(self.surface_row) * ratio))
 
     @cached_property
-    def below_surface_rows(self) -> Trace:
+    def below_surface_rows(self) -> Floats:
         """Rows of each pixel below the surface, (row, column)."""
         return np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
 
     @cached_property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Flags:
         """The pixels in the wall, away from its boundaries, (row, column)."""
-        inside: NDArray[np.bool_] = (self.below_surface_rows >= self.edge_rows) & (
-            self.below_inner_rows < -self.edge_rows
-        )
+        inside: Flags = (self.below_surface_rows >= self.edge_rows) & (self.below_inner_rows < -self.edge_rows)
         if not self.inner_found:
             inside &= self.below_surface_rows * self.row_m < UNSEEN_M
         return inside & (self.pixels > 0).any(axis=0)
 
     @cached_property
-    def below_inner_rows(self) -> Trace:
+    def below_inner_rows(self) -> Floats:
         """Rows of each pixel below the inner boundary, (row, column)."""
         return np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.wall.inner_row
 
@@ -168,8 +165,8 @@ class DisplayKind:
     """A display's law: counts grow with `shown` of an intensity; `level_db` of that is the intensity's level."""
 
     name: str
-    shown: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    level_db: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    shown: Callable[[Floats], Floats]
+    level_db: Callable[[Floats], Floats]
 
     @property
     def spread_slope(self) -> float:
@@ -213,12 +210,12 @@ def display_kind(slopes: Sequence[Measured]) -> DisplayKind:
     return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
 
 
-def dithered(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+def dithered(counts: Floats) -> Floats:
     """Return whole counts spread evenly over half a count to each side, so that their quantiles have no steps."""
     return counts + (np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32)
 
 
-def _blocks(eye: ImagedEye) -> list[NDArray[np.float64]]:
+def _blocks(eye: ImagedEye) -> list[Floats]:
     """Return the counts of a frame's wall, block by block, away from its boundaries."""
     inside = eye.inside
     rows = max(4, round(BLOCK_M[0] / eye.scale.depth_m))
@@ -260,7 +257,7 @@ class Display:
     misfit_db: float
     looks: float = 1.0
 
-    def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
+    def levels(self, counts: NDArray[np.generic]) -> Floats:
         """Return counts as levels in dB over the mean noise."""
         ends_db = np.array([self.floor_db.value, self.highest_db])
         least, most = self.kind.shown(10.0 ** (ends_db / 10.0))
@@ -272,7 +269,7 @@ class Display:
         return self.floor_db.value + self.range_db.value
 
 
-def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
+def air_counts(eye: ImagedEye) -> Floats:
     """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks above the tissue."""
     rows, columns = BLOCK
     left, right = eye.bands
@@ -348,7 +345,7 @@ def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple
     return float(floor_db), float(top_db - floor_db)
 
 
-def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float]:
+def _scale(noise: Floats, eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float]:
     """Return counts for each unit of shown intensity, the count of darkness, and the misfit, dB."""
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
@@ -394,7 +391,7 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     return tuple(line for line in found if line is not None)
 
 
-def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> Line | None:
+def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line | None:
     """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
     found = fitted_curve(
@@ -411,5 +408,5 @@ def _fitted_line(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int
     )
 
 
-def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
+def _ridge(row: Floats, middle: float, gain: float, sigma: float) -> Floats:
     return gain * np.exp(-(((row - middle) / sigma) ** 2))

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import find_objects, gaussian_filter1d, label, median_filter
 from scipy.optimize import brentq, curve_fit
 from scipy.special import ndtr, spence
 from scipy.stats import theilslopes
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import FrameError
 from scleraforce.laboratory.light import Shadow, amplitude_sigma
 from scleraforce.laboratory.scanner_display import (
@@ -19,7 +19,6 @@ from scleraforce.laboratory.scanner_display import (
     Estimate,
     ImagedEye,
     Measured,
-    Trace,
     Unmeasured,
     fitted,
     fitted_curve,
@@ -47,21 +46,21 @@ class WallLight:
     (column,): light of a column against the typical one, NaN without a wall; `clear`: unshaded columns.
     """
 
-    levels: NDArray[np.float64]
-    inside: NDArray[np.bool_]
-    expected: NDArray[np.float64]
-    column_db: Trace
-    clear: NDArray[np.bool_]
+    levels: Floats
+    inside: Flags
+    expected: Floats
+    column_db: Floats
+    clear: Flags
     snr_db: Estimate
     attenuation_per_m: Measured
 
     @property
-    def expected_db(self) -> NDArray[np.float64]:
+    def expected_db(self) -> Floats:
         """Mean level of the wall and the noise over the noise, (row, column)."""
         return 10.0 * np.log10(self.expected + 1.0) + np.nan_to_num(self.column_db)
 
 
-def depth_profile(levels: Trace, depth_m: Trace, chosen: NDArray[np.bool_], bin_m: float) -> tuple[Trace, Trace, Trace]:
+def depth_profile(levels: Floats, depth_m: Floats, chosen: Flags, bin_m: float) -> tuple[Floats, Floats, Floats]:
     """Return each bin's mean depth, its mean level in dB (from the median), and its number of pixels."""
     number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
     order = np.argsort(number, kind="stable")
@@ -97,8 +96,8 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
 
 
 def _fit_light(
-    eye: ImagedEye, levels: Trace, depth_m: Trace, chosen: NDArray[np.bool_], display: Display
-) -> tuple[Trace, Trace]:
+    eye: ImagedEye, levels: Floats, depth_m: Floats, chosen: Flags, display: Display
+) -> tuple[Floats, Floats]:
     """Return level at the surface, dB, and attenuation, 1/m, with their standard errors."""
     at_m, found_db, count = depth_profile(levels, depth_m, chosen, max(BIN_M, eye.row_m))
     seen = (count >= LEAST_IN_BIN) & (found_db > OVER_NOISE_DB) & (found_db < display.highest_db - BELOW_TOP_DB)
@@ -107,7 +106,7 @@ def _fit_light(
         why = "is hardly brighter than the noise" if dark else "saturates the display"
         raise FrameError(f"{eye.name}: the wall {why}: its light cannot be measured")
 
-    def seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
+    def seen_db(depth_m: Floats, snr_db: float, attenuation_per_m: float) -> Floats:
         return level_db(10.0 ** (snr_db / 10.0) * np.exp(-2.0 * attenuation_per_m * depth_m) + 1.0)
 
     found = fitted_curve(
@@ -119,7 +118,7 @@ def _fit_light(
     return found
 
 
-def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Trace:
+def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
     """Return the light of each column over the typical one, dB."""
     light = np.full(inside.shape[1], np.nan)
     enough = inside.sum(axis=0) >= LEAST_BINS
@@ -131,12 +130,12 @@ def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDAr
     return light
 
 
-def _dips(eye: ImagedEye, column_db: Trace) -> Trace:
+def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
     """Return the columns' light without its slow changes, a median over more than a shadow's width, dB."""
     slow, columns = np.full(len(column_db), np.nan), np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
     slow[columns] = median_filter(column_db[columns], min(width, len(columns) | 1), mode="nearest")
-    dips: Trace = column_db - slow
+    dips: Floats = column_db - slow
     return dips
 
 
@@ -182,7 +181,7 @@ def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Me
     mu = attenuation.value
     at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
 
-    def model(below_m: Trace, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Trace:
+    def model(below_m: Floats, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Floats:
         y = below_m - off_m
         wall = 10.0 ** (at_inner_db / 10.0) * np.exp(-2.0 * mu * y) * ndtr(-y / blur_m)
         inside = ndtr(y / blur_m) * ndtr((thick_m - y) / blur_m)
@@ -227,7 +226,7 @@ def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[Shadow, ...]:
     return tuple(sorted(kept, key=lambda each: each.centre_m))
 
 
-def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> Shadow | None:
+def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | None:
     """Return the shadow about a run of dark columns; None: no fit."""
     columns = place.stop - place.start
     if columns < SHADOW_COLUMNS:
@@ -247,8 +246,8 @@ def _fitted_shadow(eye: ImagedEye, light_db: Trace, place: slice) -> Shadow | No
     return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
 
 
-def _light(column: Trace, middle: float, width: float, loss: float, base: float) -> Trace:
-    light: Trace = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
+def _light(column: Floats, middle: float, width: float, loss: float, base: float) -> Floats:
+    light: Floats = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
     return light
 
 
@@ -277,16 +276,16 @@ def resolutions(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Me
     return _width(down, share, pixels, eye.scale.depth_m), _width(across, share, pixels, eye.scale.lateral_m)
 
 
-def drawn_correlation(sigma: float, lags: int) -> Trace:
+def drawn_correlation(sigma: float, lags: int) -> Floats:
     """Return the correlation of drawn intensities at `lags` lags from 0; `sigma`: of the amplitude, pixels."""
     reach = int(np.ceil(3.5 * sigma))
     kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
     field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
-    padded: Trace = np.square(np.pad(field, (0, lags))[:lags])
+    padded: Floats = np.square(np.pad(field, (0, lags))[:lags])
     return padded
 
 
-def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) -> tuple[Trace, Trace]:
+def _autocorrelation(speckle: Floats, chosen: Flags) -> tuple[Floats, Floats]:
     """Return the autocorrelation of the chosen pixels along columns and along rows, from lag 0."""
     shape = [next_fast_len(size + FAR, real=True) for size in speckle.shape]
     power, pairs = (irfft2(np.abs(rfft2(values, shape)) ** 2, shape) for values in (speckle, chosen.astype(np.float64)))
@@ -294,7 +293,7 @@ def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) ->
     return mean[:FAR, 0] / mean[0, 0], mean[0, :FAR] / mean[0, 0]
 
 
-def _width(correlation: Trace, share: float, pixels: int, pixel_m: float) -> Measured:
+def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Measured:
     """Return the full width of the intensity's spread, m, from the autocorrelation of the speckle in dB."""
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
@@ -302,7 +301,7 @@ def _width(correlation: Trace, share: float, pixels: int, pixel_m: float) -> Mea
     lags = max(LEAST_LAGS, 3 * int(fallen[0]))
     seen = correlation[1:lags]
 
-    def model(_: Trace, sigma: float, offset: float) -> Trace:
+    def model(_: Floats, sigma: float, offset: float) -> Floats:
         return _of_logarithms(share * drawn_correlation(sigma, lags)[1:]) + offset
 
     error = float(np.sqrt((1.0 + 2.0 * np.sum(np.maximum(seen, 0.0) ** 2)) / pixels))
@@ -325,7 +324,7 @@ def _width(correlation: Trace, share: float, pixels: int, pixel_m: float) -> Mea
     return Estimate(value=sigma * per_sigma * pixel_m, error=sigma_error * per_sigma * pixel_m)
 
 
-def _of_logarithms(rho: Trace) -> Trace:
+def _of_logarithms(rho: Floats) -> Floats:
     """Return the correlation of the logarithms of exponential intensities of correlation rho."""
     return spence(1.0 - rho) / spence(0.0)
 
@@ -350,9 +349,9 @@ class SurfaceLight:
     `sigma_rows`: of the amplitude along the depth; `noise`: over the speckle; `fault` makes the reflection unmeasured.
     """
 
-    slope_rad: Trace
-    below: Trace
-    light: Trace
+    slope_rad: Floats
+    below: Floats
+    light: Floats
     sigma_rows: float
     noise: float
     fault: str = ""
@@ -401,7 +400,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
     return [Unmeasured(frame.fault or WEAK) for frame in frames], Unmeasured(WEAK)
 
 
-def _strength(frame: SurfaceLight, pooled: Trace) -> Measured:
+def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
     """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
     if frame.fault:
         return Unmeasured(frame.fault)
@@ -420,7 +419,7 @@ NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 
 def _fit_reflection(
     frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
-) -> tuple[Trace, Trace] | None:
+) -> tuple[Floats, Floats] | None:
     """Fit the light of frames' pixels; return values (see LOW) and errors, or None; `held` ones keep their start."""
     slope, below, light, sigma, noise = (
         np.concatenate([np.broadcast_to(getattr(frame, name), frame.light.shape) for frame in frames])
@@ -429,7 +428,7 @@ def _fit_reflection(
     free = np.array([number for number in range(len(start)) if number not in held])
     value, errors = np.array(start), np.zeros(len(start))
 
-    def model(_: Trace, *parameters: float) -> Trace:
+    def model(_: Floats, *parameters: float) -> Floats:
         whole = np.array(start)
         whole[free] = parameters
         return _seen(slope, below, sigma, whole)
@@ -447,12 +446,12 @@ def _fit_reflection(
     return value, errors
 
 
-def _seen(slope: Trace, below: Trace, sigma: Trace, parameters: Trace) -> Trace:
+def _seen(slope: Floats, below: Floats, sigma: Floats, parameters: Floats) -> Floats:
     """Return the mean light of pixels about the surface, over the speckle: the step of the wall, and the ridge."""
     gain, angle, deviation = parameters[:3]
     share = np.exp(-((slope / angle) ** 2))
     rows = below - np.interp(slope, KNOTS_RAD, parameters[3:])
     wide = np.sqrt(sigma**2 + 2.0 * deviation**2)
     step = ndtr(rows / np.sqrt(1.0 / 12.0 + wide**2 / 2.0))
-    light: Trace = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
+    light: Floats = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
     return light

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.bscan import column_crossings
 from scleraforce.laboratory.light import ratios
-from scleraforce.laboratory.scene_wall import Curve, DrawnWall, Limbus, Points, Window
+from scleraforce.laboratory.scene_wall import DrawnWall, Limbus, Window
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneTissueStudy, draw
 
@@ -25,13 +25,13 @@ class Rays:
     """
 
     window: Window
-    surface_m: Curve
-    sideways: Curve
-    downwards: Curve
-    slope_rad: Curve
+    surface_m: Floats
+    sideways: Floats
+    downwards: Floats
+    slope_rad: Floats
     stretch: float
 
-    def row(self, height_m: Curve) -> Curve:
+    def row(self, height_m: Floats) -> Floats:
         """Return the row, (column,), at which a curve below the surface is seen; `height_m`: at `window.grid_m`."""
         length_m = np.interp(self.window.lateral_m, self.window.grid_m, height_m) - self.surface_m
         for _ in range(ROUNDS):
@@ -39,16 +39,16 @@ class Rays:
             length_m = (np.interp(at_m, self.window.grid_m, height_m) - self.surface_m) / self.downwards
         return self.window.row(self.surface_m + self.stretch * length_m)
 
-    def row_of(self, points: Points) -> Curve:
+    def row_of(self, points: Floats) -> Floats:
         """Return the row, (column,), at which a curve (point, 2), m, is seen."""
         return self.row(heights(points, self.window))
 
-    def seen_at(self, values: Curve, depth_m: Curve | float) -> Curve:
+    def seen_at(self, values: Floats, depth_m: Floats | float) -> Floats:
         """Return values at `window.grid_m` where the rays are at a depth below the surface, (column,)."""
         return np.interp(self.window.lateral_m + self.sideways * depth_m, self.window.grid_m, values)
 
 
-def rays_below(height_m: Curve, window: Window, refractive_index: float) -> Rays:
+def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Rays:
     """Return the rays below a surface; an index of 1 leaves them straight: the scanner has corrected its picture.
 
     Snell's law: the part of a ray's direction along the surface is divided by the refractive index.
@@ -62,7 +62,7 @@ def rays_below(height_m: Curve, window: Window, refractive_index: float) -> Rays
     return Rays(window, surface_m, sideways, downwards, slope, refractive_index)
 
 
-def heights(points: Points, window: Window) -> Curve:
+def heights(points: Floats, window: Window) -> Floats:
     """Return the depth of a curve from left to right at `window.grid_m`, NaN beyond its ends; folds are bridged."""
     lateral_m = np.maximum.accumulate(points[:, 0])
     return np.interp(window.grid_m, lateral_m, points[:, 1], left=np.nan, right=np.nan)
@@ -72,8 +72,8 @@ def heights(points: Points, window: Window) -> Curve:
 class Ridge:
     """A thin bright curve (column,): row, intensity over the noise; a `shadowed` one loses the light lost above."""
 
-    row: Curve
-    intensity: Curve
+    row: Floats
+    intensity: Floats
     sigma_rows: float
     shadowed: bool = True
 
@@ -92,13 +92,13 @@ class Picture:
         """The middles of the rows, shape (row, 1)."""
         return np.arange(len(self.scatter), dtype=np.float32)[:, None] + np.float32(0.5)
 
-    def inside(self, top: Curve, bottom: Curve) -> NDArray[np.bool_]:
+    def inside(self, top: Floats, bottom: Floats) -> Flags:
         """Return the pixels between two curves, given as rows (column,); none where one is NaN."""
         rows = self.rows
         return (rows >= top.astype(np.float32)) & (rows < bottom.astype(np.float32))
 
     def fill(
-        self, top: Curve, bottom: Curve, intensity: Curve | float, attenuation_per_m: float, stretch: float
+        self, top: Floats, bottom: Floats, intensity: Floats | float, attenuation_per_m: float, stretch: float
     ) -> None:
         """Replace the tissue between two curves (rows); `stretch`: optical over geometric depth."""
         within = self.inside(top, bottom)
@@ -106,11 +106,11 @@ class Picture:
         loss = 2.0 * attenuation_per_m * self.window.pixel_m / stretch
         np.copyto(self.loss, np.float32(loss), where=within)
 
-    def brighten(self, top: Curve, bottom: Curve, gain: Curve) -> None:
+    def brighten(self, top: Floats, bottom: Floats, gain: Floats) -> None:
         """Multiply the backscatter between two curves (rows) by a gain, (column,) or (row, column)."""
         np.multiply(self.scatter, gain, out=self.scatter, where=self.inside(top, bottom), casting="same_kind")
 
-    def shade(self, row: Curve, left: Curve) -> None:
+    def shade(self, row: Floats, left: Floats) -> None:
         """Let only a share of the light (column,) pass beyond a row (column,)."""
         at = np.clip(np.nan_to_num(row, nan=0.0), 0, len(self.loss) - 1).astype(np.intp)
         self.loss[at, np.arange(self.loss.shape[1])] -= np.log(np.maximum(left, np.float32(1e-6)))
@@ -138,9 +138,9 @@ class Tissue:
     """The visible wall: rows of the drawing, (column,), NaN without wall; `surface` may be the conjunctiva's."""
 
     rays: Rays
-    surface: Curve
-    outer: Curve
-    inner: Curve
+    surface: Floats
+    outer: Floats
+    inner: Floats
     refractive_index: float
 
 
@@ -152,24 +152,24 @@ class _Drawing:
     wall: DrawnWall
     picture: Picture
     rays: Rays
-    outer: Curve
-    inner: Curve
+    outer: Floats
+    inner: Floats
     snr_db: float
     rng: np.random.Generator
 
-    def light(self, values_db: float | Curve) -> Curve:
+    def light(self, values_db: float | Floats) -> Floats:
         """Return intensities over the mean noise of levels against the sclera."""
         return ratios(self.snr_db + values_db)
 
-    def fill(self, top: Curve, bottom: Curve, intensity: Curve | float, attenuation_per_m: float) -> None:
+    def fill(self, top: Floats, bottom: Floats, intensity: Floats | float, attenuation_per_m: float) -> None:
         """Replace the tissue between two curves (rows)."""
         self.picture.fill(top, bottom, intensity, attenuation_per_m, self.rays.stretch)
 
-    def facing(self) -> Curve:
+    def facing(self) -> Floats:
         """Return the share of a mirror reflection that reaches the scanner, (column,)."""
         return np.exp(-((self.rays.slope_rad / draw(self.study.reflection_angle_rad, self.rng)) ** 2))
 
-    def cornea(self, share: float) -> Curve:
+    def cornea(self, share: float) -> Floats:
         """Return the cornea's part (0: all sclera) in the light at a share of the wall's depth, (column,)."""
         if self.wall.limbus is None:
             return np.zeros(len(self.outer))
@@ -198,7 +198,7 @@ def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng:
     return Tissue(rays, surface, outer, inner, index)
 
 
-def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Curve:
+def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
     """Return the thickness of the conjunctiva with Tenon's layer, (point,), m; 0 over the cornea, and in some eyes."""
     thickness_m = draw(study.conjunctiva_m, rng)
     if rng.random() >= study.conjunctiva_share:
@@ -222,7 +222,7 @@ def _fill_inside(drawing: _Drawing) -> None:
         _fill_uvea(drawing, uvea_m)
 
 
-def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Curve:
+def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
     """Return the thickness of ciliary body and choroid, (point,), m; they begin at the scleral spur."""
     choroid_m, ciliary_m, length_m = (draw(v, rng) for v in (study.choroid_m, study.ciliary_m, study.ciliary_length_m))
     rise_m = draw(study.ciliary_rise_m, rng)
@@ -233,7 +233,7 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
     return np.clip(beyond_m / rise_m, 0.0, 1.0) * (choroid_m + max(ciliary_m - choroid_m, 0.0) * falling)
 
 
-def _fill_uvea(drawing: _Drawing, thickness_m: Curve) -> None:
+def _fill_uvea(drawing: _Drawing, thickness_m: Floats) -> None:
     """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the sclera from it."""
     study, rng, wall, inner = drawing.study, drawing.rng, drawing.wall, drawing.inner
     level_db, gap_m, gap_db = draw(study.uvea_db, rng), draw(study.gap_m, rng), draw(study.gap_db, rng)
@@ -247,7 +247,7 @@ def _fill_uvea(drawing: _Drawing, thickness_m: Curve) -> None:
         drawing.fill(top, np.minimum(gap, bottom), drawing.light(gap_db), attenuation)
 
 
-def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Curve) -> None:
+def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Floats) -> None:
     """Fill the iris, which begins on the face of the ciliary body, and the lens behind it."""
     study, rng, wall = drawing.study, drawing.rng, drawing.wall
     root_arc_m = limbus.spur_m + draw(study.iris_root, rng) * draw(study.ciliary_rise_m, rng)
@@ -268,7 +268,7 @@ def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Curve) -> Non
         _fill_iris(drawing, roots, below - zero, plane_m)
 
 
-def _fill_iris(drawing: _Drawing, roots: dict[float, Points], down: Points, plane_m: float) -> None:
+def _fill_iris(drawing: _Drawing, roots: dict[float, Floats], down: Floats, plane_m: float) -> None:
     """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil."""
     study, rng, wall = drawing.study, drawing.rng, drawing.wall
     thick_m, bow_m, pupil_m = (draw(values, rng) for values in (study.iris_m, study.iris_bow_m, study.pupil_m))
@@ -298,13 +298,13 @@ def _fill_lens(drawing: _Drawing, plane_m: float) -> None:
     drawing.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
 
 
-def outline_depths(outline: Points, lateral_m: Curve) -> Curve | None:
+def outline_depths(outline: Floats, lateral_m: Floats) -> Floats | None:
     """Return the depths (2, place) between which a closed outline is seen, NaN outside of it; None: nowhere."""
     crossings = column_crossings(np.concatenate([outline, outline[:1]]), lateral_m).astype(np.float64)
     return None if len(crossings) < 2 else np.where(np.isfinite(crossings[:2]), crossings[:2], np.nan)
 
 
-def _between(drawing: _Drawing, outline: Points) -> tuple[Curve, Curve]:
+def _between(drawing: _Drawing, outline: Floats) -> tuple[Floats, Floats]:
     """Return the rows between which a closed outline inside the wall is seen, (column,), NaN outside of it."""
     edges = outline_depths(outline, drawing.rays.window.grid_m)
     if edges is None:
@@ -334,7 +334,7 @@ def _fill_wall(drawing: _Drawing) -> None:
         _fill_faces(drawing, cornea_db)
 
 
-def _fill_faces(drawing: _Drawing, cornea_db: Curve) -> None:
+def _fill_faces(drawing: _Drawing, cornea_db: Floats) -> None:
     """Draw the cornea's two faces: its epithelium, and the mirror reflection of its inner boundary."""
     study, rng, outer, inner = drawing.study, drawing.rng, drawing.outer, drawing.inner
     cornea = drawing.cornea(0.0)
@@ -362,7 +362,7 @@ def _scar(drawing: _Drawing) -> None:
     picture.shade(middle, np.where(np.isfinite(middle), 1.0 - loss, 1.0))
 
 
-def _fill_conjunctiva(drawing: _Drawing, surface: Curve) -> None:
+def _fill_conjunctiva(drawing: _Drawing, surface: Floats) -> None:
     """Fill the conjunctiva, with Tenon's layer as its lower part."""
     study, rng, outer = drawing.study, drawing.rng, drawing.outer
     middle = outer - draw(study.tenon_share, rng) * (outer - surface)
@@ -371,7 +371,7 @@ def _fill_conjunctiva(drawing: _Drawing, surface: Curve) -> None:
     drawing.fill(middle, outer, drawing.light(draw(study.tenon_db, rng)), attenuation)
 
 
-def _roughen(drawing: _Drawing, surface: Curve) -> None:
+def _roughen(drawing: _Drawing, surface: Floats) -> None:
     """Give the tissue a texture of long grains along its surface."""
     study, rng, picture = drawing.study, drawing.rng, drawing.picture
     window, shape = picture.window, picture.scatter.shape

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Pose
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 from scleraforce.study.fields import Sampled
-
-Curve = NDArray[np.float64]
 
 ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, and mirrored from there
 BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it; points of their grid
@@ -37,18 +35,18 @@ class Window:
         return self.width_m / self.columns
 
     @cached_property
-    def lateral_m(self) -> Curve:
+    def lateral_m(self) -> Floats:
         """Lateral position of each column, m."""
         column = np.arange(self.columns, dtype=np.float64)
         return (column + 0.5) * self.step_m - self.width_m / 2
 
     @cached_property
-    def grid_m(self) -> Curve:
+    def grid_m(self) -> Floats:
         """Evenly spaced lateral positions of stored curves, m; they reach beyond the frame."""
         half_m = self.width_m * (0.5 + BEYOND_SHARE)
         return np.linspace(-half_m, half_m, GRID_POINTS)
 
-    def row(self, depth_m: Curve) -> Curve:
+    def row(self, depth_m: Floats) -> Floats:
         """Return depths as rows of the drawing, those above the frame included; pixel r covers r to r + 1."""
         return depth_m / self.pixel_m + self.above
 
@@ -68,8 +66,6 @@ def draw_even_logarithm(values: Sampled, rng: np.random.Generator) -> float:
     low, high = values.bounds
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
-
-Points = NDArray[np.float64]
 
 STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and its reach to each side
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
@@ -94,16 +90,16 @@ class Limbus:
     spur_m: float
     spur_bump_m: float
 
-    def shape(self, arc_m: Curve) -> Curve:
+    def shape(self, arc_m: Floats) -> Floats:
         """Return the part of the cornea (1; 0: of the sclera) in the wall's shape."""
         return _falling(np.abs(arc_m) - self.arc_m, self.width_m)
 
-    def cornea(self, arc_m: Curve, share: float) -> Curve:
+    def cornea(self, arc_m: Floats, share: float) -> Floats:
         """Return the part of the cornea (1; 0: of the sclera) in the light at a share of the wall's depth."""
         reach_m = self.slant_m * (share - 0.5) + self.wedge_m * (1.0 - abs(2.0 * share - 1.0))
         return _falling(np.abs(arc_m) - self.arc_m - reach_m, self.edge_m)
 
-    def spur(self, arc_m: Curve) -> Curve:
+    def spur(self, arc_m: Floats) -> Floats:
         """Return the thickness that the scleral spur adds, m."""
         return self.spur_bump_m * np.exp(-(((np.abs(arc_m) - self.spur_m) / SPUR_M) ** 2))
 
@@ -116,20 +112,20 @@ class DrawnWall:
     0) to the frame. `dent_m`: the lateral place of a dent.
     """
 
-    outer: Points
-    normal: Points
-    thickness_m: Curve
-    arc_m: Curve
+    outer: Floats
+    normal: Floats
+    thickness_m: Floats
+    arc_m: Floats
     pose: Pose
     limbus: Limbus | None
     dent_m: float | None
 
     @property
-    def inner(self) -> Points:
+    def inner(self) -> Floats:
         """The inner boundary, shape (point, 2), m."""
         return self.offset(self.thickness_m)
 
-    def offset(self, depth_m: Curve) -> Points:
+    def offset(self, depth_m: Floats) -> Floats:
         """Return the curve at depths below the surface along its normal, (point, 2), m."""
         return self.outer + depth_m[:, None] * self.normal
 
@@ -174,12 +170,14 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
     return None if rng.random() < eye.half_sphere_share else limbus
 
 
-def _falling(beyond_m: Curve, width_m: float) -> Curve:
+def _falling(beyond_m: Floats, width_m: float) -> Floats:
     """Return a curve that falls from 1 to 0 over a width, about 0."""
     return 1.0 / (1.0 + np.exp(np.clip(beyond_m / (width_m / 4), -50.0, 50.0)))
 
 
-def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus: Limbus | None, rng: np.random.Generator) -> Curve:
+def _slope(
+    eye: SceneEyeStudy, arc_m: Floats, cornea: Floats, limbus: Limbus | None, rng: np.random.Generator
+) -> Floats:
     """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
     radius_m, sclera_m = draw(eye.cornea_radius_m, rng), draw(eye.sclera_radius_m, rng)
     bend = cornea / radius_m + (1.0 - cornea) / sclera_m
@@ -190,26 +188,26 @@ def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus: Limbus | Non
     return slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
 
 
-def _waves(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> Curve:
+def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Floats:
     """Return smooth random ups and downs of about unit size."""
     length_m = draw(eye.wave_length_m, rng) * rng.uniform(0.6, 1.6, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
-    waves: Curve = np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
+    waves: Floats = np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
     return waves
 
 
-def _integrated(slope: Curve) -> Points:
+def _integrated(slope: Floats) -> Floats:
     """Return the meridian of a slope, its middle at 0, 0; shape (point, 2)."""
     tangent = np.stack([np.cos(slope), np.sin(slope)], axis=1)
     steps = np.concatenate([np.zeros((1, 2)), (tangent[1:] + tangent[:-1]) * (STEP_M / 2)])  # trapezium rule
     points = np.cumsum(steps, axis=0)
-    middle: Points = points - points[len(points) // 2]
+    middle: Floats = points - points[len(points) // 2]
     return middle
 
 
 def _dented(
-    eye: SceneEyeStudy, outer: Points, slope: Curve, arc_m: Curve, view_m: float, rng: np.random.Generator
-) -> tuple[float | None, Points]:
+    eye: SceneEyeStudy, outer: Floats, slope: Floats, arc_m: Floats, view_m: float, rng: np.random.Generator
+) -> tuple[float | None, Floats]:
     """Push a needle into the meridian, near the middle of the view; return the dent's arc and the meridian."""
     if rng.random() >= eye.dent_share:
         return None, outer
@@ -223,7 +221,7 @@ def _dented(
     return centre_m, outer + push[:, None] * np.array([-np.sin(direction), np.cos(direction)])
 
 
-def _pose(outer: Points, at: int, turn_rad: float, surface_share: float, window: Window) -> Pose:
+def _pose(outer: Floats, at: int, turn_rad: float, surface_share: float, window: Window) -> Pose:
     """Return the pose that puts the point of the view in the middle and the surface at its depth."""
     turned = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=turn_rad).place_points(outer)
     lateral_m = -float(turned[at, 0])
@@ -232,7 +230,7 @@ def _pose(outer: Points, at: int, turn_rad: float, surface_share: float, window:
     return Pose(lateral_m=lateral_m, depth_m=surface_share * window.depth_m - highest_m, tilt_rad=turn_rad)
 
 
-def _seen_from_above(placed: Points) -> slice:
+def _seen_from_above(placed: Floats) -> slice:
     """Return the points around the frame's middle up to where the surface is too steep."""
     step = np.diff(placed, axis=0)
     steep = np.arctan2(np.abs(step[:, 1]), step[:, 0]) > MAX_SLOPE_RAD

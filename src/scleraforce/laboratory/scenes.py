@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import find_objects, label
 
+from scleraforce.arrays import Bytes, Flags, Floats
 from scleraforce.laboratory.light import (
     Complex,
     Shadow,
@@ -18,7 +18,7 @@ from scleraforce.laboratory.light import (
     transmission,
 )
 from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture, outline_depths
-from scleraforce.laboratory.scene_wall import Curve, Window, draw_wall, draw_window
+from scleraforce.laboratory.scene_wall import Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneOverStudy, SceneScannerStudy, ScenesStudy, draw
@@ -39,31 +39,31 @@ class _Over:
     rng: np.random.Generator
 
     @property
-    def lateral_m(self) -> Curve:
+    def lateral_m(self) -> Floats:
         return self.picture.window.lateral_m
 
     @property
-    def surface_m(self) -> Curve:
+    def surface_m(self) -> Floats:
         return self.tissue.rays.surface_m
 
-    def row(self, depth_m: Curve) -> Curve:
+    def row(self, depth_m: Floats) -> Floats:
         return self.picture.window.row(depth_m)
 
     def place(self) -> float:
         """Return a random place across the frame, m."""
         return float(self.rng.uniform(self.lateral_m[0], self.lateral_m[-1]))
 
-    def from_side(self, left: bool) -> Curve:
+    def from_side(self, left: bool) -> Floats:
         """Return the distance of columns from the frame's left or right edge, m."""
         half_m = self.picture.window.width_m / 2
         return self.lateral_m + half_m if left else half_m - self.lateral_m
 
-    def line(self, depth_m: Curve, level_db: float | Curve) -> None:
+    def line(self, depth_m: Floats, level_db: float | Floats) -> None:
         """Add a thin bright curve."""
         bright = np.broadcast_to(ratios(level_db), depth_m.shape)
         self.picture.ridges.append(Ridge(self.row(depth_m), bright, self.rng.uniform(*LINE_ROWS)))
 
-    def body(self, top_m: Curve, bottom_m: Curve, level_db: float, attenuation_per_m: float) -> None:
+    def body(self, top_m: Floats, bottom_m: Floats, level_db: float, attenuation_per_m: float) -> None:
         """Replace the picture between two curves."""
         self.picture.fill(self.row(top_m), self.row(bottom_m), ratios(level_db), attenuation_per_m, 1.0)
 
@@ -105,13 +105,13 @@ def _vessels(over: _Over) -> None:
         over.picture.shade(tissue.surface, transmission([air], over.lateral_m).astype(np.float64))
 
 
-def _smooth_surface(over: _Over) -> Curve:
+def _smooth_surface(over: _Over) -> Floats:
     """Return the parabola above the surface, at all columns, m."""
     there = np.isfinite(over.surface_m)
     if np.count_nonzero(there) < 3:
         return np.full(len(over.lateral_m), np.nan)
     fitted = np.polyfit(over.lateral_m[there], over.surface_m[there], 2)
-    smooth: Curve = np.asarray(np.polyval(fitted, over.lateral_m), dtype=np.float64)
+    smooth: Floats = np.asarray(np.polyval(fitted, over.lateral_m), dtype=np.float64)
     return smooth - max(float((smooth - over.surface_m)[there].max()), 0.0)
 
 
@@ -132,7 +132,7 @@ def _contact_lens(over: _Over) -> None:
     _specks(over, back_m)
 
 
-def _specks(over: _Over, top_m: Curve) -> None:
+def _specks(over: _Over, top_m: Floats) -> None:
     """Scatter bright specks between a lens and the surface."""
     count = int(draw(over.study.speck_count, over.rng))
     column = over.rng.integers(0, len(top_m), count)
@@ -238,7 +238,7 @@ LEAST_LIGHT = 1e-3  # over the noise
 
 def scanned(
     study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator
-) -> tuple[Pixels, NDArray[np.bool_]]:
+) -> tuple[Pixels, Flags]:
     """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without the black bands."""
     light = _folded(study, _field(study, picture, rng), picture.window, rng)
     if apex_column is not None and rng.random() < study.flare_share:
@@ -269,7 +269,7 @@ def _field(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator)
     return field
 
 
-def _reaching(ridge: Ridge, reaching: Float) -> Curve | float:
+def _reaching(ridge: Ridge, reaching: Float) -> Floats | float:
     """Return the share of the light that reaches a bright curve and returns, (column,)."""
     if not ridge.shadowed:
         return 1.0
@@ -328,7 +328,7 @@ def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -
     return shown
 
 
-def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -> Flags:
     """Draw marks, lose columns, blacken bands and arcs; return which columns are imaged."""
     rows, columns = share.shape
     for _ in range(int(draw(study.mark_count, rng))):
@@ -373,9 +373,7 @@ LEAST_RUN = 0.04  # of the columns: fewer side by side are chance
 LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 
 
-def judged_columns(
-    frame: Pixels, surface: Curve, outer: Curve, inner: Curve
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def judged_columns(frame: Pixels, surface: Floats, outer: Floats, inner: Floats) -> tuple[Flags, Flags]:
     """Return the columns that show wall, and the certain columns, in which no wall is invisible, (column,) each."""
     there = np.isfinite(outer)
     seen = there & _bridged(seen_columns(frame, surface, inner))
@@ -384,14 +382,14 @@ def judged_columns(
     return seen, seen | ~there
 
 
-def seen_columns(frame: Pixels, surface: Curve, inner: Curve) -> NDArray[np.bool_]:
+def seen_columns(frame: Pixels, surface: Floats, inner: Floats) -> Flags:
     """Return the columns with a step of brightness at the tissue's surface or at the wall's end, (column,)."""
     rows = max(BAND_ROWS, round(BAND_SHARE * len(frame)))
     least = LEAST_LEVEL * float(np.quantile(frame, BRIGHT_SHARE))
     return _steps(frame, surface, rows, 1, least) | _steps(frame, inner, rows, -1, least)
 
 
-def _steps(frame: Pixels, boundary: Curve, rows: int, bright_side: int, least: float) -> NDArray[np.bool_]:
+def _steps(frame: Pixels, boundary: Floats, rows: int, bright_side: int, least: float) -> Flags:
     """Return the columns in which the frame is brighter on one side of a boundary (1: below it) than on the other."""
     start = np.nan_to_num(np.ceil(boundary), nan=-1e6, posinf=-1e6, neginf=-1e6)
     off = np.arange(1, rows + 1)[:, None]
@@ -403,17 +401,17 @@ def _steps(frame: Pixels, boundary: Curve, rows: int, bright_side: int, least: f
         for band in (below, above)[::bright_side]
     )
     step, spread = _across(bright.mean(axis=0)) - _across(dark.mean(axis=0)), np.sqrt(_across(dark.var(axis=0)))
-    seen: NDArray[np.bool_] = inside & (step > np.maximum(LEAST_STEP * spread, least))
+    seen: Flags = inside & (step > np.maximum(LEAST_STEP * spread, least))
     return seen
 
 
-def _across(values: Curve) -> Curve:
+def _across(values: Floats) -> Floats:
     """Return the means over neighbouring columns."""
     width = 2 * round(ACROSS_SHARE * len(values) / 2) + 1
     return np.convolve(np.pad(values, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
 
 
-def _bridged(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _bridged(seen: Flags) -> Flags:
     """Return `seen` without short runs, and with the narrower gaps between the others closed."""
     kept = seen.copy()
     for (run,) in find_objects(label(seen)[0]):
@@ -438,12 +436,12 @@ class Scene:
 
     frame: Pixels
     scale: PixelScale
-    outer_row: NDArray[np.float64]
-    inner_row: NDArray[np.float64]
-    judged: NDArray[np.bool_]
+    outer_row: Floats
+    inner_row: Floats
+    judged: Flags
 
     @property
-    def mask(self) -> NDArray[np.uint8]:
+    def mask(self) -> Bytes:
         """255 in the rows whose centre lies in the wall, else 0, shape (row, column)."""
         row = np.arange(len(self.frame))[:, None]
         inside = (row >= self.outer_row) & (row < self.inner_row)

@@ -7,9 +7,9 @@ from math import acos, atan2, pi, radians, remainder
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from scleraforce.arrays import Bytes, Floats, Integers
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
 from scleraforce.mechanics.finite_strain import BentEye, bend_eye
@@ -24,8 +24,6 @@ from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 from scleraforce.whole_files import renamed_when_whole
-
-Floats = NDArray[np.float64]
 
 SACCADE_S = 1.0  # from one saccade to the next
 
@@ -331,7 +329,7 @@ class SimulatedEye:
     tip_m: float
     dent_m: float
     pressure_pa: float
-    slice: NDArray[np.uint8]
+    slice: Bytes
     window: SliceWindow
 
 
@@ -392,5 +390,5 @@ def write_vtu(eye: SimulatedEye, path: Path) -> None:
         meshio.Mesh(eye.mesh.points_nc, _cells(eye), point_data=fields).write(part, file_format="vtu")
 
 
-def _cells(eye: SimulatedEye) -> list[tuple[str, NDArray[np.int64]]]:
+def _cells(eye: SimulatedEye) -> list[tuple[str, Integers]]:
     return [(CELLS[eye.mesh.cells_en.shape[1]], eye.mesh.cells_en)]

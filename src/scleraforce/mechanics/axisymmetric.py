@@ -9,18 +9,15 @@ pressure is p/E. Gravity is neglected. Nodal forces are for the full circle; unk
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
+from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, line_shapes, meridian_mesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
 
@@ -207,7 +204,7 @@ class AxisymmetricWall:
         return everywhere
 
 
-def _held(mesh: MeridianMesh, symmetric: bool) -> NDArray[np.bool_]:
+def _held(mesh: MeridianMesh, symmetric: bool) -> Flags:
     """Return which of all unknowns are held: radial motion on the axis, and the support."""
     across = len(mesh.points_nc) // len(mesh.outer_n)
     held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)

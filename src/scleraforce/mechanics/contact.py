@@ -7,7 +7,8 @@ from dataclasses import KW_ONLY, dataclass
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
+
+from scleraforce.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,33 +23,30 @@ class Contact:
     azimuth_rad: float = 0.0
 
     @property
-    def normal(self) -> NDArray[np.float64]:
+    def normal(self) -> Floats:
         """Outward unit normal, shape (3,); the needle axis is its opposite."""
         s, c = sin(self.polar_rad), cos(self.polar_rad)
         return np.array([s * cos(self.azimuth_rad), s * sin(self.azimuth_rad), c])
 
     @property
-    def meridian(self) -> NDArray[np.float64]:
+    def meridian(self) -> Floats:
         """Unit tangent along the meridian, away from the pole, shape (3,)."""
         s, c = sin(self.polar_rad), cos(self.polar_rad)
         return np.array([c * cos(self.azimuth_rad), c * sin(self.azimuth_rad), -s])
 
     @property
-    def parallel(self) -> NDArray[np.float64]:
+    def parallel(self) -> Floats:
         """Unit tangent along the circle of latitude, to growing azimuth, shape (3,)."""
         return np.array([-sin(self.azimuth_rad), cos(self.azimuth_rad), 0.0])
 
-    def leaning_axis(self, tilt_rad: float, direction_rad: float) -> NDArray[np.float64]:
+    def leaning_axis(self, tilt_rad: float, direction_rad: float) -> Floats:
         """Unit vector into the eye, `tilt_rad` from the inward normal, shape (3,).
 
         Its part along the wall lies `direction_rad` from the meridian, turned towards growing azimuth.
         """
         along = cos(direction_rad) * self.meridian + sin(direction_rad) * self.parallel
-        axis: NDArray[np.float64] = -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
+        axis: Floats = -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
         return axis
-
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -66,26 +64,26 @@ class ScanPlane:
     tilt_rad: float = 0.0
 
     @property
-    def lateral(self) -> Vector:
+    def lateral(self) -> Floats:
         """Unit vector along the columns of the image, shape (3,)."""
         return cos(self.direction_rad) * self.contact.meridian + sin(self.direction_rad) * self.contact.parallel
 
     @property
-    def offset(self) -> Vector:
+    def offset(self) -> Floats:
         """Unit vector from the needle axis towards the (untilted) plane, shape (3,)."""
         return np.cross(self.contact.normal, self.lateral)
 
     @property
-    def depth(self) -> Vector:
+    def depth(self) -> Floats:
         """Unit vector along the rows of the image, into the eye, shape (3,)."""
         return -cos(self.tilt_rad) * self.contact.normal + sin(self.tilt_rad) * self.offset
 
     @property
-    def normal(self) -> Vector:
+    def normal(self) -> Floats:
         """Unit normal of the plane, shape (3,): `offset` where it is not tilted."""
         return cos(self.tilt_rad) * self.offset + sin(self.tilt_rad) * self.contact.normal
 
-    def origin(self, radius_m: float) -> Vector:
+    def origin(self, radius_m: float) -> Floats:
         """Return the frame's origin: the undeformed contact, moved by the gap, shape (3,)."""
         return radius_m * self.contact.normal + self.gap_m * self.offset
 
@@ -98,11 +96,11 @@ class Section:
     the material, from negative to positive lateral side. `outer` followed by reversed `inner` is the closed contour.
     """
 
-    outer: NDArray[np.float64]
-    inner: NDArray[np.float64]
+    outer: Floats
+    inner: Floats
 
     @property
-    def contour(self) -> NDArray[np.float64]:
+    def contour(self) -> Floats:
         """Closed contour of the wall, shape (outer + inner points, 2)."""
         return np.concatenate([self.outer, self.inner[::-1]])
 

@@ -10,14 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, SealedDent, solve_balance
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
 EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail

@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers, Reals
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +116,7 @@ class FacePlaces:
         row = (element_q[:, None, None] * size + unknown_qin) * size
         self._entries = (row[..., None, None] + unknown_qin[:, None, None]).ravel()
 
-    def add(self, element_eiajb: NDArray[np.floating[Any]], face_qiajb: Floats) -> None:
+    def add(self, element_eiajb: Reals, face_qiajb: Floats) -> None:
         """Add matrices of the faces (face, 3, node, 3, node) to element matrices, in place."""
         entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
         np.add.at(entries, self._entries, face_qiajb.ravel().astype(entries.dtype))

@@ -13,12 +13,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.globe import Globe
 
-Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 BALANCE_TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure

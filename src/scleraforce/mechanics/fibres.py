@@ -12,15 +12,12 @@ the modulus of W0, E0/(2 (1 + nu)). In tissue that stiffens, W0 does and the ter
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.mechanics.elements import VolumePoints
 from scleraforce.mechanics.mesh import COLUMN_NODES
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class FibreTerm:
         forces: Floats = self._slopes_erN.transpose(0, 2, 1) @ pulls
         return forces
 
-    def add_tangents(self, K_eiakb: NDArray[np.floating[Any]], part: slice, local_eni: Floats) -> None:
+    def add_tangents(self, K_eiakb: Reals, part: slice, local_eni: Floats) -> None:
         """Add the tangents of some elements, under their nodes' displacements, to `K_eiakb`."""
         moved_epki, stress_epkl = self._moved_and_stress(part, local_eni)
         elements, nodes = local_eni.shape[:2]

@@ -13,9 +13,9 @@ from functools import cached_property, partial
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
@@ -33,8 +33,6 @@ from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
 from scleraforce.mechanics.supports import Springs, clamped_base, study_springs
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
-
-Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a force
 RIGID = 1e-9  # least over most resisted rigid motion: 0 to rounding where one is free
@@ -125,7 +123,7 @@ class FiniteWall:
         self,
         mesh: HexMesh,
         poisson_ratio: float,
-        held_nc: NDArray[np.bool_] | None = None,
+        held_nc: Flags | None = None,
         *,
         modulus_factor_ep: Floats | None = None,
         dead_pressure_nc: Floats | None = None,
@@ -204,7 +202,7 @@ class FiniteWall:
         return full.reshape(-1, 3)
 
 
-def _check_supports(mesh: HexMesh, held_nc: NDArray[np.bool_], springs: Springs | None) -> None:
+def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> None:
     """Check that held components and springs together resist all six rigid motions of the undeformed wall."""
     places = mesh.points_nc / mesh.radius_m
     moves = [np.broadcast_to(axis, places.shape) for axis in np.eye(3)] + [np.cross(axis, places) for axis in np.eye(3)]

@@ -11,8 +11,8 @@ from math import asin, pi, sqrt
 
 import numpy as np
 from numpy.polynomial.legendre import legval
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import gauss_points
@@ -20,8 +20,6 @@ from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study.eye import CorneaStudy, FormStudy, RegionStudy
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
 
 
 def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:

@@ -16,16 +16,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import get_blas_funcs
 from scipy.linalg.lapack import get_lapack_funcs
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # it ships no types
 
+from scleraforce.arrays import Flags, Floats, Integers, Reals
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.mesh import HexMesh
-
-Floats = NDArray[np.floating[Any]]
-Integers = NDArray[np.int64]
 
 LEAF = 6  # elements that are not halved any more: fewer fronts cost less than their zeros
 CORNERS = 8  # nodes of a hexahedron that come first in its row
@@ -59,7 +56,7 @@ class Dissection:
     number_u: Integers
 
 
-def dissect(mesh: HexMesh, held_nc: NDArray[np.bool_]) -> Dissection:
+def dissect(mesh: HexMesh, held_nc: Flags) -> Dissection:
     """Return the fronts of a mesh whose components `held_nc` (node, 3) are held."""
     cells_en, nodes = mesh.cells_en, len(mesh.points_nc)
     elements_of_n = np.bincount(cells_en.ravel(), minlength=nodes)
@@ -113,7 +110,7 @@ def _parts(mesh: HexMesh) -> Iterator[tuple[Integers, tuple[int, ...]]]:
     yield from halved(np.arange(len(corners_en)))
 
 
-def _halves(elements: Integers, corners_en: Integers, centres_ec: Floats) -> tuple[Integers, Integers]:
+def _halves(elements: Integers, corners_en: Integers, centres_ec: Reals) -> tuple[Integers, Integers]:
     """Halve elements where the halves share the fewest corners."""
     ranks_ed = np.argsort(centres_ec[elements] @ DIRECTIONS.T, axis=0, kind="stable")
     middle = len(elements) // 2
@@ -138,16 +135,16 @@ class _Factored:
 
     own: slice
     shared: Integers
-    LU: Floats
-    Y: Floats
-    Z: Floats
+    LU: Reals
+    Y: Reals
+    Z: Reals
     rows: Integers | None
 
 
 class FrontalFactor:
     """The factors of a matrix, in the precision of its elements."""
 
-    def __init__(self, dissection: Dissection, element_eiajb: Floats) -> None:
+    def __init__(self, dissection: Dissection, element_eiajb: Reals) -> None:
         """Sum up and factor symmetric element matrices (element, 3, node, 3, node)."""
         self._dissection, self._number_u = dissection, dissection.number_u
         self._dtype = element_eiajb.dtype
@@ -158,7 +155,7 @@ class FrontalFactor:
         )
         self._potrf: Any = get_lapack_funcs("potrf", dtype=self._dtype)
         self._getrf: Any = get_lapack_funcs("getrf", dtype=self._dtype)
-        left: dict[int, Floats] = {}
+        left: dict[int, Reals] = {}
         self._fronts: list[_Factored] = []
         with one_blas_thread():
             for number, front in enumerate(dissection.fronts):
@@ -166,7 +163,7 @@ class FrontalFactor:
                 factored, left[number] = self._eliminated(front, A)
                 self._fronts.append(factored)
 
-    def solve(self, load: Floats, wanted_u: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def solve(self, load: Reals, wanted_u: Flags | None = None) -> Floats:
         """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape.
 
         With `wanted_u` (unknown,) only these are answered, others mean nothing: parts without them are not read.
@@ -177,7 +174,7 @@ class FrontalFactor:
             self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x, self._asked(wanted_u))
         return np.asarray(x[self._number_u], dtype=np.float64)
 
-    def _asked(self, wanted_u: NDArray[np.bool_] | None) -> list[bool]:
+    def _asked(self, wanted_u: Flags | None) -> list[bool]:
         """Return for each front whether it, or one below it, has wanted unknowns."""
         fronts = self._dissection.fronts
         if wanted_u is None:
@@ -189,7 +186,7 @@ class FrontalFactor:
             asked[number] = asked[number] or any(asked[child] for child in front.children)
         return asked
 
-    def _substitute(self, column: Floats, asked: list[bool]) -> None:
+    def _substitute(self, column: Reals, asked: list[bool]) -> None:
         """Put the answer in place of a load, both in the order of elimination."""
         for one in self._fronts:
             y = column[one.own]
@@ -201,7 +198,7 @@ class FrontalFactor:
                 y = column[one.own] - one.Z @ column[one.shared]
                 column[one.own] = self._divided(one, y, upper=True)
 
-    def _divided(self, one: _Factored, y: Floats, *, upper: bool) -> Floats:
+    def _divided(self, one: _Factored, y: Reals, *, upper: bool) -> Reals:
         """Return the inverse of U or L times y, (own,) or (own, column)."""
         definite = one.rows is None
         lower, turned, unit = definite or not upper, definite and upper, not (definite or upper)
@@ -209,7 +206,7 @@ class FrontalFactor:
             return np.asarray(self._trsv(one.LU, y, lower=lower, trans=turned, diag=unit))
         return np.asarray(self._trsm(1.0, one.LU, y, lower=lower, trans_a=turned, diag=unit))
 
-    def _eliminated(self, front: Front, A: Floats) -> tuple[_Factored, Floats]:
+    def _eliminated(self, front: Front, A: Reals) -> tuple[_Factored, Reals]:
         """Eliminate a front's own unknowns; return its factors and what is left for the shared ones."""
         own = front.own.stop - front.own.start
         C, D = np.asfortranarray(A[own:, :own]), np.asfortranarray(A[own:, own:])
@@ -244,7 +241,7 @@ def _thread_pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def _summed(front: Front, element_eNN: Floats, rests: list[Floats]) -> Floats:
+def _summed(front: Front, element_eNN: Reals, rests: list[Reals]) -> Reals:
     """Sum a front from its elements, or from the rests of its children; its lower triangle counts."""
     size = front.own.stop - front.own.start + len(front.shared)
     stride = size + 1  # the last row and column are of unknowns that are held

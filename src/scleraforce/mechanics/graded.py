@@ -11,13 +11,11 @@ from math import cos, radians, tan
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.mesh import HexMesh, QuadSurface, build_mesh, extrude_surface
 from scleraforce.study import Study
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 CORE_M = 1.0e-3  # half the side of the square in the middle
 GRADING = 0.35  # of the disc's radius: up to about there the rings are alike, beyond they grow in proportion
@@ -113,7 +111,7 @@ def _ring_places(rings: int, half: float) -> Floats:
     return places
 
 
-def _lifted(image: NDArray[np.complex128], on_base: NDArray[np.bool_]) -> Floats:
+def _lifted(image: NDArray[np.complex128], on_base: Flags) -> Floats:
     """Points of the unit sphere with these stereographic images; z = 0 exactly `on_base`."""
     square = np.abs(image) ** 2
     points = np.stack([2.0 * image.real, 2.0 * image.imag, np.where(on_base, 0.0, 1.0 - square)], axis=1)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume_points
@@ -15,8 +15,6 @@ from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.supports import Springs, clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
-
-Floats = NDArray[np.float64]
 
 SINGULAR = 1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
 LOADS_AT_ONCE = 32  # right-hand sides in one triangular solve: 10 MB of them at the default mesh
@@ -33,7 +31,7 @@ class LinearWall:
         self,
         mesh: HexMesh,
         poisson_ratio: float,
-        held_nc: NDArray[np.bool_] | None = None,
+        held_nc: Flags | None = None,
         *,
         springs: Springs | None = None,
         springs_modulus_pa: float = 1.0,
@@ -60,9 +58,7 @@ class LinearWall:
         """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
         return self.solve_one(gravity_load(self.mesh, self._points))
 
-    def needle_cnc(
-        self, contacts: Sequence[Contact], needle_radius_m: float, nodes: NDArray[np.int64] | None = None
-    ) -> Floats:
+    def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float, nodes: Integers | None = None) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
 
         `nodes`: the wanted ones, by default all. Others get NaN; fewer nodes take less time.
@@ -76,7 +72,7 @@ class LinearWall:
             answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m), nodes)
         return answer
 
-    def solve(self, loads_lnc: Floats, nodes: NDArray[np.int64] | None = None) -> Floats:
+    def solve(self, loads_lnc: Floats, nodes: Integers | None = None) -> Floats:
         """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m.
 
         `nodes`: as in `needle_cnc`.
@@ -114,7 +110,7 @@ class LinearWall:
         return elements
 
 
-def _factorise(mesh: HexMesh, held_nc: NDArray[np.bool_], element_eiajb: Floats) -> FrontalFactor:
+def _factorise(mesh: HexMesh, held_nc: Flags, element_eiajb: Floats) -> FrontalFactor:
     """Factor a symmetric positive definite matrix; refuse one that is singular to rounding."""
     try:
         factor = FrontalFactor(dissect(mesh, held_nc), element_eiajb)

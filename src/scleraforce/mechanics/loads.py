@@ -7,19 +7,15 @@ resultant of the integrated load. They act on the undeformed wall, as in linear 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, VolumePoints, gauss_points, surface_points
 from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 PRESSURE_POINTS = 3  # exact: normal times shape function of a curved quad is of degree 5 in each direction
 DISC_RINGS = 6
@@ -194,7 +190,7 @@ class InnerSurface:
         local_qnc = np.einsum("p,pn,qpc->qnc", self._weights_p, self._values_pn, areas, optimize=True)
         return sum_at(self._quads_qn, local_qnc, len(self._points_nc))
 
-    def add_tangent(self, element_eiajb: NDArray[np.floating[Any]], displacement_nc: Floats, factor: float) -> None:
+    def add_tangent(self, element_eiajb: Reals, displacement_nc: Floats, factor: float) -> None:
         """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.
 
         df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Only the symmetric part of every quad is

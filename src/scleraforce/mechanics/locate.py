@@ -1,13 +1,10 @@
 """The places at which directions from the centre pierce the curved quads of a spherical surface."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.shapes import shape_monomials
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 BATCH = 16384  # directions at a time: the working arrays stay in the processor's cache
 BELOW_BASE = 1e-9  # how far below z = 0 a unit direction may lie by rounding

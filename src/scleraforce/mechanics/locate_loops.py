@@ -1,13 +1,10 @@
 """The loops of `mechanics.locate`, compiled for many directions, with the same roundings."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers
 from scleraforce.compiled import compiled
 from scleraforce.mechanics.locate import CONVERGED, CROSSINGS, NEWTON_STEPS, OUTSIDE
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @compiled

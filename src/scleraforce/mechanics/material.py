@@ -18,7 +18,8 @@ Poisson's ratio unchanged at every strain.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from scleraforce.arrays import Floats
 
 
 def lame_constants(youngs_modulus_pa: float, poisson_ratio: float) -> tuple[float, float]:
@@ -30,8 +31,6 @@ def lame_constants(youngs_modulus_pa: float, poisson_ratio: float) -> tuple[floa
     E, nu = youngs_modulus_pa, poisson_ratio
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
-
-Floats = NDArray[np.float64]
 
 LARGEST_EXPONENT = 300.0  # of b Q: sums of squares of such stresses are finite; no tissue is e^300 times as stiff
 

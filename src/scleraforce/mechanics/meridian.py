@@ -13,16 +13,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers
 from scleraforce.compiled import compiled
 from scleraforce.errors import InputError
 from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FIRST_TO_MEAN = 0.2  # size of the first element beyond the needle over the mean
 

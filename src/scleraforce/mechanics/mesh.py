@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import InputError
 from scleraforce.mechanics.locate import SurfaceLocator
 from scleraforce.mechanics.shapes import shape_values
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +23,7 @@ class QuadSurface:
     quads_qv: Integers
 
     @cached_property
-    def edges(self) -> tuple[Integers, Integers, NDArray[np.bool_]]:
+    def edges(self) -> tuple[Integers, Integers, Flags]:
         """Vertices of every edge, (edge, 2), edges of every quad's sides, (quad, 4), and which are the boundary's."""
         pairs = np.stack([self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1).reshape(-1, 2)
         edges_ev, edge_of_side = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)

@@ -10,16 +10,13 @@ add a term in the strain along the wall.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.elements import ELEMENTS_AT_ONCE, VolumePoints, volume_points
 from scleraforce.mechanics.fibres import FibreLaw, FibreTerm
 from scleraforce.mechanics.material import growth, lame_constants, strain_measure
 from scleraforce.mechanics.mesh import HexMesh, sum_at
-
-Floats = NDArray[np.float64]
-Precise = NDArray[np.floating[Any]]
 
 
 class NeoHookeanSolid:
@@ -73,7 +70,7 @@ class NeoHookeanSolid:
             local_eni += self._fibres.local_forces(displacement_nc[self._cells_en])
         return sum_at(self._cells_en, local_eni, len(displacement_nc))
 
-    def tangents(self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64) -> Precise:
+    def tangents(self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64) -> Reals:
         """Return the derivative of the forces by the displacement of every element, (element, 3, node, 3, node).
 
         K_iakb = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
@@ -118,7 +115,7 @@ class NeoHookeanSolid:
         laplacian: Floats = weighted.transpose(0, 2, 1) @ gradients_erN
         return laplacian
 
-    def _add_up(self, K_eiakb: Precise, part: slice, H_epJi: Floats, J_ep: Floats) -> None:
+    def _add_up(self, K_eiakb: Reals, part: slice, H_epJi: Floats, J_ep: Floats) -> None:
         """Write the tangents of some elements to `K_eiakb`, in its precision."""
         elements, count = J_ep.shape
         nodes, precision = self._cells_en.shape[1], K_eiakb.dtype
@@ -133,7 +130,7 @@ class NeoHookeanSolid:
             bulk_ep, shear_ep = growth_ep * bulk_ep, growth_ep * shear_ep
             laplacian_enn = self._laplacian(part, growth_ep * self._mu_ep[part])
 
-        def products(rows: Precise, weight_ep: Floats) -> Precise:
+        def products(rows: Reals, weight_ep: Floats) -> Reals:
             weighted = weight_ep.astype(precision, copy=False)[..., None] * rows
             return (rows.transpose(0, 2, 1) @ weighted).reshape(K_eiakb.shape)
 

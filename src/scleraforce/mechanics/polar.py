@@ -8,8 +8,8 @@ the direction around the needle axis up to the second represent it. `docs/physic
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall
 from scleraforce.mechanics.contact import Contact
@@ -17,8 +17,6 @@ from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
-
-Floats = NDArray[np.float64]
 
 LARGEST_POLAR_RAD = np.radians(55.0)
 HARMONICS = 3

@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import ScanPlane, Section
 from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
 
 STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
 GRADING_M = 3.2e-3  # from about there on they spread out: chords are 9 um off at the far side of the eye
@@ -109,8 +107,6 @@ def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Flo
     half = np.where(closed, np.pi, np.minimum(half, np.pi))
     return np.stack([middle - half, middle + half])
 
-
-Integers = NDArray[np.int64]
 
 PARALLEL_M = 0.4e-3  # between the parallels: curves are 1 um off at 0.5 mm
 BRACKET_M = 0.7e-3  # how far across the plane the material may have moved; doubled where that is not enough

@@ -1,14 +1,14 @@
 """The loops of `mechanics.slices` that draw many slices: compiled, with the same roundings."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.compiled import compiled
 from scleraforce.mechanics.slices import SNAP, WALL
 
 
 @compiled
-def draw_contours(contours: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.uint8]:
+def draw_contours(contours: Floats, rows: int, columns: int) -> Bytes:
     """Return pictures (slice, row, column) of closed contours (slice, 2, point) in pixels.
 
     The centre of column c, row r is at (c, r). A pixel is wall where its contour winds around its centre.

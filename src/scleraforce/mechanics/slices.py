@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.study import SliceStudy
 
@@ -39,7 +40,7 @@ def slice_window(
     )
 
 
-def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
+def fill_section(section: Section, window: SliceWindow) -> Bytes:
     """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in the wall, else 0.
 
     Where a section overlaps itself it is still wall (winding number not 0); parts of it that leave the window are cut
@@ -57,7 +58,7 @@ def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
     return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
 
 
-def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> NDArray[np.uint8]:
+def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> Bytes:
     """Draw sections of equally many points in windows of one size as `fill_section` does, (section, rows, columns)."""
     # Imported here: Numba takes longer than a single section does.
     from scleraforce.mechanics.slice_loops import draw_contours
@@ -66,15 +67,15 @@ def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -
     return draw_contours(contours, windows[0].rows, windows[0].columns)
 
 
-def _pixel_contour(section: Section, window: SliceWindow) -> NDArray[np.float64]:
+def _pixel_contour(section: Section, window: SliceWindow) -> Floats:
     """Return the closed contour in pixels, shape (2, points): the centre of column c, row r is at (c, r)."""
     contour = np.concatenate([section.outer, section.inner[::-1], section.outer[:1]]).T
     origin = np.array([[window.left_m], [window.top_m]])
-    snapped: NDArray[np.float64] = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
+    snapped: Floats = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
     return snapped
 
 
-def _winding_number(contour: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.int8]:
+def _winding_number(contour: Floats, rows: int, columns: int) -> NDArray[np.int8]:
     """Count, at every pixel centre, the signed edges that the ray from there upwards meets, shape (rows, columns)."""
     ends = np.clip(np.ceil(contour[0]), 0, columns).astype(np.intp)
     steps = np.diff(ends)  # an edge crosses the columns from ceil(start) to ceil(end) - 1, or the other way round

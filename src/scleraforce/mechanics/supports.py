@@ -9,18 +9,15 @@ a radius of 5.75 mm; on other eyes at the same angles.
 
 from dataclasses import dataclass
 from math import asin, pi
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Integers, Reals
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, gauss_points, surface_points
 from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
 from scleraforce.study import SupportsStudy
-
-Flags = NDArray[np.bool_]
 
 
 def clamped_base(mesh: HexMesh) -> Flags:
@@ -29,9 +26,6 @@ def clamped_base(mesh: HexMesh) -> Flags:
     held[mesh.base_nodes] = True
     return held
 
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 BED_POINTS = 3
 STRAP_POINTS = 16  # Gauss points along the line of an insertion
@@ -77,7 +71,7 @@ class Springs:
         nodes = np.concatenate([self.nodes_qn, other.nodes_qn])
         return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
-    def add_to(self, element_eiajb: NDArray[np.floating[Any]], places: FacePlaces, factor: float) -> None:
+    def add_to(self, element_eiajb: Reals, places: FacePlaces, factor: float) -> None:
         """Add `factor` times the stiffness to element matrices, in place; `places` of `nodes_qn`."""
         places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
 

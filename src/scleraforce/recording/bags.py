@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import check_size
@@ -70,7 +71,7 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
     return pixels[..., 0] if colour is None else np.asarray(cv2.cvtColor(pixels, colour))
 
 
-_Ordered = tuple[NDArray[np.float64], NDArray[np.intp], tuple[str, ...]]
+_Ordered = tuple[Floats, Places, tuple[str, ...]]
 
 
 class _Heard(NamedTuple):
@@ -180,7 +181,7 @@ def _ordered(heard: Sequence[_Heard], content: Callable[[int], bytes], by_arriva
     return stamps_ns[order] / float(SECOND_NS), order, tuple(notes)
 
 
-def _check_stamped(captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
     empty = captured_ns == 0
     # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
     others = late_ms[~empty]
@@ -192,7 +193,7 @@ def _check_stamped(captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64])
         )  # fmt: skip
 
 
-def _check_one_clock(stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
     """Check that late delivery alone reordered stamps: it leaves the shortest delay of the neighbours unchanged."""
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
@@ -207,7 +208,7 @@ def _check_one_clock(stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64])
         )
 
 
-def _check_publishers(publisher: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+def _check_publishers(publisher: Integers, late_ms: Floats) -> None:
     typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
         listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
@@ -216,7 +217,7 @@ def _check_publishers(publisher: NDArray[np.int64], late_ms: NDArray[np.float64]
         )
 
 
-def _late_note(late_ms: NDArray[np.float64]) -> str:
+def _late_note(late_ms: Floats) -> str:
     """Return a sentence on the time from the stamps to the arrival in the bag, which shows another clock."""
     low, middle, high = np.percentile(late_ms, [5, 50, 95])
     text = f"messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"

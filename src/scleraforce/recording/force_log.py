@@ -8,8 +8,8 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording import log_text, tables
 from scleraforce.recording.log_text import FORCE, TIME, TORQUE, quantity_of, unit_factor
@@ -44,7 +44,7 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
-def _faulty_samples(text: Table, column: "LogColumn") -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str, ...]]:
     name, meaning = column.name, column.unit
     none = np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
@@ -297,9 +297,7 @@ def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, st
             raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
 
 
-def _check_whole(
-    text: Table, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], given: Sequence[LogColumn]
-) -> None:
+def _check_whole(text: Table, columns: Sequence[LogColumn], values_sc: Floats, given: Sequence[LogColumn]) -> None:
     counted = [column for column in columns if "/" in column.unit and column not in given]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))

@@ -1,7 +1,7 @@
 """The force under each frame of a recording, from its force log, and whether log and frames agree.
 
 The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass -> minus the tare, the mean
-before the first contact -> mean over `average_s` centred on the frame -> class. Samples without a force (NaN) are gaps
+before the first contact -> mean over `average_s` centred on the frame -> class. Floats without a force (NaN) are gaps
 of the log; a frame with a gap or too few samples in its window has no label.
 """
 
@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
-
-Samples = NDArray[np.float64]
 
 # A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the robot's vibration.
 CUTOFF_HZ = 5.0
@@ -133,7 +131,7 @@ def _trial(
     return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=label, target=target, excluded=excluded)
 
 
-def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
+def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
     """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,), NaN in gaps.
 
     The tare is one value, before the first contact: later drift of the sensor stays in the force.
@@ -148,13 +146,13 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
     return every_n
 
 
-def tare_samples(raw_n: Samples, rate_hz: float) -> int:
+def tare_samples(raw_n: Floats, rate_hz: float) -> int:
     """Return the number of samples, from the first, whose mean is the tare: all before the first contact."""
     contact = first_contact(raw_n, rate_hz)
     return len(raw_n) if contact is None else max(contact - round(GUARD_S * rate_hz), (contact + 1) // 2)
 
 
-def low_pass(force_n: Samples, time_s: Samples) -> Samples:
+def low_pass(force_n: Floats, time_s: Floats) -> Floats:
     """Return a force without components above 5 Hz and without delay, shape (samples,).
 
     A Butterworth filter of order 2, run forward and backward (Gustafsson 1996), on an even clock: half the amplitude
@@ -167,7 +165,7 @@ def low_pass(force_n: Samples, time_s: Samples) -> Samples:
     return np.concatenate([_low_pass(part_n, part_s) for part_n, part_s in parts])
 
 
-def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
+def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
     from scleraforce.recording.low_pass import smoothed  # the import of Numba
 
     span_s = float(time_s[-1] - time_s[0])
@@ -182,7 +180,7 @@ def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
     return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
 
 
-def first_contact(force_n: Samples, rate_hz: float) -> int | None:
+def first_contact(force_n: Floats, rate_hz: float) -> int | None:
     """Return the sample at which the first contact begins, or None without contact.
 
     Contact is the first rise of the mean that is large (1 mN) and certain (5 standard errors of the noise, which is
@@ -208,7 +206,7 @@ def first_contact(force_n: Samples, rate_hz: float) -> int | None:
     return begin + _begin_of_rise(force_n[begin : start + after], earliest, max(block // 10, 1))
 
 
-def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
+def _begin_of_rise(force_n: Floats, earliest: int, step: int) -> int:
     """Return the knee of the level followed by a straight line that fits the samples best (least squares)."""
     sample = np.arange(len(force_n), dtype=np.float64)
     knees = np.arange(earliest, len(force_n) - step, step)
@@ -230,7 +228,7 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
     return RecordingError(f"{path / 'frames.csv'}: {found}; forces.csv spans {spans}")
 
 
-def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: float) -> slice | str:
+def _samples_around(log: ForceLog, force_n: Floats, time_s: float, average_s: float) -> slice | str:
     """Return the samples of a frame's window, or why it has no label.
 
     At the ends of the log, half of the window is enough, with samples on both sides of the frame.
@@ -298,7 +296,7 @@ def log_doubts(
     return ()
 
 
-def _size_doubt(stated_n: Samples, read_n: Samples, classes: ClassesStudy) -> str | None:
+def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str | None:
     pushed = np.maximum(read_n, stated_n) > classes.bounds_n[0]
     if pushed.sum() < LEAST_FRAMES // 2:
         return None
@@ -331,11 +329,11 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     )
 
 
-def _means(log: ForceLog, info: ForceInfo) -> Callable[[Samples], Samples]:
+def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
     log = log.known(info.axis)
     total = np.concatenate([[0.0], np.cumsum(contact_force(log, info))])
 
-    def around(times_s: Samples) -> Samples:
+    def around(times_s: Floats) -> Floats:
         start, stop = (np.searchsorted(log.time_s, times_s + side * info.average_s / 2) for side in (-1.0, 1.0))
         count = np.where(stop > start, stop - start, 1)
         return np.where(stop > start, (total[stop] - total[start]) / count, np.nan)
@@ -344,7 +342,7 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Samples], Samples]:
 
 
 def _best_shift(
-    means: Callable[[Samples], Samples], times_s: Samples, shown: Samples, least_span_n: float
+    means: Callable[[Floats], Floats], times_s: Floats, shown: Floats, least_span_n: float
 ) -> tuple[float, float]:
     """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
 
@@ -366,7 +364,7 @@ def _best_shift(
     return shift_s, best
 
 
-def _likelihood(force_n: Samples, shown: Samples) -> float:
+def _likelihood(force_n: Floats, shown: Floats) -> float:
     """Return the log likelihood of the frames' values, as a parabola of the force with Gaussian scatter of any size."""
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)

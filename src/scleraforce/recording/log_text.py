@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.recording.scan import SECONDS
 from scleraforce.recording.tables import SPACES, Table, fields_of, is_number, without_cut
@@ -58,7 +58,7 @@ def clock_of(text: str) -> str | None:
     return MONTH_FIRST if int(found["middle"]) > 12 else ""
 
 
-def seconds_of(texts: Sequence[str], clock: str) -> NDArray[np.float64] | int:
+def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
     """Return dates in s since 1970 (UTC by default), times of day since midnight; or the place of another clock's."""
     days: dict[str, int] = {}
     time_s = np.empty(len(texts))

@@ -3,14 +3,12 @@
 from math import pi, sqrt, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled
 
-Samples = NDArray[np.float64]
 
-
-def smoothed(values: Samples, cutoff: float, reach: int) -> Samples:
+def smoothed(values: Floats, cutoff: float, reach: int) -> Floats:
     """Return evenly sampled values without delay; `cutoff`: the frequency of half the amplitude, over the sampling's.
 
     The values are continued by their mirror image for `reach` samples, fewer than there are.
@@ -23,7 +21,7 @@ def smoothed(values: Samples, cutoff: float, reach: int) -> Samples:
 
 
 @compiled
-def run_to_and_fro(values: Samples, b: float, a_1: float, a_2: float) -> None:
+def run_to_and_fro(values: Floats, b: float, a_1: float, a_2: float) -> None:
     """Filter values by b (1 + z)^2 / (1 + a_1 z + a_2 z^2), z the delay, from the first and from the last on.
 
     Before its first value a run is at rest at that value.

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts
 from scleraforce.errors import FrameError, InputError
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ class Greys:
         """Return whether this number of bits holds the counts."""
         return (TOP if self.scaled else self.high - self.low) < 1 << bits
 
-    def counts(self, picture: NDArray[Any]) -> NDArray[np.uint16]:
+    def counts(self, picture: NDArray[Any]) -> Counts:
         """Return a picture (row, column) as counts, row after row in memory."""
         picture = np.ascontiguousarray(picture)
         if not self.scaled:

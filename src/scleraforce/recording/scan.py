@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.pixels import Sourced, check_size
 from scleraforce.units import from_si
@@ -61,7 +62,7 @@ ROUNDED = 0.001  # sizes of a pixel that differ by less were rounded
 class Times:
     """Times of frames, s, on a clock of the source's own, and the source."""
 
-    time_s: NDArray[np.float64]
+    time_s: Floats
     source: str
 
 
@@ -144,7 +145,7 @@ def even_times(count: int, step_s: float, source: str) -> Times | None:
     return Times(np.arange(count, dtype=np.float64) * step_s, source) if step_s > 0.0 else None
 
 
-def rising(time_s: NDArray[np.float64]) -> bool:
+def rising(time_s: Floats) -> bool:
     """Return whether every time is later than the one before."""
     return bool(np.isfinite(time_s).all() and (np.diff(time_s) > 0.0).all())
 

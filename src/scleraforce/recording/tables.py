@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import RecordingError
 from scleraforce.whole_files import KINDS, FileKind, read_text
 
@@ -153,7 +153,7 @@ def without_cut(text: Table) -> Table:
 
 def numbers_of(
     table: Table, places: Sequence[int] | None = None, gaps: Sequence[int] = (), mark: str | None = None
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return columns (sample, column), by default all; at `gaps`, nan or nothing is NaN."""
     read = range(len(table.names)) if places is None else places
     mark = mark or decimal_mark(table, read)
@@ -177,7 +177,7 @@ def numbers_of(
     return values_sc
 
 
-def _check_points(table: Table, places: Sequence[int], values_sc: NDArray[np.float64]) -> None:
+def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> None:
     """Refuse a column whose points may part thousands: -15.000 beside 998, and three digits behind every point."""
     for place, values in zip(places, values_sc.T, strict=True):
         size = np.abs(values[np.isfinite(values)])
@@ -253,8 +253,8 @@ class ForceLog:
     `fz_n`; `notes` are sentences on samples without a force and on a low rate.
     """
 
-    time_s: NDArray[np.float64]
-    wrench_sc: NDArray[np.float64]
+    time_s: Floats
+    wrench_sc: Floats
     columns: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
@@ -263,7 +263,7 @@ class ForceLog:
         """Samples a second, from the median interval."""
         return 1.0 / float(np.median(np.diff(self.time_s)))
 
-    def force_n(self, axis: str) -> NDArray[np.float64]:
+    def force_n(self, axis: str) -> Floats:
         """Return the force along fx, fy or fz in N, shape (samples,)."""
         return self.wrench_sc[:, self.columns.index(f"{axis}_n")]
 
@@ -329,15 +329,13 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
 
 
-def gap_notes(path: Path, wrench_sc: NDArray[np.float64]) -> tuple[str, ...]:
+def gap_notes(path: Path, wrench_sc: Floats) -> tuple[str, ...]:
     """Return a sentence on the samples of a file that have no force."""
     missing = int(np.isnan(wrench_sc).any(axis=1).sum())
     return (f"{path.name}: {missing} of {len(wrench_sc)} samples have no force (nan)",) if missing else ()
 
 
-def _without_implausible(
-    log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]
-) -> NDArray[np.float64]:
+def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]) -> Floats:
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
     for column, name in enumerate(log.columns):
@@ -354,7 +352,7 @@ def _without_implausible(
             beyond[:, column] |= np.abs(force_n) > range_n
     if not beyond.any():
         return log.wrench_sc
-    flagged: NDArray[np.bool_] = np.asarray(beyond.any(axis=1))
+    flagged: Flags = np.asarray(beyond.any(axis=1))
     sample, column = (int(at) for at in np.argwhere(beyond)[0])
     value_n, name = log.wrench_sc[sample, column], log.columns[column]
     why = f"{limits_n[column]:.3g} N off its median is the most"

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
 from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import as_shown, check_size, inverted, one_grey, unpacked_bytes
@@ -288,7 +289,7 @@ def _step_m(axis: Any, size: int) -> float | None:
     unit_m = METRES.get(str(axis.get("units", ""))) if axis else None
     if values.shape != (size,) or unit_m is None:
         return None
-    steps: NDArray[np.float64] = np.diff(values)
+    steps: Floats = np.diff(values)
     step = float(steps.mean())
     return abs(step) * unit_m if step and np.allclose(steps, step, rtol=0.01) else None
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
 from scleraforce.recording import scan as scans
 from scleraforce.recording.pixels import Sourced
@@ -256,7 +257,7 @@ def _check_ends(header: Any, spacings: Sequence[float]) -> None:
             )
 
 
-def _space_units(header: Any, directions: NDArray[np.float64]) -> list[float | None]:
+def _space_units(header: Any, directions: Floats) -> list[float | None]:
     """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it."""
     sides = directions.shape[1]
     anatomical = NRRD_IN_MM.match(str(header.get("space", "")))

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path, PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts
 from scleraforce.errors import RecordingError
 from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
@@ -39,7 +39,7 @@ class PngBuffer:
         self._data = self._png[len(begin) - 6 : len(begin) + size - 2]  # from IDAT to its checksum
         self._check = self._png[len(begin) + size - 2 :][:4]
 
-    def encode(self, pixels: NDArray[np.uint16]) -> memoryview:
+    def encode(self, pixels: Counts) -> memoryview:
         """Return the PNG of a frame (row, column); the next call overwrites it."""
         if pixels.shape != (len(self._lines), self._lines.shape[1] // 2):
             raise ValueError(f"a frame of {pixels.shape}")
@@ -71,7 +71,7 @@ class RecordingWriter:
         self._png = PngBuffer(info.oct.rows, info.oct.columns)
         self._table = _Table(folder / "frames.csv", ("file", "time_s"))
 
-    def add(self, file: str, time_s: float, pixels: NDArray[np.uint16]) -> None:
+    def add(self, file: str, time_s: float, pixels: Counts) -> None:
         """Add a frame (row, column) that is later than the others."""
         _write(self.folder / "frames" / file, self._png.encode(pixels))
         self._table.add(file, f"{time_s:.6f}")

@@ -1,8 +1,8 @@
 """The loops that are called for each frame: a look at a part of it, and single steps near a wall that is known."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Floats, Integers
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
@@ -22,9 +22,6 @@ from scleraforce.segmentation.surface import (
 )
 from scleraforce.segmentation.tables import Tables, Workplace
 
-Counts = NDArray[np.uint16]
-Flags = NDArray[np.bool_]
-
 BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 
@@ -32,8 +29,8 @@ FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 @compiled
 def look(
     frame: Counts, first: int, eight_bits: bool, brightest: int, missing: Flags, behind: tuple[int, int],
-    workplace: Workplace, outer_row: NDArray[np.float64], inner_row: NDArray[np.float64],
-) -> tuple[Counts, int, bool, NDArray[np.int64], int, float, float, float]:  # fmt: skip
+    workplace: Workplace, outer_row: Floats, inner_row: Floats,
+) -> tuple[Counts, int, bool, Integers, int, float, float, float]:  # fmt: skip
     """Look for the wall in a frame's columns from the first one on; write its boundaries, (column,), NaN without wall.
 
     `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` are

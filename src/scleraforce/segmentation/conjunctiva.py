@@ -12,8 +12,8 @@ from typing import cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Places
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.grid import Float
@@ -82,7 +82,7 @@ def _cells(deepest_m: float) -> int:
     return max(CELLS, int(BEYOND * deepest_m / CELL_M) + 2 * WINDOW)
 
 
-def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) -> tuple[Float, Float]:
+def _surface(found: Segmentation, columns: Places, scale: PixelScale) -> tuple[Float, Float]:
     """Return the first surface's rows at columns, and the rows along a column for 1 m along its normal, (column,)."""
     span = np.arange(columns[0], columns[-1] + 1)
     row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
@@ -91,7 +91,7 @@ def _surface(found: Segmentation, columns: NDArray[np.intp], scale: PixelScale) 
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 
-def _unrolled(frame: Pixels, columns: NDArray[np.intp], row: Float, along_rows: Float, cells: int) -> Float:
+def _unrolled(frame: Pixels, columns: Places, row: Float, along_rows: Float, cells: int) -> Float:
     """Return the mean light below a surface, (group, cell), over its level there."""
     depth_m = (np.arange(cells, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
     map_row = row + depth_m[:, None] * along_rows
@@ -119,9 +119,7 @@ def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
     return cast(Float, smooth * np.float32(CELL_M))
 
 
-def _climb(
-    light: Float, thickness_m: float, least_m: float, most_m: float, sure_sds: float
-) -> tuple[NDArray[np.intp], bool]:
+def _climb(light: Float, thickness_m: float, least_m: float, most_m: float, sure_sds: float) -> tuple[Places, bool]:
     """Return the path of the largest steps up between two depths, (group,) cells, and whether it stands out."""
     end = min(light.shape[1], int(thickness_m / CELL_M)) - WINDOW
     first, last = max(int(least_m / CELL_M), SURFACE_CELLS + 1), min(int(most_m / CELL_M), end)

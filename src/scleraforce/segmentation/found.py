@@ -4,8 +4,8 @@ from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.segmentation.needle import SeenNeedle
 
 WALL = 255
@@ -29,8 +29,8 @@ class Segmentation:
     looked for or seen.
     """
 
-    outer_row: NDArray[np.float64]
-    inner_row: NDArray[np.float64]
+    outer_row: Floats
+    inner_row: Floats
     rows: int
     usable: bool
     reason: str
@@ -41,11 +41,11 @@ class Segmentation:
     conjunctiva_m: float | None = None
 
     @cached_property
-    def mask(self) -> NDArray[np.uint8]:
+    def mask(self) -> Bytes:
         """255 in the rows whose centre lies in the wall, else 0, shape (row, column); computed lazily."""
         row = np.arange(self.rows, dtype=np.float32)[:, None]
         inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
-        wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(WALL)
+        wall: Bytes = inside.view(np.uint8) * np.uint8(WALL)
         return wall
 
 

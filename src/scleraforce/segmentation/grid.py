@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags
 from scleraforce.recording.pixels import Pixels, PixelScale
 
 Float = NDArray[np.float32]
@@ -62,14 +63,14 @@ def rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
     return max(least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m)))
 
 
-def counts_of(frame: Pixels) -> NDArray[np.uint16]:
+def counts_of(frame: Pixels) -> Counts:
     """Return a frame as the loops take it: one type for all, compiled once."""
     counts = np.ascontiguousarray(frame, np.uint16).view()
     counts.flags.writeable = False
     return counts
 
 
-def imaged_part(frame: Pixels, left: int, hidden: NDArray[np.bool_]) -> Pixels:
+def imaged_part(frame: Pixels, left: int, hidden: Flags) -> Pixels:
     """Return the columns from `left` on, its `hidden` ones as the nearest that are not; neither end is hidden."""
     imaged = frame[:, left : left + len(hidden)]
     if not np.count_nonzero(hidden):

@@ -12,8 +12,8 @@ dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import (
@@ -28,8 +28,6 @@ from scleraforce.segmentation.grid import (
 )
 from scleraforce.segmentation.loops import nth, nth_count
 from scleraforce.segmentation.needle import STANDS_OUT
-
-Counts = NDArray[np.uint16]
 
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
@@ -54,10 +52,10 @@ def pair_contrast(frame: Pixels) -> float:
 
 
 @cache
-def _logarithms(largest: int) -> NDArray[np.uint16]:
+def _logarithms(largest: int) -> Counts:
     """Return the logarithm of each count up to the largest, black being 0 and the largest 65,535."""
     shares = np.log1p(np.arange(largest + 1.0)) / np.log1p(largest)
-    table: NDArray[np.uint16] = np.rint(65535.0 * shares).astype(np.uint16)
+    table: Counts = np.rint(65535.0 * shares).astype(np.uint16)
     table.flags.writeable = False
     return table
 
@@ -97,7 +95,7 @@ def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
 
 
 @compiled
-def find_lit(frame: Counts) -> tuple[int, int, int, int, NDArray[np.bool_]]:
+def find_lit(frame: Counts) -> tuple[int, int, int, int, Flags]:
     """Return the imaged columns of a frame and which are black.
 
     First the first column that is not black, the one after the last, the number of such columns, and the largest count;
@@ -178,7 +176,7 @@ def noise_floor(cells: Counts) -> int:
 
 
 @compiled
-def brighter_columns(cells: Counts, rows: int) -> NDArray[np.int64]:
+def brighter_columns(cells: Counts, rows: int) -> Integers:
     """Return the columns that are much brighter than the others in the uppermost rows: see `needle`."""
     columns = cells.shape[1]
     total = np.zeros(columns, np.float32)

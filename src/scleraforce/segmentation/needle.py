@@ -13,8 +13,8 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Places, Reals
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import Float, Grid, GridSize
 from scleraforce.units import from_si
@@ -98,7 +98,7 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     }
 
 
-def find_needle(frame: Pixels, grid: Grid, begin: NDArray[np.intp], left: int, columns: int) -> SeenNeedle | None:
+def find_needle(frame: Pixels, grid: Grid, begin: Places, left: int, columns: int) -> SeenNeedle | None:
     """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None.
 
     It begins in one of the columns `begin` of the grid: see `light.brighter_columns`.
@@ -156,7 +156,7 @@ def _shaded(grid: Grid, edges: list[ShaftEdge]) -> tuple[tuple[float, float], tu
     return tip, (max(0, first - margin) * step, min(columns, after + margin) * step)
 
 
-def _touches(grid: Grid, lit: NDArray[np.bool_], shadow: tuple[int, int], tip_row: float) -> bool:
+def _touches(grid: Grid, lit: Flags, shadow: tuple[int, int], tip_row: float) -> bool:
     """Return whether tissue is seen on both sides of a shadow, and a shaft's tip lies no higher than over it.
 
     A line that ends far above the tissue is a reflex; one at the end of the tissue may be that end.
@@ -171,7 +171,7 @@ def _touches(grid: Grid, lit: NDArray[np.bool_], shadow: tuple[int, int], tip_ro
     return (min(surfaces) - tip_row) * grid.size.scale.depth_m <= HOVERING_M
 
 
-def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], first: int, after: int) -> bool:
+def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: Flags, first: int, after: int) -> bool:
     """Return whether edges end far below the tissue's surface beside them: a flare's do."""
     around = max(1, round(MARGIN_M / grid.size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
@@ -243,7 +243,7 @@ def _tip(grid: Grid, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[flo
     return float(tip[0]), float(tip[1])
 
 
-def _find_edges(frame: Pixels, grid: Grid, begin: NDArray[np.intp]) -> list[ShaftEdge]:
+def _find_edges(frame: Pixels, grid: Grid, begin: Places) -> list[ShaftEdge]:
     """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
     thin = _thin(grid.cells, grid.size.scale.lateral_m)
     coarse = _longest(thin, begin, grid)
@@ -272,7 +272,7 @@ def _thin(light: Pixels, lateral_m: float) -> Float:
     return thin
 
 
-def _longest(thin: Float, begin: NDArray[np.intp], grid: Grid) -> ShaftEdge | None:
+def _longest(thin: Float, begin: Places, grid: Grid) -> ShaftEdge | None:
     """Return the longest bright line from given columns at the top edge, or None."""
     start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
     slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)
@@ -290,12 +290,12 @@ def _pooled_rows(grid: Grid) -> int:
 
 
 @lru_cache(maxsize=8)
-def _slopes(ratio: float) -> NDArray[np.float64]:
+def _slopes(ratio: float) -> Floats:
     """Return the slopes to try, columns a row; `ratio` is a pixel's depth over its width."""
     return np.linspace(-STEEPEST, STEEPEST, SLOPES) * ratio
 
 
-def _lengths(thin: Float, start: NDArray[np.floating], slopes: NDArray[np.float64]) -> tuple[Float, NDArray[np.intp]]:
+def _lengths(thin: Float, start: Reals, slopes: Floats) -> tuple[Float, Places]:
     """Return the length of lines and their last rows, (slope, start) each.
 
     A line's length is the largest sum, down to any row, of the light over LEAST_BRIGHT.
@@ -355,7 +355,7 @@ def _lower_first(edges: list[ShaftEdge], widest: float) -> list[ShaftEdge]:
     return sorted(edges, key=lambda edge: -edge.length)
 
 
-def _best(thin: Float, start: NDArray[np.float64], slopes: NDArray[np.float64], pooled_rows: int = 1) -> ShaftEdge:
+def _best(thin: Float, start: Floats, slopes: Floats, pooled_rows: int = 1) -> ShaftEdge:
     """Return the longest bright line in a picture, with `pooled_rows` rows averaged."""
     if pooled_rows > 1:
         size = thin.shape[1], max(1, len(thin) // pooled_rows)

@@ -11,12 +11,10 @@ from functools import lru_cache
 from math import ceil, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
-
-Array = NDArray[np.float64]
 
 STRETCH_M = 0.3e-3  # to either side of a point
 LEAST_COLUMNS = 5  # for a parabola
@@ -38,8 +36,8 @@ class Boundaries:
     unseen. `pixel_m`: depth of a pixel.
     """
 
-    lateral_m: Array
-    depth_m: Array
+    lateral_m: Floats
+    depth_m: Floats
     pixel_m: float
 
 
@@ -64,7 +62,7 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     return Boundaries(lateral_m, np.stack([outer_m, inner_m]), scale.depth_m)
 
 
-def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Array, Array]:
+def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floats]:
     """Return the columns' lateral places from the frame's middle and the surface's depth, (column,), m; NaN: unseen."""
     columns = len(segmentation.outer_row)
     lateral_m = (np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)) * scale.lateral_m
@@ -92,12 +90,12 @@ def _bottom_m(segmentation: Segmentation, scale: PixelScale) -> float:
     return segmentation.rows * scale.depth_m - BOTTOM_M
 
 
-def _stretch(lateral_m: Array, outer_m: Array) -> Array:
+def _stretch(lateral_m: Floats, outer_m: Floats) -> Floats:
     """Return depth along a column over thickness along the normal, NaN where the surface is unseen."""
     half = max(1, round(SLOPE_M / 2 / (lateral_m[1] - lateral_m[0])))
     slope = np.full_like(outer_m, np.nan)
     slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (lateral_m[2 * half :] - lateral_m[: -2 * half])
-    stretch: Array = np.sqrt(1 + slope**2)
+    stretch: Floats = np.sqrt(1 + slope**2)
     return stretch
 
 
@@ -105,10 +103,10 @@ def _stretch(lateral_m: Array, outer_m: Array) -> Array:
 class Observation:
     """Observed points, each (point,): lateral place and depth in m, boundary (0 outer, 1 inner), noise in m."""
 
-    lateral_m: Array
-    depth_m: Array
-    boundary: NDArray[np.intp]
-    sd_m: Array
+    lateral_m: Floats
+    depth_m: Floats
+    boundary: Places
+    sd_m: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,7 +192,7 @@ def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness)
 
 
 @lru_cache(maxsize=1024)
-def _parabola_weights(offsets: tuple[int, ...]) -> Array:
+def _parabola_weights(offsets: tuple[int, ...]) -> Floats:
     """Return the weights (2, column) of values at `offsets` in the value and slope at 0 of their parabola."""
     x = np.array(offsets, dtype=np.float64)
     return np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[:2]

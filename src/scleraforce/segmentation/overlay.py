@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.found import Segmentation
 
@@ -13,7 +13,7 @@ SUBPIXEL_BITS = 4
 SHAFT = (0, 255, 255)  # yellow
 
 
-def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> Bytes:
     """Return a frame in colour with its boundaries: surface red, inner green or blue (not seen), needle yellow.
 
     The picture is (row, column, 3), blue, green, red, as OpenCV writes it; `size` are its rows and columns, by default
@@ -41,7 +41,7 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _grey(pixels: Pixels) -> NDArray[np.uint8]:
+def _grey(pixels: Pixels) -> Bytes:
     """Return the frame in 8 bits, from its darkest to its brightest speckle."""
     lit = pixels[pixels > 0]
     low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import RawReaderStudy
@@ -44,13 +45,13 @@ def _resized(frame: Pixels, rows: int, columns: int) -> Float:
     return resized
 
 
-def reduced_columns(columns: int, answers: int) -> NDArray[np.float64]:
+def reduced_columns(columns: int, answers: int) -> Floats:
     """Return the columns of a frame, as fractions, of `answers` evenly spaced columns, shape (answers,).
 
     >>> reduced_columns(8, 4)
     array([0.5, 2.5, 4.5, 6.5])
     """
-    at: NDArray[np.float64] = (np.arange(answers) + 0.5) * columns / answers - 0.5
+    at: Floats = (np.arange(answers) + 0.5) * columns / answers - 0.5
     return at
 
 
@@ -69,7 +70,7 @@ class FrameWindow:
         return cls(rows=study.rows, columns=study.columns, row_m=study.row_m, column_m=study.column_m)
 
     @property
-    def laterals_m(self) -> NDArray[np.float64]:
+    def laterals_m(self) -> Floats:
         """Centres of the columns, m from the middle, (column,)."""
         return np.asarray((np.arange(self.columns) + 0.5 - 0.5 * self.columns) * self.column_m)
 
@@ -97,7 +98,7 @@ class FrameWindow:
         return reduced_frame(means, self.rows, self.columns)  # type: ignore[arg-type]  # means of counts
 
 
-def _means_between(edges: NDArray[np.floating], values: NDArray[Any]) -> Float:
+def _means_between(edges: Reals, values: NDArray[Any]) -> Float:
     """Return the means (cell, column) of rows (row, column) between increasing edges (cell + 1,), 0 beyond the rows."""
     inside = np.clip(edges, 0.0, len(values))
     whole = inside.astype(np.intp)

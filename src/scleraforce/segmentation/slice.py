@@ -3,26 +3,24 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.loops import straight_line
 from scleraforce.study import SliceStudy
-
-Floats = NDArray[np.float64]
 
 
 class BoundaryRows(Protocol):
     """Boundaries of a segmentation, (column,), rows of pixel centres, NaN where there is no wall."""
 
     @property
-    def outer_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
+    def outer_row(self) -> Floats: ...  # noqa: D102 - described by the class
     @property
-    def inner_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
+    def inner_row(self) -> Floats: ...  # noqa: D102 - described by the class
 
 
-def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.uint8]:
+def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> Bytes:
     """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
@@ -30,13 +28,13 @@ def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: S
     for the same curves. Optical depth below the surface is divided by the refractive index. Columns outside the frame
     or without a wall are 0.
     """
-    wall: NDArray[np.uint8] = boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
+    wall: Bytes = boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
     return wall
 
 
 def boundary_slices(
     segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...]
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns)."""
     size = slice_study.rows, slice_study.columns
     return _draw_slices(
@@ -49,7 +47,7 @@ def boundary_slices(
 def _draw_slices(
     outer_row: Floats, inner_row: Floats, size: tuple[int, int], pixel_m: float, lateral_m: float, depth_m: float,
     refractive_index: float, shifts: tuple[float, ...],
-) -> NDArray[np.uint8]:  # fmt: skip
+) -> Bytes:  # fmt: skip
     """Return slices of `size` (rows, columns), shape (shift, row, column); `depth_m` is of a frame's row, optical."""
     rows, columns = size
     depths = _depths(outer_row, inner_row, columns, pixel_m, lateral_m, depth_m, refractive_index)

@@ -8,6 +8,7 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Integers, Places
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation import surface
@@ -15,7 +16,6 @@ from scleraforce.segmentation.grid import Float, grid_size
 from scleraforce.segmentation.inner import GROUP
 from scleraforce.segmentation.needle import top_rows
 
-Places = NDArray[np.int64]
 Indices = NDArray[np.uintp]  # not negative: Numba need not ask
 
 FINE_COLUMNS = 128
@@ -30,7 +30,7 @@ def fine_columns(columns: int) -> Float:
 
 
 @lru_cache(maxsize=CACHED)
-def nearest_point(columns: int) -> Places:
+def nearest_point(columns: int) -> Integers:
     """Return the nearest of `fine_columns` to each column of a frame, (column,)."""
     fine = fine_columns(columns)
     return np.rint(np.interp(np.arange(columns, dtype=np.float64), fine, np.arange(len(fine)))).astype(np.int64)
@@ -53,7 +53,7 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Flo
 
 
 @lru_cache(maxsize=CACHED)
-def grouping(points: int) -> tuple[NDArray[np.intp], Float]:
+def grouping(points: int) -> tuple[Places, Float]:
     """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
     chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
     middle = chosen.reshape(-1, GROUP).mean(axis=1)
@@ -86,14 +86,14 @@ class Tables(NamedTuple):
     column: Float
     columns: Indices  # before and after each point, (2, point)
     across: Float
-    looked_at: Places
+    looked_at: Integers
     looked_columns: Indices
     looked_across: Float
-    place: Places
+    place: Integers
     weight: Float
-    group: Places
+    group: Integers
     group_weight: Float
-    nearest: Places
+    nearest: Integers
 
 
 @structref.register
@@ -161,7 +161,7 @@ def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
     )
 
 
-def _two_of_each(matrix: Float) -> tuple[Places, Float]:
+def _two_of_each(matrix: Float) -> tuple[Integers, Float]:
     """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
     place = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1).astype(np.int64)
     return place, np.take_along_axis(matrix, place, axis=1)

@@ -9,8 +9,8 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import look
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
-
-Counts = NDArray[np.uint16]
-Flags = NDArray[np.bool_]
 
 
 def find_wall(
@@ -98,7 +95,7 @@ class Part:
     is_bytes: bool
     hidden: tuple[int, int] | None
 
-    def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, NDArray[np.int64]], Segmentation]:
+    def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
         """Return the cells, their noise floor, whether they are saturated and where a needle may begin, and the wall.
 
         It is not looked for where these need a closer look, unless `brightest` is 0.

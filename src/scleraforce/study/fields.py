@@ -7,8 +7,8 @@ from math import isfinite, log
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import StudyError
 from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
@@ -28,7 +28,7 @@ class Choice:
         """Smallest and largest value."""
         return min(self.values), max(self.values)
 
-    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw `count` independent values, shape (count,)."""
         return rng.choice(np.asarray(self.values, dtype=np.float64), size=count)
 
@@ -49,7 +49,7 @@ class Range:
         """Smallest and largest value."""
         return self.min, self.max
 
-    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw `count` independent values, shape (count,)."""
         return rng.uniform(self.min, self.max, size=count)
 

@@ -1,0 +1,14 @@
+"""Types of NumPy arrays by their elements; docstrings and the endings of names state shapes, axes and units."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Reals = NDArray[np.floating[Any]]  # of any precision
+Integers = NDArray[np.int64]
+Places = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+Counts = NDArray[np.uint16]
+Bytes = NDArray[np.uint8]
