@@ -80,6 +80,8 @@ def generate(
               default="classifier", show_default=True, help="Kind of network: its answer and its input.")  # fmt: skip
 @click.option("--search", is_flag=True,
               help="Try every size of the grid (search_widths x search_depths), keep the best.")  # fmt: skip
+@click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), default="auto", show_default=True,
+              help="Where the network learns: cuda is a GPU, auto the GPU if PyTorch finds one.")  # fmt: skip
 @options("study", "scheduler",
          study="Study file: settings of the network, and of the samples that it learns from; default: the data set's "
          "(classifier) or the paper's.",
@@ -93,6 +95,7 @@ def train(
     out: Path,
     kind: str,
     search: bool,
+    device: str,
     study: Study,
     scheduler: str | None,
 ) -> Report:
@@ -107,7 +110,7 @@ def train(
 
     It writes a model folder: model.onnx, study.toml, card.md and model.json
     with the curves of the training; a reader's also has library.npz. The same
-    data and study give the same weights on the same machine.
+    data and study give the same weights on the same machine and device.
 
     Example: scleraforce train paper.zarr --out model
 
@@ -136,19 +139,21 @@ def train(
         from scleraforce.learning.train import train_wall_finder
 
         with count_bar("batches", study.wall_finder.batches) as advance:
-            train_wall_finder(study, out, workers, advance)
+            train_wall_finder(study, out, workers, advance, device)
         record = read_folder(out).record
         result = {"batches": record["batches"], "scenes": record["scenes"]["training"], **record["metrics"]}
     elif kind == "classifier":
         given = ctx.get_parameter_source("study") != ParameterSource.DEFAULT
         dataset = sf.open_dataset(dataset_path)
-        model = sf.train(dataset, out, study if given else None, search=search, workers=workers, counting=count_bar)
+        model = sf.train(dataset, out, study if given else None, search=search, workers=workers, device=device,
+                         counting=count_bar)  # fmt: skip
         reached = {key: model.record["metrics"][key] for key in (*ACCURACY, "validation_loss")}
         result = {"hidden": model.study.network.hidden, **reached,
                   "epochs": model.record["epochs"], "search": model.record["search"]}  # fmt: skip
     else:
         refuse_unused(study, f"train --kind {kind}")  # before the library is opened
-        result = _of_reader(sf.train(sf.open_library(dataset_path), out, study, kind=kind, counting=count_bar).record)
+        library = sf.open_library(dataset_path)
+        result = _of_reader(sf.train(library, out, study, kind=kind, device=device, counting=count_bar).record)
     seconds = time.perf_counter() - start
     lines = _LINES[kind](out, result, f"{seconds:.1f} s")
     return Report({"model": str(out), "kind": kind, **result, "seconds": seconds}, lines)

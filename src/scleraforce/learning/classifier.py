@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
-from scleraforce.learning.descent import onnx_bytes, torch, trained
+from scleraforce.learning.descent import onnx_bytes, tensor, torch, trained
 from scleraforce.processes import work_in_order
 from scleraforce.reader.kinds import INPUT, OUTPUT
 from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
@@ -231,8 +231,8 @@ class _Batches:
 
 
 def _batches(samples: Samples, norm: Normalisation) -> _Batches:
-    wall = torch.from_numpy(samples.pixels[:, norm.varies] > 0)
-    return _Batches(wall, torch.from_numpy(norm.mean[norm.varies]), torch.from_numpy(samples.target.astype(np.int64)))
+    wall = tensor(samples.pixels[:, norm.varies] > 0)
+    return _Batches(wall, tensor(norm.mean[norm.varies]), tensor(samples.target.astype(np.int64)))
 
 
 def _measure(network: torch.nn.Sequential, unseen: _Batches) -> tuple[float, float]:
@@ -254,6 +254,7 @@ def fit(
     validation: Samples,
     classes: int = 3,
     progress: Callable[[int], object] | None = None,
+    device: str = "cpu",
 ) -> Fitted:
     """Train a network; the same study and samples give the same weights on the same machine.
 
@@ -261,9 +262,10 @@ def fit(
     estimate. `progress` is called with 1 after each epoch.
     """
     norm = normalisation(training, study.mirror)
-    seen, unseen = _batches(training, norm), _batches(validation, norm)
-    if study.mirror:
-        seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
+    with torch.device(device):
+        seen, unseen = _batches(training, norm), _batches(validation, norm)
+        if study.mirror:
+            seen = replace(seen, mirrored=tensor(mirrored_pixels(norm, training.slices.shape[2])))
     rows = list[tuple[float, ...]]()
     batches = ceil(len(training) / study.batch_size)
 
@@ -286,6 +288,7 @@ def fit(
         "network",
         progress,
         CLASSIFIER_THREADS,
+        device,
     )
     curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
     return Fitted(trained_network(fitted.network, norm), curves)
@@ -332,6 +335,7 @@ def search_sizes(
     classes: int = 3,
     progress: Callable[[int], object] | None = None,
     workers: int | None = None,
+    device: str = "cpu",
 ) -> tuple[tuple[Candidate, ...], NetworkStudy, Fitted]:
     """Train every size of the grid; return all candidates, and the study with the best size and its network.
 
@@ -342,7 +346,7 @@ def search_sizes(
     candidates: tuple[Candidate, ...] = ()
     kept: tuple[NetworkStudy, Fitted] | None = None
     here = workers is None
-    prepare = partial(_trying, study, training, validation, classes, progress if here else None)
+    prepare = partial(_trying, study, training, validation, classes, progress if here else None, device)
     numbers = range(len(sizes))
     tried = map(prepare(), numbers) if workers is None else work_in_order(prepare, numbers, workers, ahead=len(sizes))
     for hidden, fitted in zip(sizes, tried, strict=True):
@@ -366,7 +370,12 @@ _one_training = threading.Lock()  # PyTorch's random numbers belong to the proce
 
 
 def _trying(
-    study: NetworkStudy, training: Samples, validation: Samples, classes: int, progress: Callable[[int], object] | None
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int,
+    progress: Callable[[int], object] | None,
+    device: str,
 ) -> Callable[[int], Fitted | None]:
     """Return the function from a number of the grid to its trained network; None if it diverges, as large ones may."""
     sizes = grid(study)
@@ -374,7 +383,7 @@ def _trying(
     def work(number: int) -> Fitted | None:
         try:
             with _one_training:
-                return fit(replace(study, hidden=sizes[number]), training, validation, classes, progress)
+                return fit(replace(study, hidden=sizes[number]), training, validation, classes, progress, device)
         except SolverError:
             return None
 

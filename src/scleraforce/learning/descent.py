@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from math import cos, pi
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import work_in_order
@@ -19,6 +20,7 @@ from scleraforce.study import NetworkStudy, RawReaderStudy, ReaderStudy, WallFin
 # Threads that wait by spinning take the cores from whoever else needs them, and from each other: on a busy machine an
 # epoch then takes five times as long. OpenMP reads this when PyTorch loads it.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # repeatable sums on a GPU need it
 
 try:
     import onnx as onnx
@@ -64,6 +66,7 @@ Settings = NetworkStudy | ReaderStudy | WallFinderStudy | RawReaderStudy
 CURVE_POINTS = 50
 AHEAD = 4  # chunks of samples for each process that are drawn or wait
 READER_THREADS = 1
+DEVICES = ("auto", "cpu", "cuda")
 Drawn = TypeVar("Drawn")
 Samples = TypeVar("Samples")
 Network = TypeVar("Network", bound=torch.nn.Module)
@@ -74,6 +77,25 @@ def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: i
     if not workers:
         return (draw(number) for number in numbers)
     return work_in_order(partial(partial, draw), numbers, workers, ahead=AHEAD * workers)  # nothing is prepared
+
+
+def chosen_device(name: str) -> str:
+    """Return "cuda" or "cpu"; of "auto", the GPU if PyTorch finds one.
+
+    Raises:
+        InputError: another name, or "cuda" where PyTorch finds no GPU.
+    """
+    if name not in DEVICES:
+        raise InputError(f"device: {name!r}; give one of {', '.join(DEVICES)}")
+    found = torch.cuda.is_available()
+    if name == "cuda" and not found:
+        raise InputError("device: cuda, but PyTorch finds no GPU on this machine; give cpu or auto")
+    return "cuda" if found and name != "cpu" else "cpu"
+
+
+def tensor(array: NDArray[Any]) -> torch.Tensor:
+    """Return an array as a tensor on the device of the training."""
+    return torch.from_numpy(array).to(torch.get_default_device())
 
 
 def descend(
@@ -122,22 +144,24 @@ def trained(
     section: str,
     progress: Callable[[int], object] | None = None,
     threads: int = READER_THREADS,
+    device: str = "cpu",
 ) -> Fitted[Network]:
-    """Train a new network on one thread, as others draw; the losses are of each draw.
+    """Train a new network on one thread or on a GPU, as others draw; the losses are of each draw.
 
     `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`
-    is closed in the end; `section` of the study is for messages; more `threads` sum in another order.
+    is closed in the end; `section` of the study is for messages; more `threads`, or another `device`, sum in another
+    order. The first weights are the same on every device; the network comes back to the CPU.
     """
     losses: list[float] = []
-    with closing(drawn), repeatable(study.seed, threads):
-        network = build()
-        network.train()
+    with closing(drawn), repeatable(study.seed, threads, device):
+        network = build().to(device).train()
         rounds = (losses_of(network, number, samples) for number, samples in enumerate(drawn))
-        for loss in descend(network, _optimiser(network, study), rounds, study, steps, section):
-            losses.append(loss)
-            if progress:
-                progress(1)
-    return Fitted(network.eval(), tuple(losses))
+        with torch.device(device):
+            for loss in descend(network, _optimiser(network, study), rounds, study, steps, section):
+                losses.append(loss)
+                if progress:
+                    progress(1)
+    return Fitted(network.eval().cpu(), tuple(losses))
 
 
 def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimizer:
@@ -161,10 +185,10 @@ def curve(losses: Sequence[float]) -> tuple[float, ...]:
 
 
 @contextmanager
-def repeatable(seed: int, of_torch: int) -> Iterator[None]:
+def repeatable(seed: int, of_torch: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and fix its number of threads; put everything back afterwards."""
     threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
-    with torch.random.fork_rng(devices=[]):
+    with torch.random.fork_rng(devices=[0] if device == "cuda" else []):
         torch.manual_seed(seed)
         torch.set_num_threads(of_torch)
         torch.use_deterministic_algorithms(True)

@@ -18,7 +18,7 @@ from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
+from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, ReadForces, compared, fit_reader, reader_loss, targets
 from scleraforce.learning.samples import Source, concatenated, draw_framed, library_of_tissue, validation_chunks
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
@@ -231,12 +231,13 @@ def fit_raw_reader(
     workers: int,
     progress: Callable[[int], object] | None = None,
     learned: Callable[[int], object] | None = None,
+    device: str = "cpu",
 ) -> Fitted[RawReaderNetwork]:
     """Train a raw reader; the same study and library give the same weights on the same machine."""
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
     slices = Source.of(library, on_slices.reader, study.slice)
-    reads_slices = fit_reader(on_slices, slices.chunk, workers, progress).network
+    reads_slices = fit_reader(on_slices, slices.chunk, workers, progress, device).network
     alone = raw.wall_share * raw.batches
     fitted = trained(
         lambda: RawReaderNetwork(study, reads_slices),
@@ -246,6 +247,7 @@ def fit_raw_reader(
         raw.batches,
         "raw_reader",
         learned,
+        device=device,
     )
     return Fitted(fitted.network, curve(fitted.training_loss))
 
@@ -265,7 +267,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
 
 def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_alone: bool) -> torch.Tensor:
     """Return the mean loss of a batch."""
-    frames, given, boundaries = (torch.from_numpy(each) for each in (batch.frames, batch.given, batch.boundary_rows))
+    frames, given, boundaries = (tensor(each) for each in (batch.frames, batch.given, batch.boundary_rows))
     mixtures, places, row_logits, wall_logits = network(frames, given)
     judged = torch.ones_like(wall_logits, dtype=torch.bool)
     loss = finder_loss(row_logits, wall_logits, boundaries, judged, study.raw_reader.target_rows)

@@ -16,7 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.descent import READER_THREADS, Fitted, drawn_ahead, onnx_bytes, repeatable, torch, trained
+from scleraforce.learning.descent import (
+    READER_THREADS,
+    Fitted,
+    drawn_ahead,
+    onnx_bytes,
+    repeatable,
+    tensor,
+    torch,
+    trained,
+)
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
@@ -169,7 +178,11 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
 
 
 def fit_reader(
-    study: Study, draw: Callable[[int], ReaderSamples], workers: int, progress: Callable[[int], object] | None = None
+    study: Study,
+    draw: Callable[[int], ReaderSamples],
+    workers: int,
+    progress: Callable[[int], object] | None = None,
+    device: str = "cpu",
 ) -> Fitted[ReaderNetwork]:
     """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
 
@@ -185,6 +198,7 @@ def fit_reader(
         steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
         section="reader",
         progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
+        device=device,
     )
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
     return Fitted(fitted.network, tuple(of_epochs.tolist()))
@@ -273,9 +287,9 @@ def reader_loss(
 def targets(force_n: Floats, modulus_pa: Floats, lateral_m: Floats, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
     """Return the true places of forces in the histogram, 0 to 1, and of the contact, mm, (sample,)."""
     places = np.sqrt(force_n / modulus_pa / reader.max_force_ratio), from_si(lateral_m, "mm")
-    return tuple(torch.from_numpy(values.astype(np.float32)) for values in places)
+    return tuple(tensor(values.astype(np.float32)) for values in places)
 
 
 def _tensors(samples: ReaderSamples) -> tuple[torch.Tensor, torch.Tensor]:
     """Return the network's inputs: slices of 0 and 1, and given values."""
-    return torch.from_numpy((samples.slices > 0).astype(np.float32)), torch.from_numpy(samples.given)
+    return tensor((samples.slices > 0).astype(np.float32)), tensor(samples.given)

@@ -15,7 +15,7 @@ from scleraforce import __version__
 from scleraforce.errors import DatasetError
 from scleraforce.learning import cards, classifier, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
-from scleraforce.learning.descent import READER_THREADS, onnx, torch
+from scleraforce.learning.descent import READER_THREADS, chosen_device, onnx, torch
 from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
@@ -45,9 +45,11 @@ def train_classifier(
     progress: Progress = None,
     youngs_modulus_pa: float | None = None,
     workers: int | None = None,
+    device: str = "auto",
 ) -> Record:
     """Train the classifier on a data set and write its model folder; return what `model.json` keeps of it."""
     check_place(out)
+    device = chosen_device(device)
     modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
     study = replace(dataset.study, network=network or dataset.study.network)
     study = replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))  # that its labels belong to
@@ -56,17 +58,18 @@ def train_classifier(
     candidates: tuple[classifier.Candidate, ...] = ()
     if search:
         candidates, sizes, fitted = classifier.search_sizes(
-            study.network, training, validation, classes, progress, workers
+            study.network, training, validation, classes, progress, workers, device
         )
         study = replace(study, network=sizes)
     else:
-        fitted = classifier.fit(study.network, training, validation, classes, progress)
+        fitted = classifier.fit(study.network, training, validation, classes, progress, device)
     stored = classifier.with_half_weights(fitted.network)
     provenance = _provenance(
         "classifier",
         study,
         study.network.seed,
         classifier.CLASSIFIER_THREADS,
+        device,
         dataset_sha256=classifier.content_hash(training, validation),
         class_bounds_mn=_bounds_mn(study),
         youngs_modulus_mpa=f"{from_si(modulus_pa, 'mpa'):.6g}",
@@ -114,14 +117,16 @@ def train_reader(
     workers: int | None = None,
     progress: Progress = None,
     measured: Progress = None,
+    device: str = "auto",
 ) -> Record:
     """Train the reader on a library and write its model folder."""
     check_place(out)
     check_library(library, study)
+    device = chosen_device(device)
     own, (content, errors) = study.reader, _stored_library(library)
     source = Source.of(library, own, study.slice)
-    fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress)
-    provenance = _library_provenance("reader", study, own.seed, content)
+    fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress, device)
+    provenance = _library_provenance("reader", study, own.seed, content, device)
     graph = reader.reader_bytes(fitted.network, study.slice, provenance)
     samples = own.epochs * _whole_chunks(study)
     record: Record = {
@@ -154,14 +159,16 @@ def train_raw_reader(
     progress: Progress = None,
     learned: Progress = None,
     measured: Progress = None,
+    device: str = "auto",
 ) -> Record:
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     check_library(library, study)
+    device = chosen_device(device)
     raw = study.raw_reader
-    fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned)
+    fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned, device)
     metrics = raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study)
-    provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0])
+    provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0], device)
     graph = raw_reader.raw_reader_bytes(fitted.network, provenance)
     frames = raw.batches * raw.batch_size
     samples = {
@@ -187,12 +194,17 @@ def train_raw_reader(
     return record
 
 
-def train_wall_finder(study: Study, out: Path, workers: int | None = None, progress: Progress = None) -> Record:
+def train_wall_finder(
+    study: Study, out: Path, workers: int | None = None, progress: Progress = None, device: str = "auto"
+) -> Record:
     """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
     check_place(out)
+    device = chosen_device(device)
     finder = study.wall_finder
-    fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress)
-    provenance = _provenance(WALL_FINDER, study, finder.seed, READER_THREADS, scenes_seed=str(study.scenes.seed))
+    fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress, device)
+    provenance = _provenance(
+        WALL_FINDER, study, finder.seed, READER_THREADS, device, scenes_seed=str(study.scenes.seed)
+    )
     graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
     metrics = wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
@@ -209,13 +221,14 @@ def train_wall_finder(study: Study, out: Path, workers: int | None = None, progr
     return record
 
 
-def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -> dict[str, str]:
+def _provenance(kind: str, study: Study, seed: int, threads: int, device: str, **more: str) -> dict[str, str]:
     """Return `metadata_props` of a network: the same for the same study, data and versions."""
     return {
         "kind": kind,
         "study_sha256": study_hash(study),
         "seed": str(seed),
         "threads": str(threads),
+        "device": torch.cuda.get_device_name() if device == "cuda" else device,
         **more,
         "scleraforce": __version__,
         "python": platform.python_version(),
@@ -225,10 +238,11 @@ def _provenance(kind: str, study: Study, seed: int, threads: int, **more: str) -
     }
 
 
-def _library_provenance(kind: str, study: Study, seed: int, library: bytes) -> dict[str, str]:
+def _library_provenance(kind: str, study: Study, seed: int, library: bytes, device: str) -> dict[str, str]:
     """Return the provenance of a network that learned from a library, as it is stored."""
     digest = sha256(library).hexdigest()
-    return _provenance(kind, study, seed, READER_THREADS, library_sha256=digest, class_bounds_mn=_bounds_mn(study))
+    more = {"library_sha256": digest, "class_bounds_mn": _bounds_mn(study)}
+    return _provenance(kind, study, seed, READER_THREADS, device, **more)
 
 
 def _bounds_mn(study: Study) -> str:

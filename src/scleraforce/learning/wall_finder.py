@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, torch, trained
+from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, WallFinderStudy
@@ -123,7 +123,11 @@ def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first:
 
 
 def fit_wall_finder(
-    scenes: ScenesStudy, study: WallFinderStudy, workers: int, progress: Callable[[int], object] | None = None
+    scenes: ScenesStudy,
+    study: WallFinderStudy,
+    workers: int,
+    progress: Callable[[int], object] | None = None,
+    device: str = "cpu",
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
     fitted = trained(
@@ -134,13 +138,14 @@ def fit_wall_finder(
         study.batches,
         "wall_finder",
         progress,
+        device=device,
     )
     return Fitted(fitted.network, curve(fitted.training_loss))
 
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
     """Return the mean loss of a batch, a random half of its scenes mirrored."""
-    drawn = tuple(torch.from_numpy(each) for each in (batch.frames, batch.boundaries, batch.judged))
+    drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.judged))
     turned = torch.rand(len(batch.frames)) < 0.5
     for each in drawn:
         each[turned] = each[turned].flip(-1)

@@ -96,6 +96,7 @@ def train(
     kind: str = "reader",
     search: bool = False,
     workers: int | None = None,
+    device: str = "auto",
     progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
 ) -> Reader:
@@ -108,6 +109,7 @@ def train(
         kind: "reader", or "raw-reader", which learns from raw frames of the library's walls.
         search: try all sizes of the grid and keep the best (classifier).
         workers: that try the sizes.
+        device: "cpu", "cuda" (a GPU), or "auto": the GPU if PyTorch finds one.
         progress: called with 1 after each epoch.
         counting: for bars, in place of `progress`: a context manager of a title ("epochs", "batches", "eyes") and its
             steps.
@@ -132,7 +134,7 @@ def train(
 
         network = source.study.network if study is None else study.network
         with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
-            train_classifier(source, Path(out), network, search, advance, workers=workers)
+            train_classifier(source, Path(out), network, search, advance, workers=workers, device=device)
         return load_model(out)
     if not isinstance(source, Library):
         raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
@@ -147,7 +149,7 @@ def train(
     if kind == "reader":
         reader = study.reader
         with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
-            train_reader(source, study, Path(out), progress=advance, measured=measured)
+            train_reader(source, study, Path(out), progress=advance, measured=measured, device=device)
     else:
         raw = study.raw_reader
         with (
@@ -155,5 +157,7 @@ def train(
             counting("batches", raw.batches) as learned,
             counting("eyes", raw.interval_eyes) as measured,
         ):
-            train_raw_reader(source, study, Path(out), progress=advance, learned=learned, measured=measured)
+            train_raw_reader(
+                source, study, Path(out), progress=advance, learned=learned, measured=measured, device=device
+            )
     return load_model(out)
