@@ -22,7 +22,7 @@ ORDER = [
     "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
 PURE = [
-    "segmentation", "mechanics", "library.fit", "library.placement", "library.prediction", "library.prior",
+    "segmentation", "mechanics", "library.fit", "library.placement", "library.prior",
     "library.unknowns", "laboratory.scanner", "calibration", "monitor",
 ]  # fmt: skip
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library import INNER, OUTER
-from scleraforce.library.prediction import shining
+from scleraforce.library.unknowns import shining
 from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from predicted_walls import Walls, formed_wall
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.library import Library
-from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_READER

@@ -159,10 +159,11 @@ def compile_loops() -> None:
     fill_sections([wall], [SliceWindow(left_m=0.0, top_m=0.0, columns=2, rows=2, pixel_m=1.0)])
     globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
-    iop_ratio_under_force(_reader().library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
-    _reader().library.covers(*walls, np.array([0.0]))
+    library = _reader().library
+    iop_ratio_under_force(library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
+    library.covers(*walls, np.array([0.0]))
     smoothed(np.zeros(9), 0.1, 3)
-    tables, paths = _reader().library.tables, volume_paths(_reader().library)
+    tables, paths = library.tables, volume_paths(library)
     pressures_at_dents(tables, paths, walls[0], np.zeros(1), np.zeros(1), False, walls[1].copy())
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):

@@ -15,6 +15,7 @@ from analytic_library import STIFFENINGS, made_up_library, solved_library, witho
 from scipy.optimize import minimize
 from small_recordings import calibration_of_a_sealed_eye
 
+from predicted_walls import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.calibration.known_forces import (
@@ -36,7 +37,6 @@ from scleraforce.learning import virtual_eyes
 from scleraforce.library import Library
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.plan import stiffening_place
-from scleraforce.library.prediction import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, prior_of
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
 from scleraforce.segmentation.observations import Boundaries

@@ -7,11 +7,11 @@ import pytest
 from analytic_library import analytic_library, bulging, made_up_library
 from library_arrays import reached_tips
 
+from predicted_walls import Walls, formed_wall
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base import pole_direction
-from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
+from predicted_walls import Walls, formed_wall
 from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
-from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.contact import Contact, ScanPlane

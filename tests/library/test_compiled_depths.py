@@ -13,10 +13,10 @@ import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, known_eye, middling_eye, noisy_boundaries
 from analytic_library import bulging
 
+from predicted_walls import Walls, predict_wall
 from scleraforce.known import OPEN, SEALED, UNKNOWN, ForceDiscrepancy, KnownGlobe
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.placement import Places
-from scleraforce.library.prediction import Walls, predict_wall
 from scleraforce.library.prior import prior_of
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, PRESSURE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.study.eye import RIGIDITY_LAWS

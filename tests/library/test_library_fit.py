@@ -8,10 +8,10 @@ import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, drawn_wall, known_eye, middling_eye, noisy_boundaries
 from analytic_library import bulging
 
+from predicted_walls import Walls, force_n, predict_wall
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import BoundaryFit, fit_boundaries
-from scleraforce.library.prediction import Walls, force_n, predict_wall
 from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M, form_size, prior_of
 
 WALLS = Walls(LIBRARY)

@@ -4,11 +4,13 @@ import numpy as np
 from library_arrays import values_at
 from numpy.typing import NDArray
 
+from predicted_walls import Walls
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_push, section_places
+from scleraforce.library.fit import law_of
 from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
 from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
-from scleraforce.library.prediction import Walls, law_of, shining
+from scleraforce.library.unknowns import shining
 
 Array = NDArray[np.float64]
 

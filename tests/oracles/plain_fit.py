@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sealed_walls import iop_ratio_at_dent
 
+from predicted_walls import Walls, formed_wall, predict_wall
 from scleraforce.library import fit_frame, fit_starts, search_loops, unknowns as at
-from scleraforce.library.fit import BoundaryFit, _standard_normal
-from scleraforce.library.placement import FIRST_DAMPING, Columns, Placed, Places, Stopping, robust_spread
-from scleraforce.library.prediction import Walls, formed_wall, law_of, predict_wall
+from scleraforce.library.fit import BoundaryFit, _standard_normal, law_of
+from scleraforce.library.placement import Columns, Placed, Places, gauss_newton, robust_spread
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
 
@@ -73,32 +73,15 @@ class Problem:
         unknown[at.POLE] *= min(1.0, highest / max(float(np.hypot(*unknown[at.POLE])), highest))
         return unknown
 
-    def descend(self, start: Array, stopping: Stopping) -> Fit:
-        """The fit from a start."""
-        unknown, damping = start, FIRST_DAMPING
-        placed, cost = self.evaluate(unknown)
-        for _ in range(stopping.iterations):
-            normal, gradient = self.normal_equations(unknown, placed)
-            trial = self.inside(unknown + step_of(normal + damping * np.diag(np.diag(normal)), gradient))
-            step = trial - unknown
-            if float(step @ normal @ step) < stopping.converged_sd**2:
-                break
-            trial_placed, trial_cost = self.evaluate(trial)
-            if trial_cost >= cost:
-                damping = max(10 * damping, stopping.retry_damping)
-                continue
-            hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
-            settled = hardly_damped and cost - trial_cost < stopping.settled_cost
-            unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
-            if settled:
-                break
-        return unknown, placed, cost
-
     def best_fit(self, starts: Sequence[Array]) -> Fit:
         """The best fit from any start."""
         if len(starts) > 1:
-            starts = [min((self.descend(one, fit_frame.FIRST_STEPS) for one in starts), key=lambda fit: fit[2])[0]]
-        return self.descend(starts[0], fit_frame.STOPPING)
+            starts = [
+                min(
+                    (gauss_newton(self, one, fit_frame.FIRST_STEPS, step_of) for one in starts), key=lambda fit: fit[2]
+                )[0]
+            ]
+        return gauss_newton(self, starts[0], fit_frame.STOPPING, step_of)
 
     def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:
         """The matrix from standard normal numbers to draws about the unknowns (unknown, number)."""

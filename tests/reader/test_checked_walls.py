@@ -27,11 +27,11 @@ from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, fixed_finder, writ
 from small_recordings import FORCE_TOML, write_places
 
 import scleraforce as sf
+from predicted_walls import Walls, formed_wall
 from scleraforce.cli.main import run
 from scleraforce.known import known_of_recording
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
-from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_classifier, load_force_reader

@@ -8,13 +8,13 @@ import numpy as np
 from analytic_library import analytic_library
 
 from ideal_boundaries import ideal_boundaries
+from predicted_walls import Walls, formed_wall
 from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, NeedleShaft, Pose, sample_optics
 from scleraforce.laboratory.scanner_display import ImagedEye
 from scleraforce.library import unknowns as at
 from scleraforce.library.placement import Placed, Places
-from scleraforce.library.prediction import Walls, formed_wall
 from scleraforce.library.prior import SHINE_MEAN_M
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale

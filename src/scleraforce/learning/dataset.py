@@ -11,7 +11,7 @@ from importlib.metadata import version
 from math import lcm
 from os import PathLike
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,9 +216,9 @@ KIND = StoreKind(
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
-# NDArray[np.float64] is ndarray[shape, dtype[float64]].
+# NDArray[np.float64] is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
 DTYPES = {
-    name: np.dtype(get_args(get_args(kind)[1])[0]).name
+    name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name
     for name, kind in get_type_hints(DatasetPlan).items()
     if name != "unit_images"
 }

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library import INNER, OUTER
-from scleraforce.library.prediction import shining
 from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M
+from scleraforce.library.unknowns import shining
 from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]

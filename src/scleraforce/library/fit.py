@@ -5,6 +5,20 @@ thickness, gap, E, IOP and the eye's size are unknown too, with priors, so that 
 interval by as much as it should; so is the rigidity of a globe that may be sealed. The force follows from the dent: F =
 E f(dent, wall, pressure under the needle). A frame's fit is one compiled call, beside which other threads run.
 
+The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
+gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
+is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
+its square, and volumes, by its cube.
+
+What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
+sealed it is an unknown of its own. There level(P) - level(P0) = k dV (`mechanics.globe`), with P the pressure under the
+needle. Of a normal k this says that level(P) is normal about level(P0) + mean(k) dV with the standard deviation
+sd(k) dV. So the pressure is fitted, which a frame shows, and not the rigidity, which it shows only where the dent is
+deep.
+
+The pole's place, on which the base's motion depends (`library.base`), is an unknown where it is not given. The form of
+an eye that is not an even sphere is added at rest (`library.unknowns`); how it bends is left out.
+
 `docs/reader.md` gives the sources of the noise and the other constants.
 """
 
@@ -16,19 +30,29 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.known import KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_frame import OUTER_SD_M, Doubt, Fitted, fit_frame
-from scleraforce.library.prediction import law_of
+from scleraforce.library.fit_loops import Law
 from scleraforce.library.prior import Prior
 from scleraforce.library.responses import Library
 from scleraforce.library.sealed import volume_paths
 from scleraforce.library.search_loops import Belief
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 Array = NDArray[np.float64]
 
 # Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13 um.
 NO_WALL_M = 20e-6
 DRAWS = 512
+
+
+@lru_cache
+def law_of(globe: KnownGlobe) -> Law:
+    """Return the law of a globe."""
+    rates = (float(globe.globe(rigidity).rate) for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd))
+    sealed = globe.can_be_sealed
+    return Law(at.PRESSURE if sealed else at.IOP, not sealed, globe.law == RIGIDITY_LAWS[1], *rates)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

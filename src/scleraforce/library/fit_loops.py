@@ -399,7 +399,7 @@ def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, d
 
 @compiled_part
 def _step(scene: Scene, unknown: Floats, place: int) -> float:
-    """Return the step of an unknown; one that would leave the library goes the other way (`prediction`)."""
+    """Return the step of an unknown; one that would leave the library goes the other way (`library.fit`)."""
     tables, size = scene.tables, np.exp(unknown[at.SIZE])
     thickness, step, leaves = unknown[at.THICKNESS] / size, at.POLE_STEP, unknown[place] > 0.0
     if place == at.TIP:
@@ -468,7 +468,7 @@ class Law(NamedTuple):
 
 @compiled_part
 def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
-    """Return how far level(P) is off its mean, and its standard deviation (`prediction`)."""
+    """Return how far level(P) is off its mean, and its standard deviation (`library.fit`)."""
     volume, pressure, resting = displaced(tables, law, unknown), np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
     risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
     slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure

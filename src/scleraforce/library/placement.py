@@ -6,6 +6,7 @@ wall does not pull the wall along (Huber and Ronchetti, Robust Statistics, 2009,
 (1963), relative to the diagonal of the normal matrix.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -151,14 +152,16 @@ class Stopping(NamedTuple):
     retry_damping: float = 0.0
 
 
-def gauss_newton(problem: Problem, start: Array, stopping: Stopping) -> tuple[Array, Placed, float]:
-    """Return the fitted unknowns, their prediction and their cost."""
+def gauss_newton(
+    problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
+) -> tuple[Array, Placed, float]:
+    """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
     for _ in range(stopping.iterations):
         normal, gradient = problem.normal_equations(unknown, placed)
         damped = normal + damping * np.diag(np.diag(normal))
-        trial = problem.inside(unknown + np.linalg.solve(damped, gradient))
+        trial = problem.inside(unknown + (step_of or np.linalg.solve)(damped, gradient))
         step = trial - unknown
         if float(step @ normal @ step) < stopping.converged_sd**2:
             break

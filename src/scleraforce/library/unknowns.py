@@ -38,7 +38,7 @@ def form_depths(form: Array, from_contact_m: Array, is_inner: Array) -> Array:
 # (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
 # little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; by
-# how much the segmentation sees the outer boundary too high where that faces the light (`prediction.shining`), in
+# how much the segmentation sees the outer boundary too high where that faces the light (`shining`), in
 # m; the form at rest (`unknowns.FORMS`), in m; and where the pole lies, along the section and across it
 # (`base.pole_direction`).
 NAMES = (
@@ -52,3 +52,8 @@ POLE = slice(FORM.stop, len(NAMES))
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
+
+
+def shining(slope: Array) -> Array:
+    """Return the shift of the edge by the mirror reflection, over that of a surface that faces the light."""
+    return np.exp(-((slope / SHINING_SLOPE) ** 2))

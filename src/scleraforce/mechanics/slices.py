@@ -64,7 +64,7 @@ def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -
     from scleraforce.mechanics.slice_loops import draw_contours
 
     contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])
-    return draw_contours(contours, windows[0].rows, windows[0].columns)
+    return draw_contours(np.ascontiguousarray(contours), windows[0].rows, windows[0].columns)
 
 
 def _pixel_contour(section: Section, window: SliceWindow) -> Floats:

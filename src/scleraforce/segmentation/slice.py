@@ -39,14 +39,14 @@ def boundary_slices(
     size = slice_study.rows, slice_study.columns
     return _draw_slices(
         segmentation.outer_row, segmentation.inner_row, size, slice_study.pixel_m, scale.lateral_m, scale.depth_m,
-        scale.refractive_index, shifts,
+        scale.refractive_index, np.array(shifts),
     )  # fmt: skip
 
 
 @compiled
 def _draw_slices(
     outer_row: Floats, inner_row: Floats, size: tuple[int, int], pixel_m: float, lateral_m: float, depth_m: float,
-    refractive_index: float, shifts: tuple[float, ...],
+    refractive_index: float, shifts: Floats,
 ) -> Bytes:  # fmt: skip
     """Return slices of `size` (rows, columns), shape (shift, row, column); `depth_m` is of a frame's row, optical."""
     rows, columns = size
