@@ -21,7 +21,7 @@ from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.wall import find_first_wall
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study
 
 STUDY = Study()
@@ -119,12 +119,12 @@ def shown(found: Segmentation) -> dict[str, Any]:
 def test_walls_are_the_recorded_ones(kind: str) -> None:
     record = json.loads(RECORD.read_text())[kind]
     for (frame, scale), expected in zip(frames(kind), record, strict=True):
-        found = shown(find_first_wall(frame, scale))
+        found = shown(find_wall(frame, scale))
         rows = found.pop("rows", []), expected.pop("rows", [])
         assert found == expected
         np.testing.assert_allclose(*rows, rtol=0.0, atol=ROWS)
 
 
 if __name__ == "__main__":
-    walls = {kind: [shown(find_first_wall(*each)) for each in frames(kind)] for kind in KINDS}
+    walls = {kind: [shown(find_wall(*each)) for each in frames(kind)] for kind in KINDS}
     RECORD.write_text(json.dumps(walls, indent=0) + "\n")

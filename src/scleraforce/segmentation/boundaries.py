@@ -29,9 +29,11 @@ FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 @compiled
 def look(
     frame: Counts, first: int, eight_bits: bool, brightest: int, missing: Flags, behind: tuple[int, int],
-    workplace: Workplace, outer_row: Floats, inner_row: Floats,
+    workplace: Workplace, left: int, rows: Floats,
 ) -> tuple[Counts, int, bool, Integers, int, float, float, float]:  # fmt: skip
-    """Look for the wall in a frame's columns from the first one on; write its boundaries, (column,), NaN without wall.
+    """Look for the wall in a frame's columns from the first one on; write its boundaries (2, column).
+
+    They are NaN without wall; the frame's first column is the `left` one there.
 
     `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` are
     columns that have been filled from beside, `behind` the first point of the surface that a needle hides, and the
@@ -64,8 +66,9 @@ def look(
     if seen < LEAST_SHAPE:
         return cells, floor, flooded, begin, seen, typical, noise, np.nan
     inner, thickness_m = _find_inner(frame, first, floor, tables, bridge(row, present), present)
-    at_every_column(tables.column, row, present, tables.nearest, outer_row)
-    at_every_column(tables.column, inner, present, tables.nearest, inner_row)
+    rows[:] = np.nan
+    at_every_column(tables.column, row, present, tables.nearest, rows[0, left : left + tables.width])
+    at_every_column(tables.column, inner, present, tables.nearest, rows[1, left : left + tables.width])
     return cells, floor, flooded, begin, seen, typical, noise, thickness_m
 
 

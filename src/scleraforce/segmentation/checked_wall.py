@@ -1,4 +1,4 @@
-"""The wall by two methods that check each other: that of `wall.find_first_wall`, and a network's.
+"""The wall by two methods that check each other: that of `wall.find_wall` without a network, and a network's.
 
 The first is finer, the network knows better where a wall ends. Where they agree the wall is the first method's, with
 the network's inner boundary in stretches where light falls more there. Elsewhere it is the network's, moved to an edge

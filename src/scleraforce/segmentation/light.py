@@ -29,6 +29,8 @@ from scleraforce.segmentation.grid import (
 from scleraforce.segmentation.loops import nth, nth_count
 from scleraforce.segmentation.needle import STANDS_OUT
 
+Lit = tuple[int, int, int, int, Flags, float]
+
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
@@ -38,9 +40,7 @@ _STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)
 
 def as_logarithmic(frame: Pixels) -> Pixels:
     """Return a frame as a logarithmic display would show it, as 16 bits; unchanged if it comes from one."""
-    if pair_contrast(frame) <= NOT_LOGARITHMIC:
-        return frame
-    return _logarithms(int(np.iinfo(frame.dtype).max))[frame]
+    return _logarithms(int(np.iinfo(frame.dtype).max))[frame] if pair_contrast(frame) > NOT_LOGARITHMIC else frame
 
 
 def pair_contrast(frame: Pixels) -> float:
@@ -48,7 +48,7 @@ def pair_contrast(frame: Pixels) -> float:
 
     Pairs as bright as the dimmest of the brightest tenth count as well.
     """
-    return _contrast(frame[:: max(1, len(frame) // LOOKED_AT_ROWS)].astype(np.uint16))
+    return find_lit(counts_of(frame))[-1]
 
 
 @cache
@@ -61,12 +61,12 @@ def _logarithms(largest: int) -> Counts:
 
 
 @compiled
-def _contrast(rows: Counts) -> float:
-    """Return the contrast of rows of counts (row, column): see `pair_contrast`."""
-    columns = max(rows.shape[1] - PAIR_COLUMNS, 0)
-    mean, number = np.empty(len(rows) * columns, np.uint16), 0
-    for row in range(len(rows)):
-        line, line_mean = rows[row], mean[row * columns : (row + 1) * columns]
+def _contrast(frame: Counts) -> float:
+    """Return the contrast of pairs: see `pair_contrast`."""
+    step, columns = max(1, len(frame) // LOOKED_AT_ROWS), max(frame.shape[1] - PAIR_COLUMNS, 0)
+    mean, number = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16), 0
+    for row in range(len(mean)):
+        line, line_mean = frame[step * row], mean[row]
         for at in range(columns):
             one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
             lit = (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
@@ -74,15 +74,15 @@ def _contrast(rows: Counts) -> float:
             number += lit
     if number < LEAST_PAIRS:
         return 0.0
-    least = nth_count(mean, mean.size, mean.size - number + int(DIMMER * number))
-    bright, share, chosen = np.empty(mean.size, np.int32), np.empty(mean.size, np.float32), 0
-    for pair in range(mean.size):
-        bright[chosen] = pair
-        chosen += mean[pair] >= least
-    for at in range(chosen):
-        line, column = rows[bright[at] // columns], bright[at] % columns
-        one, other = np.int64(line[column]), np.int64(line[column + PAIR_COLUMNS])
-        share[at] = np.float32(abs(one - other)) / np.float32(one + other)
+    least = nth_count(mean.ravel(), mean.size, mean.size - number + int(DIMMER * number))
+    share, chosen = np.empty(mean.size, np.float32), 0
+    for row in range(len(mean)):
+        line, line_mean = frame[step * row], mean[row]
+        for at in range(columns):
+            if line_mean[at] >= least:
+                one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
+                share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
+                chosen += 1
     upper = nth(share, chosen, chosen // 2)
     lower = upper if chosen % 2 else share[: chosen // 2].max()  # `nth` has put the smaller ones there
     return float(np.float32(0.5) * (lower + upper))
@@ -90,16 +90,16 @@ def _contrast(rows: Counts) -> float:
 
 def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
     """Return the first imaged column of a frame, and the one after the last; None: too few are imaged."""
-    first, after, lit, _, _ = find_lit(counts_of(frame))
+    first, after, lit, *_ = find_lit(counts_of(frame))
     return (first, after) if lit >= LEAST_SHAPE else None
 
 
 @compiled
-def find_lit(frame: Counts) -> tuple[int, int, int, int, Flags]:
-    """Return the imaged columns of a frame and which are black.
+def find_lit(frame: Counts) -> Lit:
+    """Return the imaged columns of a frame, which are black, and the contrast of pairs.
 
     First the first column that is not black, the one after the last, the number of such columns, and the largest count;
-    then the black ones, (column,).
+    then the black ones, (column,), and what `pair_contrast` returns.
     """
     columns = frame.shape[1]
     brightest, dark = frame[0].copy(), np.empty(columns, np.bool_)
@@ -113,7 +113,7 @@ def find_lit(frame: Counts) -> tuple[int, int, int, int, Flags]:
         dark[column] = brightest[column] <= black
         if not dark[column]:
             left, after, lit = (left if lit else column), column + 1, lit + 1
-    return left, after, lit, largest, dark
+    return left, after, lit, largest, dark, _contrast(frame)
 
 
 @compiled
@@ -131,33 +131,35 @@ def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool) -> Counts
 @compiled
 def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
     """Return the means of neighbours; an odd last row or column is dropped."""
-    rows = frame.shape[0]
+    rows, up = frame.shape[0], np.uint32(eight_bits)
     across, down = columns >= MAX_COLUMNS, rows >= MAX_ROWS
     rows, columns = (rows // 2 if down else rows), (columns // 2 if across else columns)
     halves = np.empty((rows, columns), np.uint16)
-    for row in range(rows):
-        half = halves[row]
-        upper = frame[2 * row if down else row, left:]
-        lower = frame[2 * row + 1 if down else row, left:]
-        if across and down:
+    if across and down:  # loops of their own: in one, less is computed at once
+        for row in range(rows):
+            half, upper, lower = halves[row], frame[2 * row, left:], frame[2 * row + 1, left:]
             for at in range(columns):
-                above = np.int32(upper[2 * at]) + np.int32(upper[2 * at + 1])
-                below = np.int32(lower[2 * at]) + np.int32(lower[2 * at + 1])
+                above = np.uint32(upper[2 * at]) + np.uint32(upper[2 * at + 1])
+                below = np.uint32(lower[2 * at]) + np.uint32(lower[2 * at + 1])
                 half[at] = (above + below + 2) >> 2
-        elif across:
+    elif across:
+        for row in range(rows):
+            half, line = halves[row], frame[row, left:]
             for at in range(columns):
-                half[at] = _mean_of_two(np.int32(upper[2 * at]), np.int32(upper[2 * at + 1]), eight_bits)
-        else:
-            for at in range(columns):  # of a row and itself where it is not halved at all
-                half[at] = _mean_of_two(np.int32(upper[at]), np.int32(lower[at]), eight_bits)
+                half[at] = _mean_of_two(np.uint32(line[2 * at]), np.uint32(line[2 * at + 1]), up)
+    else:
+        for row in range(rows):  # of a row and itself where it is not halved at all
+            upper, lower = frame[2 * row if down else row, left:], frame[2 * row + 1 if down else row, left:]
+            for at in range(columns):
+                halves[row, at] = _mean_of_two(np.uint32(upper[at]), np.uint32(lower[at]), up)
     return halves
 
 
 @compiled
-def _mean_of_two(one: int, other: int, eight_bits: bool) -> int:
-    both = one + other
-    half = both >> 1
-    return half + (both & 1 & (half | np.int32(eight_bits)))
+def _mean_of_two(one: np.uint32, other: np.uint32, up: np.uint32) -> np.uint32:
+    """Return the mean, rounded to the even number, or up."""
+    half = (one + other) >> np.uint32(1)
+    return half + ((one + other) & np.uint32(1) & (half | up))
 
 
 @compiled

@@ -17,8 +17,8 @@ from scleraforce.segmentation.grid import Float
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
 Flags = NDArray[np.bool_]
+Numbers = NDArray[np.number]
 
-BINS = 256  # bins: of the high byte of a count, then of the low one
 MARGIN = 1  # columns that are searched on each side of steps of a path that are too large
 
 
@@ -40,22 +40,16 @@ multiply_add = _multiply_add()
 
 @compiled
 def nth_count(counts: Counts, number: int, place: int) -> int:
-    """Return the count at a place of the first `number` ones in ascending order."""
-    bins = np.zeros((4, 2 * BINS), np.int32)  # four by turns: equal counts follow each other
+    """Return the count at a place of the first `number` ones in ascending order, by bisection."""
+    least = most = 0
     for i in range(number):
-        bins[i & 3, counts[i] >> 8] += 1
-    high, below = 0, 0
-    while below + bins[:, high].sum() <= place:
-        below += bins[:, high].sum()
-        high += 1
-    bins[:] = 0
-    for i in range(number):  # no branch: others are counted apart
-        bins[i & 3, (counts[i] & 255) + BINS * (counts[i] >> 8 != high)] += 1
-    low = 0
-    while below + bins[:, low].sum() <= place:
-        below += bins[:, low].sum()
-        low += 1
-    return high * BINS + low
+        most = max(most, np.int64(counts[i]))
+    while least < most:
+        middle, below = np.uint16((least + most) >> 1), 0
+        for i in range(number):
+            below += counts[i] <= middle
+        least, most = (least, np.int64(middle)) if below > place else (np.int64(middle) + 1, most)
+    return least
 
 
 @compiled
@@ -135,37 +129,45 @@ def mean_of_neighbours(values: Float, reach: int) -> Float:
 
 
 @compiled
-def open_rows(values: NDArray[np.number], window: int) -> None:
+def open_rows(values: Numbers, window: int) -> None:
     """Take the largest of the smallest of `window` rows about each row; an even window has one row more above.
 
     Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that overlap. The first row stands for
     those above it: each window that begins there contains it.
     """
-    columns, size, above = values.shape[1], values.size, window // 2 * values.shape[1]
-    here, longer = np.empty(size + above, values.dtype), np.empty(size + above, values.dtype)
+    (rows, columns), above = values.shape, window // 2
+    flat, size = values.reshape(values.size), (rows + above) * columns
+    here, longer = np.empty(size, values.dtype), np.empty(size, values.dtype)
     for largest in (False, True):
-        here[above:] = values.reshape(size)
-        for at in range(above):
-            here[at] = values[0, at % columns]
+        for row in range(above):
+            _copy(values[0], here[row * columns : (row + 1) * columns])
+        _copy(flat, here[above * columns :])
         length = 1
         while length < window:
             step = min(length, window - length)
-            _longer_windows(here, min(step * columns, size + above), largest, longer)
+            both = max(size - step * columns, 0)
+            _larger_or_smaller(here[:both], here[size - both :], largest, longer[:both])
+            _copy(here[both:], longer[both:])  # the last ones
             here, longer, length = longer, here, length + step
-        values.reshape(size)[:] = here[:size]
+        _copy(here[: values.size], flat)
 
 
 @compiled
-def _longer_windows(values: NDArray[np.number], away: int, largest: bool, to: NDArray[np.number]) -> None:
-    """Write the larger or smaller of each value and the one `away` after it; the last ones are kept."""
-    both = len(values) - away
-    to[both:] = values[both:]
-    if largest:
-        for at in range(both):
-            to[at] = max(values[at], values[at + away])
+def _copy(values: Numbers, to: Numbers) -> None:
+    """Copy an array: Numba's assignment of slices takes eight times as long."""
+    for at in range(len(to)):
+        to[at] = values[at]
+
+
+@compiled
+def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) -> None:
+    """Write the larger or smaller of two; a place in the loop with a summand would be asked whether it is negative."""
+    if larger:
+        for at in range(len(to)):
+            to[at] = max(one[at], other[at])
     else:
-        for at in range(both):
-            to[at] = min(values[at], values[at + away])
+        for at in range(len(to)):
+            to[at] = min(one[at], other[at])
 
 
 @compiled

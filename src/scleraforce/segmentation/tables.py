@@ -119,8 +119,9 @@ def _new_workplace(tables: Tables) -> Workplace:
 
 
 @lru_cache(maxsize=CACHED)
-def workplace_for(rows: int, width: int, scale: PixelScale) -> Workplace:
-    """Return the tables for the imaged part of frames: `rows` and `width` columns of one scale."""
+def workplace_for(rows: int, width: int, lateral_m: float, depth_m: float, refractive_index: float) -> Workplace:
+    """Return the tables for the imaged part of frames: `rows` and `width` columns of one scale (`PixelScale`)."""
+    scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index)
     grid = grid_size(rows, width, scale)
     middle, pairs = surface.pairs_of(grid.columns, grid.step_columns)
     column = fine_columns(width)

@@ -4,9 +4,9 @@
 same wall, to the last bit, whatever the frames before it show.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from scleraforce.segmentation.boundaries import look
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import Segmentation, blank_fault, surface_fault, without_wall
 from scleraforce.segmentation.grid import LEAST_SHAPE, Grid, counts_of, grid_size, imaged_part
-from scleraforce.segmentation.light import as_logarithmic, find_lit
+from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit
 from scleraforce.segmentation.needle import find_needle
-from scleraforce.segmentation.tables import Workplace, fine_columns, workplace_for
+from scleraforce.segmentation.tables import FINE_COLUMNS, Workplace, fine_columns, workplace_for
 
 if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
+COUNTED = np.dtype(np.uint8), np.dtype(np.uint16)
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
 
@@ -40,8 +41,13 @@ def find_wall(
         ValueError: not such an array, or smaller than 16 x 16.
         ModelError: as of `WallFinder.find`.
     """
-    frame = as_logarithmic(_checked(frame))
-    first = find_first_wall(frame, scale)
+    counts = counts_of(_checked(frame))
+    lit = find_lit(counts)
+    if lit[-1] > NOT_LOGARITHMIC:
+        frame = as_logarithmic(frame)
+        counts = counts_of(frame)
+        lit = find_lit(counts)
+    first = _first_wall(counts, frame.itemsize == 1, scale, lit)
     found = below_conjunctiva(frame, scale, first, thickness_m)
     if finder is None:
         return found
@@ -51,24 +57,23 @@ def find_wall(
     return checked_by(finder, frame, scale, first, found)
 
 
-def find_first_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
-    """Find the wall below the first surface that light meets, in a frame of a logarithmic display; see `find_wall`."""
-    counts, columns = counts_of(_checked(frame)), frame.shape[1]
-    left, after, lit, brightest, dark = find_lit(counts)
-    if lit < LEAST_SHAPE:
+def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> Segmentation:
+    """Return the wall below the first surface that light meets."""
+    left, after, columns, brightest, dark, _ = lit
+    if columns < LEAST_SHAPE:
         return without_wall(frame.shape, "the frame is empty: all pixels are alike")
-    part = _part(counts, frame.dtype == np.uint8, scale, left, dark[left:after])
+    part = _part(frame, is_bytes, scale, left, dark[left:after])
     (cells, floor, saturated, begin), found = part.look(brightest)
-    fault = blank_fault(float(floor), brightest, saturated)
-    if fault:
+    if fault := blank_fault(float(floor), brightest, saturated):
         return without_wall(frame.shape, fault)
-    grid = Grid(cells, float(floor), grid_size(len(frame), len(part.missing), scale))
     if not len(begin):
         return found
-    needle = find_needle(part.frame[:, part.first : part.first + len(part.missing)], grid, begin, left, columns)
+    grid = Grid(cells, float(floor), grid_size(len(frame), len(part.missing), scale))
+    shown = part.frame[:, part.first : part.first + len(part.missing)]
+    needle = find_needle(shown, grid, begin, left, part.columns)
     if needle is None:
         return part.look(0)[1]
-    beside = _beside(counts, part, (needle.hidden[0] - left, needle.hidden[1] - left))
+    beside = _beside(frame, part, (needle.hidden[0] - left, needle.hidden[1] - left))
     if beside is None:
         return without_wall(frame.shape, "the needle and its shadow hide the wall", needle)
     found = replace(beside.look(0)[1], needle=needle)
@@ -77,8 +82,7 @@ def find_first_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
+class Part(NamedTuple):
     """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has.
 
     `left` is that column in the whole frame, of `columns`; what is `missing` has been filled from beside. `hidden`: the
@@ -105,12 +109,11 @@ class Part:
         if self.hidden is not None:
             start, stop = np.searchsorted(fine_columns(width), (self.hidden[0] - 0.5, self.hidden[1] - 0.5))
             behind = int(start), int(stop)
-        rows = np.full((2, self.columns), np.nan)
-        outer, inner = rows[0, self.left : self.left + width], rows[1, self.left : self.left + width]
+        rows = np.empty((2, self.columns))
         cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
-            self.frame, self.first, self.is_bytes, brightest, self.missing, behind, self.workplace, outer, inner
+            self.frame, self.first, self.is_bytes, brightest, self.missing, behind, self.workplace, self.left, rows
         )
-        fault = surface_fault(seen, len(fine_columns(width)), contrast, noise)
+        fault = surface_fault(seen, min(width, FINE_COLUMNS), contrast, noise)
         if seen < LEAST_SHAPE:
             return (cells, floor, saturated, begin), without_wall(shape, fault or "no wall was found")
         found = not isnan(thickness_m)
@@ -121,15 +124,16 @@ class Part:
 def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
     """Return the imaged part of a frame; None: nothing is imaged."""
     counts = counts_of(frame)
-    left, after, lit, _, dark = find_lit(counts)
-    return _part(counts, frame.dtype == np.uint8, scale, left, dark[left:after]) if lit >= LEAST_SHAPE else None
+    left, after, lit, _, dark, _ = find_lit(counts)
+    return _part(counts, frame.itemsize == 1, scale, left, dark[left:after]) if lit >= LEAST_SHAPE else None
 
 
 def _part(
     frame: Counts, is_bytes: bool, scale: PixelScale, left: int, missing: Flags, hidden: tuple[int, int] | None = None
 ) -> Part:
     """Return the part of a frame from a column on, without its missing columns; neither end is missing."""
-    workplace, columns = workplace_for(len(frame), len(missing), scale), frame.shape[1]
+    size = scale.lateral_m, scale.depth_m, scale.refractive_index
+    workplace, columns = workplace_for(len(frame), len(missing), *size), frame.shape[1]
     if not np.count_nonzero(missing):
         return Part(frame, left, left, columns, missing, scale, workplace, is_bytes, hidden)
     imaged = counts_of(imaged_part(frame, left, missing))
@@ -160,7 +164,7 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
 
 
 def _checked(frame: Pixels) -> Pixels:
-    if frame.ndim != 2 or frame.dtype not in (np.uint8, np.uint16):
+    if frame.ndim != 2 or frame.dtype not in COUNTED:
         raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
     if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
         raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
