@@ -37,7 +37,7 @@ TISSUES = {"27 %": PronySeries((0.12, 0.15), (1.2, 12.0)), "pork": PronySeries((
 FORCES_N = (20e-3, 10e-3, 30e-3)  # elastic ones at the dents that are held; a calibration sees the first
 RAMP_S, RAMP_STEPS = 0.3, 6
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
-TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that a calibration finds
+TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that are found
 ONE = 1.0 - 1e-12  # a share, below 1
 
 

@@ -20,20 +20,21 @@ def frames_of(pushes) -> np.ndarray:
     return np.array([push.frame_s for push in pushes])
 
 
+@pytest.mark.parametrize("tissue", [TISSUE, PronySeries((0.12, 0.15), (3.0, 20.0))], ids=["usual", "other times"])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(seed: int) -> None:
+def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(seed: int, tissue: PronySeries) -> None:
     rng = np.random.default_rng(seed)
-    pushes, path = pushed(TISSUE, rng)
+    pushes, path = pushed(tissue, rng)
     elastic_n, found = found_in(path, frames_of(pushes), rng)
     assert found.source == "holds"
     held_s = np.array([1.0, 4.0])
     series = PronySeries(found.shares, found.times_s)
-    assert series.left(held_s) == pytest.approx(TISSUE.left(held_s), abs=0.03)
+    assert series.left(held_s) == pytest.approx(tissue.left(held_s), abs=0.03)
     heavy = np.array(FORCES_N) > 10e-3
     true_n = path.elastic_n(frames_of(pushes))
     assert elastic_n[heavy] == pytest.approx(true_n[heavy], rel=0.08)
     assert np.mean(elastic_n[heavy] / true_n[heavy]) == pytest.approx(1.0, abs=0.03)
-    assert (true_n[heavy] > 1.15 * np.array(FORCES_N)[heavy]).all()  # without it E would be as much too low
+    assert (true_n[heavy] > 1.1 * np.array(FORCES_N)[heavy]).all()  # without it E would be as much too low
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -64,7 +65,7 @@ def test_a_needle_that_creeps_on_in_one_hold_does_not_count_as_tissue() -> None:
     corners[4 * 4 + 2] *= 0.9  # of 34 mN, the needle gives way by a tenth
     crept = NeedlePath(path.times_s, tuple(corners.tolist()))
     _, found = found_in(crept, frames_of(pushes), rng)
-    assert sum(found.shares) < 0.03
+    assert sum(found.shares) == 0.0
 
 
 def test_a_declared_relaxation_is_used_unchanged() -> None:

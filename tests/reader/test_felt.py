@@ -88,8 +88,9 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
 
 def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_calibration() -> None:
     path = NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE)
-    nothing = ((0.0,) * 4,) * 4
-    rest = replace(calibrated(), before_n=(0.0,) * 4, before_covariance_n2=nothing)
+    known = calibrated()
+    nothing = (0.0,) * len(known.shares)
+    rest = replace(known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing))
     history = History.unknown(rest, MOST_N)
     for held_s in (0.5, 1.0, 20.0):
         told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)

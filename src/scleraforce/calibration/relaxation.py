@@ -21,17 +21,18 @@ from scleraforce.recording.labels import contact_force
 
 Array = NDArray[np.float64]
 
-TIMES_S = (0.1, 1.0, 10.0, 100.0)
-# Half-normal priors of the shares: pork loses 0.27 with 0.4 s and 0.33 with 4.3 s, the paper's eyes some percent.
-PRIOR_SD = np.array([0.05, 0.15, 0.15, 0.08])
+TIMES_S = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # two terms of any times between are as good as in the grid
+# Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and 0.33 with 4.3 s, the paper's eyes
+# some percent. A log without holds leaves tissue that relaxes much or little on all times alike, as much as by chance.
+PRIOR_SD = np.full(len(TIMES_S), 0.07)
 MEAN_OF_SD, SD_OF_SD = np.sqrt(2.0 / np.pi), np.sqrt(1.0 - 2.0 / np.pi)  # of a half-normal
 STEP_S = 0.1  # of the log that is turned back: its low-pass leaves 5 Hz
 CONTACT_N = 2e-3
 LEAST_PUSH_N = 10e-3  # of which a hold is taken
 FAST = 0.3  # of the fastest rise of a push: faster changes are the needle's
 SURE = 4.0  # standard deviations of the noise
-SMOOTHED, TRIMMED, LEAST = 4, 2, 5  # samples: of a mean, left out at a hold's ends, of the shortest hold
-OFF = 3.0  # of the usual scatter: the needle moved
+SMOOTHED, LEAST = 4, 5  # samples: of a mean, which leaves out 0.2 s at a hold's ends; of the shortest hold
+OFF = 1.5  # of the usual scatter: the needle moved
 MOST = 0.95  # of a force is lost
 ROUNDS, STEP = 6, 1e-4  # of Gauss-Newton; of a share, for its derivative
 LEAST_GAIN = 5.0  # of the log likelihood, below which the tissue counts as elastic
@@ -109,17 +110,19 @@ def _push(elastic_n: Array, less_n: float) -> int:
 
 
 def _spread(found: Array, sd_of_one: float) -> Matrix:
-    """Return the covariance of memories of frames, (frame, term)."""
-    return rows(np.cov(found.T) if len(found) > 1 else sd_of_one**2 * np.eye(found.shape[1]))
+    """Return the covariance of another frame's memories after seen frames, (frame, term): of Student's t."""
+    count = len(found)
+    if count == 1:
+        return rows(sd_of_one**2 * np.eye(found.shape[1]))
+    return rows((1.0 + 1.0 / count) * (count - 1) / max(count - 3, 1) * np.cov(found.T))
 
 
 def _found(felt_n: Array, time_s: Array, contact: NDArray[np.bool_]) -> KnownRelaxation:
     """Find the shares on the holds of a log; without holds they are as in other tissue."""
     holds = list(_holds(felt_n, contact))
     if not holds:
-        return KnownRelaxation.of(
-            (MEAN_OF_SD * PRIOR_SD).tolist(), TIMES_S, np.diag((SD_OF_SD * PRIOR_SD) ** 2), "population"
-        )
+        covariance = SD_OF_SD**2 * (np.outer(PRIOR_SD, PRIOR_SD) + np.diag(PRIOR_SD**2)) / 2
+        return KnownRelaxation.of((MEAN_OF_SD * PRIOR_SD).tolist(), TIMES_S, covariance, "population")
     _, _, holds = _fitted(felt_n, time_s, contact, holds)
     shares, covariance, _ = _fitted(felt_n, time_s, contact, holds)
     return KnownRelaxation.of(shares.tolist(), TIMES_S, covariance, "holds")
@@ -137,7 +140,7 @@ def _holds(felt_n: Array, contact: NDArray[np.bool_]) -> Iterator[slice]:
             continue
         fast = np.flatnonzero(np.abs(speed[push]) > max(FAST * speed[push].max(), SURE * noise)) + start
         for before, after in pairwise(fast.tolist()):
-            hold = slice(before + 1 + TRIMMED, after - TRIMMED)
+            hold = slice(before + 1, after)
             if hold.stop - hold.start >= LEAST and felt_n[hold].min() > LEAST_PUSH_N / 2:
                 yield hold
 
