@@ -257,8 +257,7 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
         layer, filled, _ = tissue.over
         scatter = scatter + decibel(layer.level_db) * filled
     light = decibel(optics.snr_db) * transmission(optics.shadows, _columns_m(oct_study))
-    intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
-    return intensity
+    return (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
 
 
 def _bright_curves(

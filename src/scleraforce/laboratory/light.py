@@ -99,8 +99,7 @@ class Conjunctiva:
         pressure_pa = press.force_n / (np.pi * press.radius_m**2)
         away_m = np.maximum(np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m)
         beside = 2.0 / np.pi * np.arcsin(press.radius_m / away_m) * np.exp((press.radius_m - away_m) / self.thickness_m)
-        sunk: Floats = -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
-        return sunk
+        return -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
 
     def surface(self, outer: Floats) -> Floats:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
@@ -192,8 +191,7 @@ class Pose:
     def place_points(self, points: Floats) -> Floats:
         """Return points (point, 2), m, in the frame's own coordinates."""
         c, s = cos(self.tilt_rad), sin(self.tilt_rad)
-        placed: Floats = points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
-        return placed
+        return points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
 
 
 def drawn(
@@ -288,8 +286,7 @@ def _kernel(sigma: float) -> Floats:
     """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
     reach = ceil(3.5 * sigma)
     values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
-    unit: Floats = values / np.sqrt((values**2).sum())
-    return unit
+    return values / np.sqrt((values**2).sum())
 
 
 def amplitude_sigma(intensity_width_m: float) -> float:
@@ -326,8 +323,7 @@ class Displayed:
 
     def mean(self, level_db: Float) -> Float:
         """Return the mean count."""
-        means: Float = self._mean.take(self._place(level_db))
-        return means
+        return self._mean.take(self._place(level_db))
 
     def moments(self, level_db: Float) -> tuple[Float, Float]:
         """Return the mean count and its variance over speckle."""

@@ -135,8 +135,7 @@ def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
     slow, columns = np.full(len(column_db), np.nan), np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
     slow[columns] = median_filter(column_db[columns], min(width, len(columns) | 1), mode="nearest")
-    dips: Floats = column_db - slow
-    return dips
+    return column_db - slow
 
 
 def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
@@ -247,8 +246,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
 
 
 def _light(column: Floats, middle: float, width: float, loss: float, base: float) -> Floats:
-    light: Floats = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
-    return light
+    return base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
 
 
 SPECKLE_DB, UNDER_TOP_DB = 6.0, 5.0  # over the noise and below the display's end: pixels whose speckle is whole
@@ -281,8 +279,7 @@ def drawn_correlation(sigma: float, lags: int) -> Floats:
     reach = int(np.ceil(3.5 * sigma))
     kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
     field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
-    padded: Floats = np.square(np.pad(field, (0, lags))[:lags])
-    return padded
+    return np.square(np.pad(field, (0, lags))[:lags])
 
 
 def _autocorrelation(speckle: Floats, chosen: Flags) -> tuple[Floats, Floats]:
@@ -453,5 +450,4 @@ def _seen(slope: Floats, below: Floats, sigma: Floats, parameters: Floats) -> Fl
     rows = below - np.interp(slope, KNOTS_RAD, parameters[3:])
     wide = np.sqrt(sigma**2 + 2.0 * deviation**2)
     step = ndtr(rows / np.sqrt(1.0 / 12.0 + wide**2 / 2.0))
-    light: Floats = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
-    return light
+    return step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))

@@ -192,8 +192,7 @@ def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Float
     """Return smooth random ups and downs of about unit size."""
     length_m = draw(eye.wave_length_m, rng) * rng.uniform(0.6, 1.6, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
-    waves: Floats = np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
-    return waves
+    return np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
 
 
 def _integrated(slope: Floats) -> Floats:
@@ -201,8 +200,7 @@ def _integrated(slope: Floats) -> Floats:
     tangent = np.stack([np.cos(slope), np.sin(slope)], axis=1)
     steps = np.concatenate([np.zeros((1, 2)), (tangent[1:] + tangent[:-1]) * (STEP_M / 2)])  # trapezium rule
     points = np.cumsum(steps, axis=0)
-    middle: Floats = points - points[len(points) // 2]
-    return middle
+    return points - points[len(points) // 2]
 
 
 def _dented(

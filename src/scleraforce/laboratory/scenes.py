@@ -287,8 +287,7 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.ra
     mean = np.square(np.abs(below)) + noise_level
     seen = below + np.sqrt(noise_level) * circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
-    light: Float = np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(draw(study.looks, rng))), LEAST_LIGHT)
-    return light
+    return np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(draw(study.looks, rng))), LEAST_LIGHT)
 
 
 def _add_flare(study: SceneScannerStudy, light: Float, window: Window, apex: float, rng: np.random.Generator) -> None:
@@ -324,8 +323,7 @@ def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -
         black = float(ratios(draw(study.display_floor_db, rng)))
         white = max(white, 2.0 * black)
         share = np.log(light / np.float32(black)) / np.float32(np.log(white / black))
-    shown: Float = np.power(np.clip(share, 0.0, 1.0), np.float32(draw(study.gamma, rng)))
-    return shown
+    return np.power(np.clip(share, 0.0, 1.0), np.float32(draw(study.gamma, rng)))
 
 
 def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -> Flags:
@@ -401,8 +399,7 @@ def _steps(frame: Pixels, boundary: Floats, rows: int, bright_side: int, least: 
         for band in (below, above)[::bright_side]
     )
     step, spread = _across(bright.mean(axis=0)) - _across(dark.mean(axis=0)), np.sqrt(_across(dark.var(axis=0)))
-    seen: Flags = inside & (step > np.maximum(LEAST_STEP * spread, least))
-    return seen
+    return inside & (step > np.maximum(LEAST_STEP * spread, least))
 
 
 def _across(values: Floats) -> Floats:

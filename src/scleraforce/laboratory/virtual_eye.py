@@ -117,8 +117,7 @@ def _from_needle_m(curve: Floats) -> Floats:
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
     nearest = int(np.abs(curve[:, 0]).argmin())
     beside = slice(max(nearest - 1, 0), nearest + 2)
-    distance: Floats = along_m - np.interp(0.0, curve[beside, 0], along_m[beside])
-    return distance
+    return along_m - np.interp(0.0, curve[beside, 0], along_m[beside])
 
 
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]

@@ -185,8 +185,7 @@ class AxisymmetricWall:
     def boundary_displacement(self, u: Floats) -> Floats:
         """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
         nodes_bn = np.stack([self.mesh.outer_n, self.mesh.inner_n])
-        displacement: Floats = self._all(u).reshape(-1, 2)[nodes_bn]
-        return displacement
+        return self._all(u).reshape(-1, 2)[nodes_bn]
 
     def boundaries(self, path: PathStates) -> AxisymmetricPath:
         """Return the path as the two boundary curves of each state."""

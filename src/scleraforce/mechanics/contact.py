@@ -45,8 +45,7 @@ class Contact:
         Its part along the wall lies `direction_rad` from the meridian, turned towards growing azimuth.
         """
         along = cos(direction_rad) * self.meridian + sin(direction_rad) * self.parallel
-        axis: Floats = -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
-        return axis
+        return -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,7 @@ class FibreTerm:
         """Return the forces on the nodes of every element (element, node, 3) under their displacements."""
         moved_epki, stress_epkl = self._moved_and_stress(slice(None), local_eni)
         pulls = (stress_epkl @ moved_epki).reshape(len(local_eni), -1, 3)
-        forces: Floats = self._slopes_erN.transpose(0, 2, 1) @ pulls
-        return forces
+        return self._slopes_erN.transpose(0, 2, 1) @ pulls
 
     def add_tangents(self, K_eiakb: Reals, part: slice, local_eni: Floats) -> None:
         """Add the tangents of some elements, under their nodes' displacements, to `K_eiakb`."""

@@ -83,8 +83,7 @@ class LoadPath:
         Raises:
             InputError: the path does not reach that far.
         """
-        displacement: Floats = np.einsum("s,snc->nc", self._weights(tip_m), self.displacement_snc)
-        return displacement
+        return np.einsum("s,snc->nc", self._weights(tip_m), self.displacement_snc)
 
     def pressure_pa(self, force_n: float) -> float:
         """Return the eye pressure at a force in Pa; errors as of `tip_m`."""
@@ -112,8 +111,7 @@ class LoadPath:
             raise InputError(
                 f"tip: {from_si(tip_m, 'mm'):g} mm; this load path goes from 0 to {from_si(self.tips_m[-1], 'mm'):g} mm"
             )
-        weights: Floats = self._basis(tip_m)
-        return weights
+        return self._basis(tip_m)
 
 
 class FiniteWall:

@@ -140,8 +140,7 @@ def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
         np.clip(directions_nc @ Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal, -1.0, 1.0)
     )
     x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
-    smooth: Floats = x * x * (3.0 - 2.0 * x)
-    return smooth
+    return x * x * (3.0 - 2.0 * x)
 
 
 def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:
@@ -156,10 +155,8 @@ def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> t
 def _rotation(start: Floats, end: Floats) -> Floats:
     """The smallest rotation that turns one unit vector into another (Rodrigues), (3, 3); they are not opposite."""
     cross_cc = np.cross(np.eye(3), np.cross(start, end))  # cross_cc @ x = axis x x
-    turn: Floats = np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + start @ end)
-    return turn
+    return np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + start @ end)
 
 
 def _unit(vectors: Floats) -> Floats:
-    unit: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return unit
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -232,8 +232,7 @@ class FrontalFactor:
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Keep BLAS to one thread: matrices are small, and a second thread that waits for a busy core costs tenfold."""
-    limited: AbstractContextManager[Any] = _thread_pools().limit(limits=1, user_api="blas")
-    return limited
+    return _thread_pools().limit(limits=1, user_api="blas")
 
 
 @cache

@@ -115,8 +115,7 @@ def _lifted(image: NDArray[np.complex128], on_base: Flags) -> Floats:
     """Points of the unit sphere with these stereographic images; z = 0 exactly `on_base`."""
     square = np.abs(image) ** 2
     points = np.stack([2.0 * image.real, 2.0 * image.imag, np.where(on_base, 0.0, 1.0 - square)], axis=1)
-    lifted: Floats = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return lifted
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
 def _mirrored(surface: QuadSurface) -> QuadSurface:

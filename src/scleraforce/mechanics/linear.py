@@ -90,8 +90,7 @@ class LinearWall:
 
     def solve_one(self, load_nc: Floats) -> Floats:
         """Return the displacement at E = 1 Pa for one set of nodal forces (node, 3) in N; same shape, in m."""
-        answer: Floats = self.solve(load_nc[None])[0]
-        return answer
+        return self.solve(load_nc[None])[0]
 
     def displacement(
         self, needle_nc: Floats, force_n: float, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float

@@ -55,8 +55,7 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
     flat = load_of[:, None] * len(mesh.points_nc) + mesh.outer_qn[quads]
     amount = np.bincount(flat.ravel(), weights.ravel(), minlength=len(contacts) * len(mesh.points_nc))
     normals = np.array([contact.normal for contact in contacts])
-    loads: Floats = -amount.reshape(len(contacts), -1, 1) * normals[:, None]
-    return loads
+    return -amount.reshape(len(contacts), -1, 1) * normals[:, None]
 
 
 def disc_rule() -> tuple[Floats, Floats]:
@@ -144,8 +143,7 @@ def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Fl
 def _surface_points(mesh: HexMesh, directions_dc: Floats) -> Floats:
     """Points of the outer surface whose directions on the sphere these are, (direction, 3)."""
     quads, local = locate(mesh, directions_dc)
-    points: Floats = np.einsum("dn,dnc->dc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
-    return points
+    return np.einsum("dn,dnc->dc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
 
 
 # (e_k x a)_i = a_m for these (i, k, m), and -a_m with i and k exchanged.
@@ -211,5 +209,4 @@ class InnerSurface:
     def _areas(self, x_qnc: Floats) -> Floats:
         """x,1 x x,2 at the Gauss points of quads with nodes at x, (quad, point, 3)."""
         first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)
-        areas: Floats = np.cross(first, second)
-        return areas
+        return np.cross(first, second)

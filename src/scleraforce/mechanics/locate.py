@@ -114,8 +114,7 @@ class SurfaceLocator:
         disc = directions_dc[:, :2] / (1.0 + np.abs(directions_dc[:, 2:]))
         cell = np.clip(((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64), 0, self._table_cells - 1)
         below = self._whole & (directions_dc[:, 2] < 0.0)
-        flat: Integers = below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
-        return flat
+        return below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
 
 
 def _frames(middle_qc: Floats, along_qc: Floats) -> Floats:

@@ -89,8 +89,7 @@ def _cells(number: Integers) -> Integers:
     along, across = (number.shape[0] - 1) // 2, (number.shape[1] - 1) // 2
     corner = number[: 2 * along : 2, : 2 * across : 2].reshape(-1, 1)
     offsets = [number[i, j] - number[0, 0] for j in range(3) for i in range(3)]
-    cells: Integers = corner + np.array(offsets)
-    return cells
+    return corner + np.array(offsets)
 
 
 POINTS = 3  # along each direction of a 9-node quad

@@ -46,8 +46,7 @@ def half_cube(divisions: int) -> QuadSurface:
 def _grid_quads(columns: Integers, rows: Integers) -> Integers:
     """Corners of the unit squares at (column, row), shape (quad, 4, 2)."""
     start = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    corners: Integers = start + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    return corners
+    return start + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 def _top_quads(half: int) -> Integers:

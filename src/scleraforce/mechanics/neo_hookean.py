@@ -112,8 +112,7 @@ class NeoHookeanSolid:
         """Integral of weight N_a,J N_b,J over some elements, (element, node, node)."""
         gradients_erN = self._gradients_erN[part]
         weighted = gradients_erN * np.repeat(weight_ep, 3, axis=1)[..., None]
-        laplacian: Floats = weighted.transpose(0, 2, 1) @ gradients_erN
-        return laplacian
+        return weighted.transpose(0, 2, 1) @ gradients_erN
 
     def _add_up(self, K_eiakb: Reals, part: slice, H_epJi: Floats, J_ep: Floats) -> None:
         """Write the tangents of some elements to `K_eiakb`, in its precision."""
@@ -153,5 +152,4 @@ def _dilatation(H: Floats) -> Floats:
     """det(I + H) - 1 of matrices (..., 3, 3): trace, second invariant and determinant, shape (...)."""
     trace = np.trace(H, axis1=-2, axis2=-1)
     second = 0.5 * (trace**2 - np.einsum("...ij,...ji->...", H, H))
-    dilatation: Floats = trace + second + np.linalg.det(H)
-    return dilatation
+    return trace + second + np.linalg.det(H)

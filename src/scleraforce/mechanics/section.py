@@ -50,8 +50,7 @@ class PlaneFrames:
                 f"and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes it; "
                 "use a smaller gap or tilt"
             )
-        latitude: Floats = np.arcsin(sine)
-        return latitude
+        return np.arcsin(sine)
 
     def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
         """Directions from the centre, (plane, ...) to (plane, ..., 3); below the base plane: to the base's rim."""
@@ -66,8 +65,7 @@ class PlaneFrames:
         moved = fields.copy()
         moved[..., 0, :] -= self._spread(self.origins_pc, fields.ndim - 2)
         axes = self.axes_pac.reshape(len(fields), *(1,) * (fields.ndim - 3), 3, 3)
-        projected: Floats = moved @ np.swapaxes(axes, -1, -2)
-        return projected
+        return moved @ np.swapaxes(axes, -1, -2)
 
     @staticmethod
     def _spread(vectors_pc: Floats, dimensions: int) -> Floats:
@@ -87,8 +85,7 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
     # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
     first, last = np.arcsinh(low * radius_m / GRADING_M), np.arcsinh(high * radius_m / GRADING_M)
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)
-    stations_ps: Floats = np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
-    return stations_ps
+    return np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
 
 
 def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Floats:
@@ -190,14 +187,12 @@ def _follow(
     quads, local = locate(mesh, directions.reshape(-1, 3))
     found = fields_at(quads, surface_weights(mesh, local), latitude.shape)
     points = _deform(found, weights_pfk[:, :, None])
-    curve: Floats = points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
-    return curve
+    return points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
 
 
 def _deform(fields: Floats, weights: Floats) -> Floats:
     """Add the weighted modes to the position: (..., 1 + mode, 3) and (..., mode) to (..., 3)."""
-    moved: Floats = fields[..., 0, :] + (weights[..., None, :] @ fields[..., 1:, :])[..., 0, :]
-    return moved
+    return fields[..., 0, :] + (weights[..., None, :] @ fields[..., 1:, :])[..., 0, :]
 
 
 def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circle_p: Floats) -> Integers | None:
@@ -214,5 +209,4 @@ def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circl
         return None
     middles_pt = 0.5 * (grid.latitudes_pt[:, 1:] + grid.latitudes_pt[:, :-1])
     distance = np.abs(middles_pt - circle_p[:, None])[:, None, :, None]
-    nearest: Integers = np.argmin(np.where(rises, distance, np.inf), axis=2)
-    return nearest
+    return np.argmin(np.where(rises, distance, np.inf), axis=2)

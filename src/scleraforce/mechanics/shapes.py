@@ -88,5 +88,4 @@ def _powers(local_pd: Floats) -> Floats:
 
 
 def _product(factors: list[Floats]) -> Floats:
-    product_mp: Floats = np.prod(np.stack(factors), axis=0)
-    return product_mp
+    return np.prod(np.stack(factors), axis=0)

@@ -71,8 +71,7 @@ def _pixel_contour(section: Section, window: SliceWindow) -> Floats:
     """Return the closed contour in pixels, shape (2, points): the centre of column c, row r is at (c, r)."""
     contour = np.concatenate([section.outer, section.inner[::-1], section.outer[:1]]).T
     origin = np.array([[window.left_m], [window.top_m]])
-    snapped: Floats = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
-    return snapped
+    return np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
 
 
 def _winding_number(contour: Floats, rows: int, columns: int) -> NDArray[np.int8]:

@@ -99,8 +99,7 @@ def _unrolled(frame: Pixels, columns: Places, row: Float, along_rows: Float, cel
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     light = cast(Float, cv2.resize(sampled.astype(np.float32), (GROUPS, cells), interpolation=cv2.INTER_AREA)).T
     level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
-    scaled: Float = light / np.maximum(level, np.float32(1e-6))
-    return scaled
+    return light / np.maximum(level, np.float32(1e-6))
 
 
 def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:

@@ -45,8 +45,7 @@ class Segmentation:
         """255 in the rows whose centre lies in the wall, else 0, shape (row, column); computed lazily."""
         row = np.arange(self.rows, dtype=np.float32)[:, None]
         inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
-        wall: Bytes = inside.view(np.uint8) * np.uint8(WALL)
-        return wall
+        return inside.view(np.uint8) * np.uint8(WALL)
 
 
 def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:

@@ -95,8 +95,7 @@ def _stretch(lateral_m: Floats, outer_m: Floats) -> Floats:
     half = max(1, round(SLOPE_M / 2 / (lateral_m[1] - lateral_m[0])))
     slope = np.full_like(outer_m, np.nan)
     slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (lateral_m[2 * half :] - lateral_m[: -2 * half])
-    stretch: Floats = np.sqrt(1 + slope**2)
-    return stretch
+    return np.sqrt(1 + slope**2)
 
 
 @dataclass(frozen=True, eq=False)

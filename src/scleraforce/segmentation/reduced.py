@@ -29,8 +29,7 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
     low, high = float(ordered[low_nth]), float(ordered[high_nth])
     if high - low <= LEAST_CONTRAST * max(high, 1.0):
         return np.zeros((rows, columns), dtype=np.float32)
-    scaled: Float = np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
-    return scaled
+    return np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
 
 
 def _resized(frame: Pixels, rows: int, columns: int) -> Float:
@@ -41,8 +40,7 @@ def _resized(frame: Pixels, rows: int, columns: int) -> Float:
         frame = cast(Pixels, cv2.resize(frame, (frame.shape[1] // 2, frame.shape[0]), interpolation=cv2.INTER_LINEAR))
     smaller = frame.shape[0] >= rows and frame.shape[1] >= columns
     method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-    resized: Float = cv2.resize(frame, (columns, rows), interpolation=method).astype(np.float32)
-    return resized
+    return cv2.resize(frame, (columns, rows), interpolation=method).astype(np.float32)
 
 
 def reduced_columns(columns: int, answers: int) -> Floats:
@@ -51,8 +49,7 @@ def reduced_columns(columns: int, answers: int) -> Floats:
     >>> reduced_columns(8, 4)
     array([0.5, 2.5, 4.5, 6.5])
     """
-    at: Floats = (np.arange(answers) + 0.5) * columns / answers - 0.5
-    return at
+    return (np.arange(answers) + 0.5) * columns / answers - 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,5 +104,4 @@ def _means_between(edges: Reals, values: NDArray[Any]) -> Float:
     sums[np.diff(whole) == 0] = 0.0
     part = (inside - whole).astype(np.float32)[:, None] * padded[whole]
     width = np.maximum(np.diff(inside), 1e-9).astype(np.float32)
-    means: Float = ((sums + np.diff(part, axis=0)) / width[:, None]).astype(np.float32, copy=False)
-    return means
+    return ((sums + np.diff(part, axis=0)) / width[:, None]).astype(np.float32, copy=False)

@@ -28,8 +28,7 @@ def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: S
     for the same curves. Optical depth below the surface is divided by the refractive index. Columns outside the frame
     or without a wall are 0.
     """
-    wall: Bytes = boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
-    return wall
+    return boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
 
 
 def boundary_slices(

@@ -63,8 +63,7 @@ def grouping(points: int) -> tuple[Places, Float]:
 
 def grouped(values: Float) -> Float:
     """Return the means over groups of points, (group,)."""
-    mean: Float = values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
-    return mean
+    return values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
 
 
 class Tables(NamedTuple):
