@@ -8,7 +8,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.form import element_modulus, form_mesh, modulus_factor, thickness_factor
 from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from scleraforce.study import FormStudy, RegionStudy, WaveStudy, parse_study
 
 R, T = 12e-3, 0.6e-3
@@ -64,8 +64,8 @@ def test_the_contact_and_its_normal_are_where_the_sphere_has_them(whole: bool) -
         Contact(polar_rad=CONTACT.polar_rad + a, azimuth_rad=CONTACT.azimuth_rad + b)
         for a, b in ((0, 0), (1e-4, 0), (0, 1e-4))
     ]
-    quads, local = locate(mesh, np.array([contact.normal for contact in nearby]))
-    points = np.einsum("pn,pnc->pc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
+    quads, weights_pn = locate(mesh, np.array([contact.normal for contact in nearby]))
+    points = np.einsum("pn,pnc->pc", weights_pn, mesh.points_nc[mesh.outer_qn[quads]])
     np.testing.assert_allclose(points[0], R * CONTACT.normal, atol=1e-9)
     normal = np.cross(points[1] - points[0], points[2] - points[0])
     np.testing.assert_allclose(normal / np.linalg.norm(normal), CONTACT.normal, atol=2e-4)

@@ -9,7 +9,8 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.graded import graded_mesh, study_mesh, supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study import MeshStudy, Study, SupportsStudy
 
 R, T = 12e-3, 0.5e-3
@@ -69,10 +70,10 @@ def test_directions_are_found_inside_their_quads(whole: bool, contact: Contact, 
     mesh = graded_mesh(R, T, contact, **grid, whole=whole)
     rays = directions(5_000, whole)
     rays = np.concatenate([rays, mesh.points_nc[np.unique(mesh.outer_qn)]])  # nodes: where quads meet
-    quads, local = locate(mesh, rays)
+    quads, local = mesh.locator.locate(rays)
     assert np.abs(local).max() <= 1.0
     for surface_qn in (mesh.outer_qn, mesh.inner_qn):
-        points = np.einsum("pn,pnc->pc", surface_weights(mesh, local), mesh.points_nc[surface_qn[quads]])
+        points = np.einsum("pn,pnc->pc", shape_values(local, surface_qn.shape[1]), mesh.points_nc[surface_qn[quads]])
         assert np.all(np.sum(points * rays, axis=1) > 0)
         off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
         assert off_ray.max() < 1e-12 * R

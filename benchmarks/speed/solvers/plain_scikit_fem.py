@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skfem.models.elasticity import lame_parameters, linear_elasticity  # type: ignore[import-untyped]  # as above
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M
-from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers
@@ -79,8 +79,8 @@ def _load(outer: Any) -> NDArray[np.float64]:
 
 def _tip_mm(problem: Assembled, found: NDArray[np.float64]) -> float:
     """Read the displacement where the load's axis pierces the outer facets."""
-    quads, local = locate(problem.mesh, CONTACT.normal[None])
-    place = surface_weights(problem.mesh, local)[0] @ problem.mesh.points_nc[problem.mesh.outer_qn[quads[0]]]
+    quads, weights = locate(problem.mesh, CONTACT.normal[None])
+    place = weights[0] @ problem.mesh.points_nc[problem.mesh.outer_qn[quads[0]]]
     moved = problem.basis.probes(ON_SURFACE * place[:, None]) @ found
     return float(-1e3 * moved @ CONTACT.normal)
 

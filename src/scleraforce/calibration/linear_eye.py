@@ -18,7 +18,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.mesh import locate, surface_weights
+from scleraforce.mechanics.mesh import locate
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
@@ -56,8 +56,7 @@ def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeCo
     plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
     points_blsc = np.stack([_line_points(mesh.radius_m - inward, *plane) for inward in (0.0, mesh.thickness_m)])
     world = points_blsc @ axes - mesh.radius_m * axes[2]
-    quads, local = locate(mesh, world.reshape(-1, 3))
-    weights = surface_weights(mesh, local)
+    quads, weights = locate(mesh, world.reshape(-1, 3))
     outer, inner = np.split(quads, 2)
     nodes = np.concatenate([mesh.outer_qn[outer], mesh.inner_qn[inner]])
     needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2, nodes)[0]

@@ -300,6 +300,7 @@ def bend_eye(
     the path see `FiniteWall.load_path`; `progress` is called after every state with the share of the force.
     """
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
+    ratios = study.tissue.softer_through, study.tissue.stiffer_around
     wall = FiniteWall(
         mesh,
         study.eye.poisson_ratio,
@@ -307,7 +308,7 @@ def bend_eye(
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
         springs=study_springs(study.supports, mesh),
         stiffening=study.tissue.stiffening,
-        fibres=_study_fibres(study),
+        fibres=None if ratios == (1.0, 1.0) else fibre_law(study.eye.poisson_ratio, *ratios),
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)
@@ -332,11 +333,6 @@ def bend_eye(
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
     return BentEye(mesh, path)
-
-
-def _study_fibres(study: Study) -> FibreLaw | None:
-    ratios = study.tissue.softer_through, study.tissue.stiffer_around
-    return None if ratios == (1.0, 1.0) else fibre_law(study.eye.poisson_ratio, *ratios)
 
 
 def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:

@@ -28,6 +28,7 @@ LEAF = 6  # elements that are not halved any more: fewer fronts cost less than t
 CORNERS = 8  # nodes of a hexahedron that come first in its row
 # Half of the directions to the faces, edges and corners of a cube.
 DIRECTIONS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
+_thread_pools = cache(ThreadpoolController)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,11 +234,6 @@ class FrontalFactor:
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Keep BLAS to one thread: matrices are small, and a second thread that waits for a busy core costs tenfold."""
     return _thread_pools().limit(limits=1, user_api="blas")
-
-
-@cache
-def _thread_pools() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 def _summed(front: Front, element_eNN: Reals, rests: list[Reals]) -> Reals:

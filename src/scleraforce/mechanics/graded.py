@@ -44,7 +44,7 @@ def graded_mesh(
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)
     if whole:
         below = graded_surface(contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m)
-        surface = _joined(surface, _mirrored(below))
+        surface = _joined(surface, below)
     return extrude_surface(surface, radius_m, thickness_m, layers, order)
 
 
@@ -72,7 +72,8 @@ def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -
 def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128], Integers]:
     """Points of the unit disc as complex numbers, ring after ring, and its quads; the last ring is the circle."""
     number, square = _core_square(core)
-    around = _perimeter(number)
+    # Grid points on the square's edge, counter-clockwise, each once.
+    around = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
     corner = half * square[around]
     angle = np.arctan2(corner.imag, corner.real)
     places = _ring_places(rings, half)
@@ -98,11 +99,6 @@ def _core_square(core: int) -> tuple[Integers, NDArray[np.complex128]]:
     return np.arange((core + 1) ** 2).reshape(core + 1, core + 1), square.ravel()
 
 
-def _perimeter(number: Integers) -> Integers:
-    """Grid points on the square's edge, counter-clockwise, each once."""
-    return np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
-
-
 def _ring_places(rings: int, half: float) -> Floats:
     """Radii of the rings, from behind the square to 1: even steps near it, growing in proportion far from it."""
     first, last = np.arcsinh(half / GRADING), np.arcsinh(1.0 / GRADING)
@@ -118,28 +114,23 @@ def _lifted(image: NDArray[np.complex128], on_base: Flags) -> Floats:
     return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
-def _mirrored(surface: QuadSurface) -> QuadSurface:
-    """The mirror image below z = 0, seen counter-clockwise from outside again."""
-    return QuadSurface(surface.points_vc * (1.0, 1.0, -1.0), surface.quads_qv[:, ::-1])
-
-
 def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:
-    """One surface of two halves whose vertices on z = 0, the last ones of both, are the same."""
+    """Join one upper half and another one's mirror image; both have the same vertices on z = 0, as their last ones."""
     shared = int(np.sum(lower.points_vc[:, 2] == 0.0))
     own = len(lower.points_vc) - shared
     number = np.concatenate([len(upper.points_vc) + np.arange(own), len(upper.points_vc) - shared + np.arange(shared)])
-    points = np.concatenate([upper.points_vc, lower.points_vc[:own]])
-    return QuadSurface(points, np.concatenate([upper.quads_qv, number[lower.quads_qv]]))
+    points = np.concatenate([upper.points_vc, lower.points_vc[:own] * (1.0, 1.0, -1.0)])
+    return QuadSurface(points, np.concatenate([upper.quads_qv, number[lower.quads_qv[:, ::-1]]]))
 
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
     """Return a study's mesh with one of its wall thicknesses, for many contacts; a graded one needs the contact."""
-    mesh, radius_m = study.mesh, study.eye.radius_m
+    mesh = study.mesh
     if mesh.kind != "graded":
-        return build_mesh(radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
+        return build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
     if contact is None:
         raise InputError('mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"')
-    return graded_mesh(radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
+    return graded_eye(study, thickness_m, contact)
 
 
 def graded_eye(study: Study, thickness_m: float, contact: Contact) -> HexMesh:

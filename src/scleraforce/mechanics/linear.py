@@ -12,7 +12,7 @@ from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate
 from scleraforce.mechanics.supports import Springs, clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -127,6 +127,6 @@ def tip_displacement(mesh: HexMesh, contact: Contact, needle_nc: Floats) -> floa
 
     `needle_nc` (node, 3): displacement from the state without the needle; in linear mechanics F u_n / E.
     """
-    quads, local = locate(mesh, contact.normal[None])
-    moved = surface_weights(mesh, local) @ needle_nc[mesh.outer_qn[quads[0]]]
+    quads, weights_1n = locate(mesh, contact.normal[None])
+    moved = weights_1n @ needle_nc[mesh.outer_qn[quads[0]]]
     return float(-moved[0] @ contact.normal)

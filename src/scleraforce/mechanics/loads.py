@@ -14,7 +14,7 @@ from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, VolumePoints, gauss_points, surface_points
-from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate, sum_at
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
 
 PRESSURE_POINTS = 3  # exact: normal times shape function of a curved quad is of degree 5 in each direction
@@ -49,8 +49,8 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
     below = np.flatnonzero(np.any(directions[..., 2] < 0.0, axis=1))
     if len(below):
         raise _over_base(contacts[below[0]])
-    quads, local = locate(mesh, directions.reshape(-1, 3))
-    weights = surface_weights(mesh, local) * np.tile(weights_p, len(contacts))[:, None]
+    quads, values = locate(mesh, directions.reshape(-1, 3))
+    weights = values * np.tile(weights_p, len(contacts))[:, None]
     load_of = np.repeat(np.arange(len(contacts)), len(weights_p))
     flat = load_of[:, None] * len(mesh.points_nc) + mesh.outer_qn[quads]
     amount = np.bincount(flat.ravel(), weights.ravel(), minlength=len(contacts) * len(mesh.points_nc))
@@ -115,8 +115,8 @@ def tip_at(mesh: HexMesh, contact: Contact, axis_c: Floats) -> Floats:
 
 def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
     """Sum of weights times shape functions of the outer surface at directions, (node,)."""
-    quads, local = locate(mesh, directions_dc)
-    amounts: Floats = surface_weights(mesh, local) * weights_d[:, None]
+    quads, values_dn = locate(mesh, directions_dc)
+    amounts = values_dn * weights_d[:, None]
     nodal = np.bincount(mesh.outer_qn[quads].ravel(), amounts.ravel(), minlength=len(mesh.points_nc))
     return np.asarray(nodal, dtype=np.float64)
 
@@ -142,8 +142,8 @@ def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Fl
 
 def _surface_points(mesh: HexMesh, directions_dc: Floats) -> Floats:
     """Points of the outer surface whose directions on the sphere these are, (direction, 3)."""
-    quads, local = locate(mesh, directions_dc)
-    return np.einsum("dn,dnc->dc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
+    quads, values_dn = locate(mesh, directions_dc)
+    return np.einsum("dn,dnc->dc", values_dn, mesh.points_nc[mesh.outer_qn[quads]])
 
 
 # (e_k x a)_i = a_m for these (i, k, m), and -a_m with i and k exchanged.

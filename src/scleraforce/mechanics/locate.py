@@ -65,7 +65,8 @@ class SurfaceLocator:
             return quads, np.clip(local, -1.0, 1.0)
         local = self._newton(quads, directions_dc)
         for _ in range(CROSSINGS):
-            beyond = _beyond(local)
+            x, y = local.T
+            beyond = np.stack([-y, x, y, -x], axis=1) - 1.0  # of the quad's edges: y = -1, x = 1, ...
             beyond[self._neighbours_qe[quads] < 0] = -np.inf  # at the base only rounding leads outside
             side = np.argmax(beyond, axis=1)
             outside = np.flatnonzero(beyond[np.arange(len(quads)), side] > OUTSIDE)
@@ -143,12 +144,6 @@ def _neighbours(quad_qn: Integers) -> Integers:
     neighbours = np.full(len(sides), -1)
     neighbours[order[pair]], neighbours[order[pair + 1]] = order[pair + 1] // 4, order[pair] // 4
     return neighbours.reshape(-1, 4)
-
-
-def _beyond(local_pd: Floats) -> Floats:
-    """Distance of each point beyond the quad's four edges, shape (point, 4); edge 0 is y = -1, then x = 1, ..."""
-    x, y = local_pd[:, 0], local_pd[:, 1]
-    return np.stack([-y, x, y, -x], axis=1) - 1.0
 
 
 def _biquadratic(coefficients: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:

@@ -38,29 +38,20 @@ def half_cube(divisions: int) -> QuadSurface:
     corner five times smaller than in the middle of a face.
     """
     half = divisions // 2
-    corners_qkc = np.concatenate([_top_quads(half), *(_side_quads(half, turns) for turns in range(4))])
+    along = np.arange(-half, half)
+    sides = [_grid_quads(along, np.arange(half), half)[..., [2, 0, 1]]]
+    for _ in range(3):  # each is the one before, turned by a right angle about z
+        x, y, z = np.moveaxis(sides[-1], -1, 0)
+        sides.append(np.stack([-y, x, z], axis=-1))
+    corners_qkc = np.concatenate([_grid_quads(along, along, half), *sides])
     grid_vc, quads = np.unique(corners_qkc.reshape(-1, 3), axis=0, return_inverse=True)
     return QuadSurface(np.tan(grid_vc / half * (np.pi / 4.0)), quads.reshape(-1, 4))
 
 
-def _grid_quads(columns: Integers, rows: Integers) -> Integers:
-    """Corners of the unit squares at (column, row), shape (quad, 4, 2)."""
-    start = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    return start + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
-def _top_quads(half: int) -> Integers:
-    flat = _grid_quads(np.arange(-half, half), np.arange(-half, half))
-    return np.concatenate([flat, np.full((*flat.shape[:2], 1), half)], axis=-1)
-
-
-def _side_quads(half: int, turns: int) -> Integers:
-    """The side x = half, turned by `turns` right angles about z."""
-    flat = _grid_quads(np.arange(-half, half), np.arange(half))
-    corners = np.concatenate([np.full((*flat.shape[:2], 1), half), flat], axis=-1)
-    for _ in range(turns):
-        corners = np.stack([-corners[..., 1], corners[..., 0], corners[..., 2]], axis=-1)
-    return corners
+def _grid_quads(columns: Integers, rows: Integers, height: int) -> Integers:
+    """Corners of the unit squares at (column, row, height), shape (quad, 4, 3)."""
+    start = np.stack(np.meshgrid(columns, rows, height, indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    return start + np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
 
 def catmull_clark(surface: QuadSurface) -> QuadSurface:
@@ -74,20 +65,16 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     vertices = len(points)
     face_points = points[quads].mean(axis=1)
     middles = points[edges].mean(axis=1)
-    edge_points = np.where(boundary[:, None], middles, _edge_points(surface, middles, face_points))
+    beside = sum_at(quad_edges_qe, np.repeat(face_points, 4, axis=0), len(edges))
+    edge_points = np.where(boundary[:, None], middles, 0.5 * middles + 0.25 * beside)
     moved = _vertex_points(surface, middles, face_points)
-    _move_boundary(moved, surface, edges[boundary])
-
+    rim_ev = edges[boundary]
+    neighbours, rim = sum_at(rim_ev, points[rim_ev[:, ::-1]], vertices), np.unique(rim_ev)
+    moved[rim] = 0.75 * points[rim] + 0.125 * neighbours[rim]
     edge_of = vertices + quad_edges_qe
     middle_of = vertices + len(edges) + np.arange(len(quads))
     children = [np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1) for k in range(4)]
     return QuadSurface(np.concatenate([moved, edge_points, face_points]), np.stack(children, axis=1).reshape(-1, 4))
-
-
-def _edge_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
-    """Mean of an edge's ends and its two face points."""
-    beside = sum_at(surface.edges[1], np.repeat(face_points, 4, axis=0), len(middles))
-    return 0.5 * middles + 0.25 * beside
 
 
 def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
@@ -98,14 +85,6 @@ def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -
     face_mean = sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
     edge_mean = sum_at(surface.edges[0], np.repeat(middles, 2, axis=0), count) / valence
     return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
-
-
-def _move_boundary(moved: Floats, surface: QuadSurface, boundary_edges: Integers) -> None:
-    """Put boundary vertices at 3/4 of themselves and 1/8 of each neighbour on the boundary (in place)."""
-    points = surface.points_vc
-    neighbours = sum_at(boundary_edges, points[boundary_edges[:, ::-1]].reshape(-1, 3), len(points))
-    on_boundary = np.unique(boundary_edges)
-    moved[on_boundary] = 0.75 * points[on_boundary] + 0.125 * neighbours[on_boundary]
 
 
 def sum_at(index: Integers, values: Floats, count: int) -> Floats:
@@ -237,17 +216,12 @@ def _extrude(quads_qn: Integers, per_sheet: int, layers: int, order: int) -> Int
 
 
 def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
-    """Return the quads that rays from the centre pierce, (direction,), and local coordinates there (direction, 2).
+    """Return the quads that rays from the centre pierce, (direction,), and shape functions there (direction, node).
 
-    The coordinates lie in [-1, 1]. Directions (direction, 3) have any positive length; z >= 0 where the wall is a
-    half-sphere.
+    Directions (direction, 3) have any positive length; z >= 0 where the wall is a half-sphere.
 
     Raises:
         InputError: a direction below the base plane.
     """
-    return mesh.locator.locate(directions_dc)
-
-
-def surface_weights(mesh: HexMesh, local_pd: Floats) -> Floats:
-    """Return the shape functions of the surface quads at local points, shape (point, nodes of a quad)."""
-    return shape_values(local_pd, mesh.outer_qn.shape[1])
+    quads, local_dk = mesh.locator.locate(directions_dc)
+    return quads, shape_values(local_dk, mesh.outer_qn.shape[1])

@@ -16,7 +16,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate
 
 LARGEST_POLAR_RAD = np.radians(55.0)
 HARMONICS = 3
@@ -80,9 +80,9 @@ def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_n
     across = np.sin(angle)
     local = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)], axis=-1)
     axes = np.stack([contact.meridian, contact.parallel, contact.normal])
-    quads, places = locate(mesh, local.reshape(-1, 3) @ axes)
+    quads, weights_dn = locate(mesh, local.reshape(-1, 3) @ axes)
     nodes_bdn = np.stack([mesh.outer_qn[quads], mesh.inner_qn[quads]])
-    found = np.einsum("dn,bdnc->bdc", surface_weights(mesh, places), displacement_nc[nodes_bdn])
+    found = np.einsum("dn,bdnc->bdc", weights_dn, displacement_nc[nodes_bdn])
     meridional, parallel, outward = np.moveaxis(found.reshape(2, *angle.shape, 3) @ axes.T, -1, 0)
     away = meridional * np.cos(azimuths) + parallel * np.sin(azimuths)
     around = parallel * np.cos(azimuths) - meridional * np.sin(azimuths)

@@ -16,7 +16,7 @@ import numpy as np
 from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import ScanPlane, Section
-from scleraforce.mechanics.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate
 from scleraforce.units import from_si
 
 STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
@@ -155,8 +155,7 @@ class _Grid:
         count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
         latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
         directions = frames.directions(*np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None]))
-        quads, local = locate(mesh, directions.reshape(-1, 3))
-        return cls(latitudes_pt, stations_ps, quads, surface_weights(mesh, local))
+        return cls(latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3)))
 
 
 def _follow(
@@ -184,8 +183,7 @@ def _follow(
     step = (grid.latitudes_pt[:, 1] - grid.latitudes_pt[:, 0])[:, None, None]
     latitude = grid.latitudes_pt[:, :1, None] + (below - start[..., 2] / chord[..., 2]) * step
     directions = frames.directions(np.broadcast_to(grid.stations_ps[:, None], latitude.shape), latitude)
-    quads, local = locate(mesh, directions.reshape(-1, 3))
-    found = fields_at(quads, surface_weights(mesh, local), latitude.shape)
+    found = fields_at(*locate(mesh, directions.reshape(-1, 3)), latitude.shape)
     points = _deform(found, weights_pfk[:, :, None])
     return points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
 

@@ -16,7 +16,8 @@ from scleraforce.arrays import Flags, Floats, Integers, Reals
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, gauss_points, surface_points
-from scleraforce.mechanics.mesh import HexMesh, locate, sum_at, surface_weights
+from scleraforce.mechanics.mesh import HexMesh, locate, sum_at
+from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study import SupportsStudy
 
 
@@ -88,7 +89,7 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
     shear per metre that it slides.
     """
     places, _ = gauss_points(2, BED_POINTS)
-    heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ surface_weights(mesh, places).T
+    heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ shape_values(places, mesh.outer_qn.shape[1]).T
     quads = mesh.outer_qn[np.any(heights_qp < 0.0, axis=1)]
     if not len(quads):
         raise InputError("bed: this wall has no lower half to lie on it; use a whole globe")
@@ -132,8 +133,7 @@ def _strap(mesh: HexMesh, insertion: Insertion, medial_rad: float, places_p: Flo
     """One strap of 1 N/m; `weights_p` sum to 1."""
     azimuths_p = medial_rad + insertion.azimuth_rad + 0.5 * insertion.width_rad * places_p / np.sin(insertion.polar_rad)
     contacts = [Contact(polar_rad=insertion.polar_rad, azimuth_rad=azimuth) for azimuth in azimuths_p]
-    quads, local = locate(mesh, np.array([contact.normal for contact in contacts]))
-    values_pn = surface_weights(mesh, local)
+    quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
     along_pc = np.array([contact.meridian for contact in contacts])
     blocks = np.einsum("p,pn,pm,pi,pj->pnmij", weights_p, values_pn, values_pn, along_pc, along_pc, optimize=True)
     return Springs(mesh.outer_qn[quads], blocks)
