@@ -69,13 +69,17 @@ def draw(values: Sampled, rng: np.random.Generator) -> float:
 
 @dataclass(frozen=True)
 class Unit:
-    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words."""
+    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words.
+
+    `listed`: a list of whole numbers, at least one.
+    """
 
     name: HumanUnit | None = None
     _: KW_ONLY
     low: float | None = None
     high: float | None = None
     words: tuple[str, ...] = ()
+    listed: bool = False
 
     def to_si(self, value: float) -> float:
         """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004 m."""
@@ -112,8 +116,13 @@ _MERCURY = {"mmhg": ("mmHg", SI_PER_UNIT["mmhg"][1])}
 
 
 def quantity(default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None) -> Any:
-    """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit."""
-    spec = Unit(unit, low=low, high=high)
+    """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit.
+
+    A Choice or a tuple of integers, like (600, 600), declares a list of whole numbers.
+    """
+    numbers = default.values if isinstance(default, Choice) else default
+    listed = isinstance(numbers, tuple) and numbers != () and all(isinstance(each, int) for each in numbers)
+    spec = Unit(unit, low=low, high=high, listed=listed)
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
 
@@ -174,8 +183,10 @@ def check_fields(record: Any) -> None:
             raise StudyError(f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}")
         if isinstance(value, Range) and value.min > value.max:
             raise StudyError(f"{field_key(item)}: min is larger than max")
-        if isinstance(value, Choice) and not value.values:
+        if (isinstance(value, Choice) and not value.values) or (unit.listed and value == ()):
             raise StudyError(f"{field_key(item)}: an empty list; give at least one value")
+        if unit.listed and (isinstance(value, Range) or any(number % 1.0 for number in _numbers_in(value))):
+            raise StudyError(f"{field_key(item)}: give a list of whole numbers, like [0, 1, 2]")
         for number in _numbers_in(value):
             check_number(field_key(item), unit.from_si(number), unit)
 
@@ -217,7 +228,7 @@ def allowed(key: str) -> Unit:
     """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the result has no name.
 
     >>> allowed("thickness_m"), allowed("iop_mmhg").high
-    (Unit(name=None, low=0.0001, high=0.003, words=()), 110.0)
+    (Unit(name=None, low=0.0001, high=0.003, words=(), listed=False), 110.0)
     """
     name = next(name for name in QUANTITIES if key == name or key.startswith(f"{name}_"))
     spec, suffix = QUANTITIES[name], key[len(name) + 1 :]

@@ -11,13 +11,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import Choice, Range, Sampled, Section, fixed, option, quantity
 
 
-def _check_counts(record: object, *keys: str) -> None:
-    for key in keys:
-        count = getattr(record, key)
-        if isinstance(count, Range) or any(value != int(value) for value in count.values):
-            raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
-
-
 @dataclass(frozen=True, kw_only=True)
 class OctStudy(Section):
     """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
@@ -111,7 +104,6 @@ class PhantomStudy(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_counts(self, "shadow_count", "line_count", "cover_count", "needle_count")
         if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
             raise StudyError("frame_delay_s: a frame would be taken after the push is over; make hold_s longer")
 
@@ -227,10 +219,6 @@ class SceneTissueStudy(Section):
     haze_share: float = _share(0.35)
     haze_db: Sampled = quantity(Range(min=-30.0, max=-12.0), None, -80.0, 20.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_counts(self, "scar_count")
-
 
 @dataclass(frozen=True, kw_only=True)
 class SceneOverStudy(Section):
@@ -281,10 +269,6 @@ class SceneOverStudy(Section):
     glass_share: float = _share(0.2)
     glass_pass_fraction: Sampled = quantity(Range(min=30.0, max=90.0), "percent", 0.0, 100.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_counts(self, "lash_count", "speck_count", "bubble_count", "vessel_count")
-
 
 @dataclass(frozen=True, kw_only=True)
 class SceneScannerStudy(Section):
@@ -321,7 +305,6 @@ class SceneScannerStudy(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_counts(self, "line_count", "streak_count", "bits", "lost_columns", "mark_count")
         if self.linear_share + self.root_share > 1.0:
             raise StudyError("root_share: with linear_share more than 1")
 

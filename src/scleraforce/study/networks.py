@@ -1,9 +1,9 @@
 """The networks of a study and their training data; `docs/reader.md` explains the ranges of `[reader]`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import Range, Sampled, Section, quantity
+from scleraforce.study.fields import Range, Sampled, Section, Unit, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +13,7 @@ class NetworkStudy(Section):
     A sample of `mirror` with left and right exchanged is the same B-scan plane, seen from behind.
     """
 
-    hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
+    hidden: tuple[int, ...] = field(default=(600, 600), metadata={"unit": Unit(low=1, high=100_000)})  # may be empty
     dropout: float = quantity(0.8, None, 0.0, 0.99)
     dropout_masks: int = quantity(4, None, 1, 64)
     mirror: bool = True
@@ -26,12 +26,6 @@ class NetworkStudy(Section):
     seed: int = quantity(0, None, 0, 2**31 - 1)
     search_widths: tuple[int, ...] = quantity((150, 300, 600, 1200), None, 1, 100_000)
     search_depths: tuple[int, ...] = quantity((1, 2, 3), None, 1, 20)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not (self.search_widths and self.search_depths):
-            key = "search_depths" if self.search_widths else "search_widths"
-            raise StudyError(f"{key}: an empty list; give at least one value")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +51,6 @@ class WallFinderStudy(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.channels:
-            raise StudyError("channels: an empty list; give at least one value")
         least = 2 ** len(self.channels)
         for key in ("rows", "columns"):
             if getattr(self, key) % least:
@@ -130,9 +122,6 @@ class ReaderStudy(Section):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (self.channels and self.hidden):
-            key = "hidden" if self.channels else "channels"
-            raise StudyError(f"{key}: an empty list; give at least one value")
         if self.small_force_n > self.max_force_n:
             raise StudyError("small_force_mn: larger than max_force_mn")
         if self.globe_open_fraction + self.globe_missing_fraction > 1.0:
