@@ -194,12 +194,16 @@ class Pose:
         return points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
 
 
-def drawn(
-    kind: type[Drawn], ranges: PhantomStudy, rng: np.random.Generator, prefix: str = "", **given: object
-) -> Drawn:
-    """Draw a record: each field that is not given, and has no default, from the range of `prefix` + its name."""
-    names = [item.name for item in fields(kind) if item.name not in given and item.default is MISSING]
-    return kind(**given, **{name: draw(getattr(ranges, prefix + name), rng) for name in names})
+def drawn(kind: type[Drawn], ranges: object, rng: np.random.Generator, prefix: str = "", **given: object) -> Drawn:
+    """Draw a record: each field that is not given, and has no default, from the range of `prefix` + its name.
+
+    A function is called when its field's turn has come.
+    """
+    values = {}
+    for name in (item.name for item in fields(kind) if item.name in given or item.default is MISSING):
+        value = given[name] if name in given else draw(getattr(ranges, prefix + name), rng)
+        values[name] = value() if callable(value) else value
+    return kind(**values)
 
 
 def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:
@@ -212,12 +216,7 @@ def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Gen
     )
     lines = tuple(drawn(Line, phantom, rng, "line_") for _ in range(int(draw(phantom.line_count, rng))))
     covers = tuple(
-        Cover(
-            height_m=draw(phantom.cover_height_m, rng),
-            level_db=draw(phantom.cover_level_db, rng),
-            thickness_m=draw(phantom.line_thickness_m, rng),
-            tilt_rad=draw(phantom.cover_tilt_rad, rng),
-        )
+        drawn(Cover, phantom, rng, "cover_", thickness_m=lambda: draw(phantom.line_thickness_m, rng))
         for _ in range(int(draw(phantom.cover_count, rng)))
     )
     return replace(optics, shadows=shadows, lines=lines, covers=covers)
@@ -228,15 +227,8 @@ def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conju
     thickness_m = draw(phantom.conjunctiva_thickness_m, rng)
     if thickness_m == 0.0:
         return None
-    return Conjunctiva(
-        thickness_m=thickness_m,
-        wave_fraction=draw(phantom.conjunctiva_wave_fraction, rng),
-        wave_length_m=draw(phantom.conjunctiva_wave_length_m, rng),
-        phase_rad=float(rng.uniform(-np.pi, np.pi)),
-        level_db=draw(phantom.conjunctiva_level_db, rng),
-        interface_db=draw(phantom.conjunctiva_interface_db, rng),
-        modulus_pa=draw(phantom.conjunctiva_modulus_pa, rng),
-    )
+    given = {"thickness_m": thickness_m, "phase_rad": lambda: float(rng.uniform(-np.pi, np.pi))}
+    return drawn(Conjunctiva, phantom, rng, "conjunctiva_", **given)
 
 
 def sample_needle(

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.laboratory.light import Pose
+from scleraforce.laboratory.light import Pose, drawn
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 from scleraforce.study.fields import Sampled
 
@@ -158,15 +158,8 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
 def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
     """Draw the limbus; None: the eye has no cornea."""
     arc_m = draw(eye.limbus_m, rng)
-    limbus = Limbus(
-        arc_m=arc_m,
-        width_m=draw(eye.limbus_width_m, rng),
-        edge_m=draw(eye.limbus_edge_m, rng),
-        slant_m=draw(eye.limbus_slant_m, rng),
-        wedge_m=draw(eye.limbus_wedge_m, rng),
-        spur_m=arc_m + draw(eye.spur_m, rng),
-        spur_bump_m=draw(eye.spur_bump_m, rng),
-    )
+    spur = {"spur_m": lambda: arc_m + draw(eye.spur_m, rng), "spur_bump_m": lambda: draw(eye.spur_bump_m, rng)}
+    limbus = drawn(Limbus, eye, rng, "limbus_", arc_m=arc_m, **spur)
     return None if rng.random() < eye.half_sphere_share else limbus
 
 

@@ -17,6 +17,8 @@ from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, Sealed
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.units import from_si
 
+Progress = Callable[[float], object]
+
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
 EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail
 FIRST_STEP_M = 1e-4  # of the tip
@@ -73,7 +75,7 @@ def trace(
     largest_step_m: float = 5e-4,
     globe: Globe = OPEN_GLOBE,
     as_far_as_found: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
 

@@ -7,7 +7,6 @@ by the tip's displacement (`mechanics.continuation`), and then read at any force
 The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E only; E is 1 Pa inside.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
@@ -18,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.continuation import Progress, pressurise, trace
 from scleraforce.mechanics.elements import FacePlaces
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.fibres import FibreLaw, fibre_law
@@ -164,7 +163,7 @@ class FiniteWall:
         globe: Globe = OPEN_GLOBE,
         largest_step_m: float = LARGEST_STEP_M,
         as_far_as_found: bool = False,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress | None = None,
     ) -> LoadPath:
         """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved by `max_tip_m`.
 
@@ -292,7 +291,7 @@ def bend_eye(
     max_force_n: float,
     max_tip_m: float | None = None,
     as_far_as_found: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> BentEye:
     """Bend an eye at finite strain, up to a force, with a graded mesh and all of the study's sections on the eye.
 
