@@ -22,6 +22,7 @@ from scleraforce.cli import main as entry
 from scleraforce.cli.main import COMMANDS, cli, run
 from scleraforce.cli.output import print_json
 from scleraforce.errors import SolverError, StudyError
+from scleraforce.mechanics.relaxation import PronySeries
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -103,6 +104,9 @@ def test_init_writes_the_papers_study_or_another_preset_once(tmp_path: Path, she
     study = read_study(tmp_path / "living" / "study.toml")
     refuse_unused(study, "library")
     refuse_unused(study, "calibrate", "finite-strain")
+    shares, times_s = zip(*study.tissue.relaxation, strict=True)
+    pork = PronySeries(tuple(share.bounds[1] for share in shares), tuple(time_s.bounds[0] for time_s in times_s))
+    assert pork.left(np.array([1.0, 10.0])) == pytest.approx([0.70, 0.46], abs=0.05)
     assert study.reader.youngs_modulus_pa.bounds[0] > Study().reader.youngs_modulus_pa.bounds[0]
     assert "'ex-vivo', 'living'" in shell.refused("init", tmp_path / "c", "--preset", "mars")
 

@@ -23,7 +23,7 @@ PHYSICS = ("eye", "needle", "form", "mechanics", "tissue", "globe", "supports")
 # Keys of these sections that commands take elsewhere: options, recordings, groups of a data set, a library's axes.
 ELSEWHERE = {
     "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
-    "needle.max_force_mn", "mechanics.kind",
+    "needle.max_force_mn", "mechanics.kind", "tissue.relaxation",
 }  # fmt: skip
 BOOKKEEPING = {"scleraforce.study.toml", "scleraforce.study.fields", "scleraforce.study.unused", "dataclasses"}
 
