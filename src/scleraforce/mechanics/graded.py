@@ -130,7 +130,7 @@ def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None)
         return build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
     if contact is None:
         raise InputError('mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"')
-    return graded_eye(study, thickness_m, contact)
+    return graded_mesh(study.eye.radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
 
 
 def graded_eye(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
