@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
 from scleraforce.calibration.relaxation import with_elastic_forces
-from scleraforce.known import NINETY_PERCENT
+from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.mechanics.relaxation import PronySeries
@@ -93,7 +93,7 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
     path = NeedlePath(tuple(corners[0]), tuple(corners[1]), eye.tissue)
     time_s = np.arange(corners[2] + FRAME_S, corners[0][-1], FRAME_S)
     elastic_n, felt_n, bias_n = path.elastic_n(time_s), path.felt_n(time_s), rng.normal(0.0, BIAS_N, 2)
-    network = opinion = History.monitored(eye.known, TOP_N)
+    network = opinion = History.monitored(Known(relaxation=eye.known), TOP_N)
     state, waiting, read, cause = MonitorState(), list[SecondOpinion](), list[Answer](), None
     for number, at_s in enumerate(time_s.tolist()):
         off_n = min(elastic_n[number] / CLASSES_N[0], 1.0) * bias_n + rng.normal(0.0, NOISE_N, 2)

@@ -151,7 +151,7 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     computed = compute_eye(drawn)
     forces_n = drawn.forces_n(computed.largest_n)
     plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
-    deepest_n = max(plan.elastic_n)
+    deepest_n = max(plan.normal_n)
     if deepest_n > computed.largest_n:  # dents of tissue that relaxes are deeper; elastic forces grow with all forces
         share = (1.0 - ROOM) * computed.largest_n / deepest_n
         plan = plan_phantom(drawn.eye, [share * force_n for force_n in forces_n], drawn.study, drawn.seed)
@@ -162,7 +162,7 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
         files=tuple(frame.file for frame in plan.frames),
         largest_n=computed.largest_n,
         forces_n=np.array(plan.forces_n),
-        tips_m=np.array(computed.tips_m(plan.elastic_n)),
+        tips_m=np.array(computed.tips_m(plan.normal_n)),
         lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
         seconds=perf_counter() - start,
     )

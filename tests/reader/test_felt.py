@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
 
+from scleraforce.known import Known, Modulus
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
 from scleraforce.reader.answer import Reading, unusable
-from scleraforce.reader.felt import DENSE_S, History
+from scleraforce.reader.felt import DENSE_S, History, Lean
 
 MOST_N = 60e-3
 DECLARED = KnownRelaxation.declared(TISSUE.terms)
+TISSUE_KNOWN = Known(relaxation=DECLARED)
 CORNERS_S = (0.0, 2.0, 3.0, 8.0, 8.5, 14.0, 15.0, 18.0, 19.0, 24.0)
 CORNERS_N = (0.0, 0.0, 0.03, 0.03, 0.012, 0.012, 0.0, 0.0, 0.045, 0.045)
 
@@ -25,7 +27,7 @@ def calibrated(seed: int = 0) -> KnownRelaxation:
 
 
 def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
-    history, answers = History.unknown(known, MOST_N), []
+    history, answers = History.unknown(Known(relaxation=known), MOST_N), []
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
         answer, history = history.read(read_as(float(elastic_n)), BOUNDS_N, float(time_s))
         answers.append(answer)
@@ -58,7 +60,7 @@ def test_an_unknown_history_is_forgotten_and_its_interval_narrows() -> None:
 
 
 def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps() -> None:
-    history = History.unknown(DECLARED, MOST_N)
+    history = History.unknown(TISSUE_KNOWN, MOST_N)
     for time_s in np.arange(0.0, 30.0, 0.1):
         before, history = history.read(read_as(0.03), BOUNDS_N, float(time_s))
     for time_s in np.arange(30.0, 32.0, 0.1):
@@ -76,7 +78,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     frame_s = np.array([push.frame_s for push in pushes])
     known, errors, inside = calibrated(), [], []
     for alone in (False, True):
-        history = History.unknown(known, MOST_N)
+        history = History.unknown(Known(relaxation=known), MOST_N)
         for time_s, elastic_n, true_n in zip(frame_s, path.elastic_n(frame_s), path.felt_n(frame_s), strict=True):
             answer, after = history.read(read_as(float(elastic_n)), BOUNDS_N, None if alone else float(time_s))
             history = history if alone else after
@@ -91,7 +93,7 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
     known = calibrated()
     nothing = (0.0,) * len(known.shares)
     rest = replace(known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing))
-    history = History.unknown(rest, MOST_N)
+    history = History.unknown(Known(relaxation=rest), MOST_N)
     for held_s in (0.5, 1.0, 20.0):
         told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)
         true_n = float(path.felt_n(np.array([0.25 + held_s]))[0])
@@ -103,13 +105,13 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
 def test_elastic_tissue_and_tissue_of_which_nothing_is_known_keep_the_answer() -> None:
     for known in (None, KnownRelaxation.declared(()), KnownRelaxation.of([0.0], [1.0], np.eye(1), "holds")):
         answer = read_as(0.02)
-        assert History.unknown(known, MOST_N).read(answer, BOUNDS_N, 1.0)[0] is answer
+        assert History.unknown(Known(relaxation=known), MOST_N).read(answer, BOUNDS_N, 1.0)[0] is answer
 
 
 def test_the_readings_of_each_method_are_turned_as_the_answer_is() -> None:
     answer = read_as(0.03)
     reading = Reading(probabilities=(0.0, 1.0, 0.0), force_n=0.03, interval_n=answer.interval_n, contact_m=0.0)
-    turned, _ = History.unknown(DECLARED, MOST_N).read(replace(answer, readings=(("fit", reading),)), BOUNDS_N)
+    turned, _ = History.unknown(TISSUE_KNOWN, MOST_N).read(replace(answer, readings=(("fit", reading),)), BOUNDS_N)
     ((_, found),) = turned.readings
     assert (found.force_n, found.interval_n) == (turned.force_n, turned.interval_n)
     assert sum(found.probabilities) == pytest.approx(1.0)
@@ -150,7 +152,7 @@ def inside(answers, felt_n: np.ndarray) -> bool:
 def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None:
     times_s = np.arange(8.0, 60.0, 0.1)
     for path in random_paths(20):
-        answers, _ = watched(times_s, path, History.monitored(DECLARED, MOST_N))
+        answers, _ = watched(times_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
         assert inside(answers, path.felt_n(times_s))
         widths = np.array([answer.interval_n[1] - answer.interval_n[0] for answer in answers])
         assert (np.diff(widths) < 1e-9).all()  # and no bound jumps
@@ -160,7 +162,7 @@ def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None
 def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been() -> None:
     before_s, after_s = np.arange(0.0, 0.1, 0.01), np.arange(8.0, 30.0, 0.1)
     for path in random_paths(20):
-        _, history = watched(before_s, path, History.monitored(DECLARED, MOST_N))
+        _, history = watched(before_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
         for gap_s in (0.0, 1.0, 2.5):  # a monitor never gives a single frame the history of the calibration
             late, after = watched(after_s + gap_s, path, history)
             assert inside(late, path.felt_n(after_s + gap_s))
@@ -171,12 +173,55 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
 
 def test_the_median_of_a_monitor_that_starts_at_rest_is_the_felt_force() -> None:
     path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.01)
-    answers, _ = watched(times_s, path, History.monitored(DECLARED, MOST_N))
+    answers, _ = watched(times_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
     assert [answer.force_n for answer in answers] == pytest.approx(path.felt_n(times_s), abs=0.05e-3)
 
 
 def test_a_reading_of_nan_does_not_enter_the_history() -> None:
     _, history = watched(np.arange(0.0, 1.0, 0.01), NeedlePath(CORNERS_S, CORNERS_N, TISSUE),
-                         History.monitored(DECLARED, MOST_N))  # fmt: skip
+                         History.monitored(TISSUE_KNOWN, MOST_N))  # fmt: skip
     answer = replace(read_as(0.01), force_n=float("nan"))
     assert history.read(answer, BOUNDS_N, 1.0) == (answer, history)
+
+
+OWN = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
+DEG = np.pi / 180.0
+# Known inputs of an eye, and the factors of its force along the needle: least, likeliest, most.
+LEANS = {
+    "nothing is said": (Known(), (1.0, 1.0, 1.0)),
+    "declared": (Known(lean_rad=(0.5, 0.5)), (1 / np.cos(0.5),) * 3),
+    "not known": (Known(lean_rad=(0.0, 45 * DEG)), (1.0, 1 / np.cos(22.5 * DEG), np.sqrt(2.0))),
+    "as in the calibration": (Known(modulus=OWN, calibrated_lean_rad=0.3), (1 / np.cos(0.3),) * 3),
+    "another one": (Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.6, 0.6)), (1 / np.cos(0.6),) * 3),
+    "absorbed": (Known(modulus=OWN), (1.0, 1.0, 1.0)),
+    "not in the calibration": (Known(modulus=OWN, lean_rad=(0.0, 0.0)), (np.sqrt(0.5), 1.0, 1.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LEANS)
+@pytest.mark.parametrize("relaxation", [None, DECLARED])
+def test_a_needle_that_leans_feels_the_force_along_it(case: str, relaxation: KnownRelaxation | None) -> None:
+    known, (least, factor, most) = LEANS[case]
+    elastic = read_as(0.02)
+    upright, _ = History.unknown(Known(relaxation=relaxation), MOST_N).read(elastic, BOUNDS_N)
+    leaning, _ = History.unknown(replace(known, relaxation=relaxation), MOST_N).read(elastic, BOUNDS_N)
+    (low_n, high_n), force_n = upright.interval_n, upright.force_n
+    assert leaning.force_n == pytest.approx(factor * force_n)
+    ends_n = factor * low_n - (factor - least) * force_n, factor * high_n + (most - factor) * force_n
+    assert leaning.interval_n == pytest.approx(ends_n)
+    assert (leaning.lean_rad is None) == (case in ("nothing is said", "absorbed"))
+    assert bool(leaning.warnings) == (case == "not in the calibration")
+
+
+def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it() -> None:
+    seen = 30 * DEG
+    assert Lean.of(Known(), -seen).factors == pytest.approx((1 / np.cos(seen),) * 3)
+    assert Lean.of(Known(modulus=OWN), seen) == Lean((seen, seen))
+    steeper = replace(Known(), lean_rad=(45 * DEG, 45 * DEG))  # it may lean out of the picture, too
+    for known, contradicts in (
+        (steeper, False), (replace(steeper, lean_azimuth_rad=0.0), True), (Known(lean_rad=(0.1, 0.1)), True),
+        (replace(steeper, lean_azimuth_rad=np.arccos(np.tan(seen))), False),
+    ):  # fmt: skip
+        found = Lean.of(known, seen)
+        assert found.ends_rad == known.lean_rad
+        assert bool(found.doubts) == contradicts

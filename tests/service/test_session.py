@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_monitor import COLUMNS, RAISES, READ_ENTRY, ROWS, SCALE_M, TICK_ENTRY, UNUSABLE, frame_of, read, verdict
 
+from scleraforce.known import Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import OvertakenRead, Reset, Tick
@@ -248,7 +249,7 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
     assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]
 
 
-RELAXING = History.monitored(KnownRelaxation.declared([[0.3, 1.0]]), 60e-3)
+RELAXING = History.monitored(Known(relaxation=KnownRelaxation.declared([[0.3, 1.0]])), 60e-3)
 CLASSES_N = (5e-3, 30e-3)
 
 

@@ -7,6 +7,7 @@ at a time; `known_forces.search` looks for the tissue that explains them best.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import cos
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,8 @@ class _StepCount:
 class _Frames:
     """The frames of a recording whose digests are not in `used`; each is segmented and labelled once.
 
-    With a library, forces are elastic ones; `relaxation` is how the tissue relaxes, if that is known already.
+    Forces are parts along the wall's normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if
+    that is known already.
     """
 
     def __init__(
@@ -80,7 +82,8 @@ class _Frames:
         study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
-        trials = label_frames(self.recording, study.classes, study.needle.max_force_n)
+        log = replace(log, wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0))
+        trials = label_frames(replace(self.recording, forces=log), study.classes, study.needle.max_force_n)
         recording = replace(self.recording, forces=log.known(info.axis))
         forces = frame_forces(recording, trials)
         if self.settings.library is None:
@@ -306,6 +309,7 @@ def calibrate_eye(
         filter=session.filter,
         stiffening=0.0 if library is None else library.stiffening,
         relaxation=relaxation,
+        lean_rad=recording.info.needle.lean_rad,
     )
     if library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
@@ -397,6 +401,11 @@ def _begin(
         raise CalibrationError(
             f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
             f"{', '.join(names)}; begin anew or name the same"
+        )
+    if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
+        raise CalibrationError(
+            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} state it and some "
+            "do not; state it in all of them, or in none"
         )
     with np.errstate(over="ignore", invalid="ignore"):
         means, sds = assimilation.moments(session.filter, earlier.state)

@@ -77,7 +77,9 @@ class EyeCalibration:
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
-    tissue whose walls explain its frames best; `relaxation`: how it relaxes. With a library, modulus and rigidity are
+    tissue whose walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the needle in the last
+    recording; if it is known, forces are parts along the wall's normal, and E is of these. With a library, modulus and
+    rigidity are
     from the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are
     empty if read from a file.
     """
@@ -94,6 +96,7 @@ class EyeCalibration:
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
     relaxation: KnownRelaxation | None = None
+    lean_rad: float | None = None
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
 
@@ -253,6 +256,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "globe": globe_entry(eye.globe),
         "stiffening": eye.stiffening,
         "relaxation": eye.relaxation and vars(eye.relaxation),
+        "lean_deg": from_si(eye.lean_rad, "deg"),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
@@ -351,6 +355,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         discrepancy=summary.discrepancy,
         stiffening=summary.stiffening,
         relaxation=summary.relaxation,
+        lean_rad=summary.lean_rad,
     )
     if not found.used or not found.recordings:
         raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")

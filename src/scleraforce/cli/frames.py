@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, FRAME_SIZE, PATH, options
+from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, options
 from scleraforce.cli.output import Command, Report, each_of, is_json
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scleraforce.recording.pixels import Pixels
     from scleraforce.segmentation.wall_finder import WallFinder
 
-RIGIDITY, STIFFENING = "rigidity_mmhg13_per_ul", "stiffening"
+RIGIDITY, STIFFENING, LEAN = "rigidity_mmhg13_per_ul", "stiffening", "lean_deg"
 WORDS = {  # name and unit of each key, for people
     "youngs_modulus_mpa": ("modulus", " MPa"),
     "iop_mmhg": ("IOP", " mmHg"),
@@ -33,6 +33,7 @@ WORDS = {  # name and unit of each key, for people
     "gap_mm": ("gap", " mm"),
     "polar_angle_deg": ("polar angle", "°"),
     "plane_direction_deg": ("plane's direction", "°"),
+    LEAN: ("lean", "°"),
     STIFFENING: ("stiffening", ""),
     "globe": ("globe", ""),
     RIGIDITY: ("k", " mmHg^(1/3)/µl"),
@@ -187,7 +188,7 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @options(*FRAME_SIZE)
 @options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
-         globe="unknown, which widens intervals")  # fmt: skip
+         globe="unknown, which widens intervals", lean_rad=LEAN_DEFAULT)  # fmt: skip
 @options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
 @click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
 @click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
@@ -320,7 +321,7 @@ def _size_words(frame: "ScaledFrame") -> str:
 
 
 def _known_sources(one: "Reading") -> Sources:
-    """Return key, value and source of all known inputs; stiffening and k only if they are known."""
+    """Return key, value and source of all known inputs; stiffening, k and lean only if they are known."""
     from scleraforce.known import completed
 
     by_option, by_both, used = map(_values, (one.given, completed(one.given, one.stated), one.known))
@@ -332,7 +333,7 @@ def _known_sources(one: "Reading") -> Sources:
             source = "option"
         else:
             source = "recording.toml" if value == by_both[key] else "calibration"
-        if value is not None or key not in (RIGIDITY, STIFFENING):
+        if value is not None or key not in (RIGIDITY, STIFFENING, LEAN):
             found.append((key, value, source))
     return found
 
@@ -346,6 +347,7 @@ def _values(known: "Known") -> dict[str, Value]:
         "gap_mm": from_si(known.gap_m, "mm"),
         "polar_angle_deg": from_si(known.polar_rad, "deg"),
         "plane_direction_deg": from_si(known.direction_rad, "deg"),
+        LEAN: from_si(known.calibrated_lean_rad if known.lean_rad is None else sum(known.lean_rad) / 2, "deg"),
         STIFFENING: known.stiffening,
         "globe": None if globe is None else globe.kind,
         RIGIDITY: from_si(globe.mean if globe and globe.rigidity_told else None, "mmhg13_per_ul"),

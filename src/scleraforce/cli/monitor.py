@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, PATH, options
+from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
@@ -37,7 +37,7 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
 @options("calibration")
 @click.option("--eye", help="Name of the eye in the calibration, and in recordings.")
 @options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
-         globe="unknown, which widens intervals")  # fmt: skip
+         globe="unknown, which widens intervals", lean_rad=LEAN_DEFAULT)  # fmt: skip
 @click.option("--columns", type=click.IntRange(16, 16384), help=f"Columns of a frame; {STUDYS}.")
 @click.option("--rows", type=click.IntRange(16, 16384), help=f"Rows of a frame; {STUDYS}.")
 @options("width_m", "depth_m", "refractive_index",
@@ -185,7 +185,7 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
     if relaxation is not None and any(relaxation.shares):
         lost = from_si(sum(relaxation.shares), "percent")
         yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
-    for warning in filter(None, (doubt, *reader.limits(settings.known, scan))):
+    for warning in filter(None, (doubt, _lean_words(settings.known), *reader.limits(settings.known, scan))):
         yield f"warning    {warning}"
     yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
@@ -208,6 +208,12 @@ def _eye_words(known: "Known") -> str:
             "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
         )
     )
+
+
+def _lean_words(known: "Known") -> str | None:
+    if known.has_own_modulus or known.lean_rad is not None:
+        return None
+    return "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
 
 
 def globe_words(known: "Known", reads_force: bool) -> str:

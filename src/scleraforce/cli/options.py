@@ -54,6 +54,11 @@ class _Globe(click.Choice[str]):
 GLOBE = _Globe(GLOBES)
 
 
+class _Lean(Quantity):
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if value == "unknown" else super().convert(value, param, ctx)
+
+
 def in_si(unit: HumanUnit) -> Callable[[click.Context, click.Parameter, float | None], float | None]:
     """Return the callback of an option in a human unit."""
     return lambda _, __, value: to_si(value, unit)
@@ -110,6 +115,7 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
 }  # fmt: skip
 _ANGLE = {"type": click.FloatRange(-360.0, 360.0), "callback": in_si("deg")}
 FRAME_SIZE = ("width_m", "depth_m", "refractive_index", "transpose")
+LEAN_DEFAULT = "the recording's, else the calibration's, else along the normal"
 # An eye's quantities; each command adds their default to the help.
 EYE: Mapping[str, tuple[str, Any, str]] = {
     "youngs_modulus_pa": ("--youngs-modulus-mpa", Quantity("youngs_modulus_mpa"), "Young's modulus of the wall"),
@@ -119,6 +125,8 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
     "polar_angle_rad": ("--polar-angle-deg", Quantity("polar_angle_deg"), "Polar angle of the contact"),
     "plane_direction_rad": ("--plane-direction-deg", _ANGLE, "Direction of the B-scan's lateral axis, from the "
                             "meridian that leads away from the pole"),
+    "lean_rad": ("--lean-deg", {"type": _Lean("lean_deg"), "metavar": "A|unknown"},
+                 "Angle between the needle and the wall's normal; unknown: the interval spans 0 to 45 degrees"),
     "stiffening": ("--stiffening", click.FloatRange(0.0), "Stiffening parameter b of the tissue (docs/physics.md)"),
     "globe": ("--globe", GLOBE, "Open: the pressure is constant; sealed (or closed): it rises with the dent"),
     "rigidity_pa13_per_m3": ("--rigidity", Quantity("rigidity"), "Rigidity k of a sealed globe, mmHg^(1/3) per µl"),

@@ -205,7 +205,10 @@ class Known:
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
     b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus. Tissue whose
-    `relaxation` is not known is read as elastic.
+    `relaxation` is not known is read as elastic. `lean_rad` has the ends of the angle between the needle and the wall's
+    normal, `lean_azimuth_rad` its direction on its way up, from the plane's lateral axis. An eye's own modulus is of
+    forces along the normal if its calibration knew the lean, `calibrated_lean_rad`; otherwise of forces along the
+    needle of its calibration.
     """
 
     modulus: Modulus | None = None
@@ -218,6 +221,9 @@ class Known:
     stiffening: float | None = None
     discrepancy: ForceDiscrepancy | None = None
     relaxation: KnownRelaxation | None = None
+    lean_rad: tuple[float, float] | None = None
+    lean_azimuth_rad: float | None = None
+    calibrated_lean_rad: float | None = None
 
     @property
     def has_own_modulus(self) -> bool:
@@ -243,6 +249,8 @@ def known_of_recording(info: RecordingInfo) -> Known:
         direction_rad=info.oct.plane_direction_rad,
         globe=stated_globe(info.eye),
         relaxation=None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation),
+        lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
+        lean_azimuth_rad=info.needle.lean_azimuth_rad,
     )
 
 

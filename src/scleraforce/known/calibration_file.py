@@ -37,6 +37,7 @@ _ModulusMpa = Annotated[float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean
 _ModulusSdMpa = Annotated[float, Meta(ge=0.0, le=_HINTED["mean_mpa"].high)]
 _ThicknessUm = Annotated[float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)]
 _Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
+_LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed("lean_deg").high)]
 _Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
 
 Record = TypeVar("Record")
@@ -65,8 +66,9 @@ class EyeSummary:
 
     `thickness_m` is the wall's as calibrated, estimated along with E if asked for. `globe` is the known globe after the
     frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue,
-    `relaxation` how it relaxes; None and 0 with linear mechanics and in early files. `status` is "ok", or says that the
-    filter diverged: the standard deviation then means nothing.
+    `relaxation` how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of the needle, where
+    the forces were those along the wall's normal. `status` is "ok", or says that the filter diverged: the standard
+    deviation then means nothing.
     """
 
     mean_pa: float
@@ -77,6 +79,7 @@ class EyeSummary:
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
     relaxation: KnownRelaxation | None = None
+    lean_rad: float | None = None
     status: str = "ok"
 
     @property
@@ -148,6 +151,7 @@ class _EyeEntry(msgspec.Struct):
     discrepancy: ForceDiscrepancy | None = None
     stiffening: _Stiffening = 0.0
     relaxation: KnownRelaxation | None = None
+    lean_deg: _LeanDeg | None = None
 
 
 class _Population(msgspec.Struct):
@@ -222,6 +226,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         discrepancy=eye.discrepancy,
         stiffening=eye.stiffening,
         relaxation=eye.relaxation,
+        lean_rad=None if eye.lean_deg is None else to_si(eye.lean_deg, "deg"),
         status=eye.status,
     )
 
@@ -270,7 +275,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
         relaxation = known.relaxation or population_relaxation(summary)
         return replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
     globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
-    known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m)
+    known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m, calibrated_lean_rad=own.lean_rad)
     relaxation = own.relaxation or known.relaxation
     return replace(known, stiffening=own.stiffening, discrepancy=own.discrepancy, relaxation=relaxation)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import lru_cache
-from math import ceil, cos, log, sin, sqrt
+from math import atan, atan2, ceil, cos, hypot, log, sin, sqrt, tan
 from typing import TYPE_CHECKING, TypeVar
 
 import cv2
@@ -128,6 +128,12 @@ class NeedleShaft:
     loss_fraction: float
     level_db: float
     far_edge_db: float
+
+    @property
+    def from_normal(self) -> tuple[float, float]:
+        """The angle between shaft and normal, and the direction of its lean, from the picture's lateral axis."""
+        across, out = tan(self.angle_rad), tan(self.lean_rad)
+        return atan(hypot(across, out)), atan2(out, across)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from math import cos
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -130,6 +131,17 @@ class PhantomPlan:
         return [float(f"{one_n:.12g}") for one_n in force_n(np.array([frame.time_s for frame in self.frames]))]
 
     @property
+    def lean(self) -> tuple[float, float] | tuple[None, None]:
+        """The angle between the drawn needle and the wall's normal, and its direction; None without a needle."""
+        needle = self.frames[0].optics.needle
+        return (None, None) if needle is None else needle.from_normal
+
+    @property
+    def normal_n(self) -> list[float]:
+        """The part of the elastic force along the wall's normal at each frame's time, in N."""
+        return [float(f"{cos(self.lean[0] or 0.0) * elastic_n:.12g}") for elastic_n in self.elastic_n]
+
+    @property
     def turns(self) -> list[EyeTurn]:
         """The eye's turn in each frame; empty if it keeps still."""
         return [frame.turn for frame in self.frames if frame.turn is not None]
@@ -247,10 +259,10 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
     """Return the section in each frame of a plan; raise a RecordingError if the eye turns and the sections cannot."""
     if not plan.turns:
-        return sections_at(plan.elastic_n)
+        return sections_at(plan.normal_n)
     if not isinstance(sections_at, TurnedSections):
         raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections have one contact")
-    return sections_at.turned(plan.elastic_n, plan.turns)
+    return sections_at.turned(plan.normal_n, plan.turns)
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -278,7 +290,7 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            found_pa = pressures_pa(plan.eye, sections_at, plan.elastic_n, plan.turns)
+            found_pa = pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
             stop_s = plan.path.times_s[-1] + TAIL_S
             log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
@@ -303,7 +315,11 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
         EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe),
         OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad),
         NeedleInfo(
-            gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=eye.gap_m, polar_angle_rad=eye.polar_rad
+            gauge=nearest_gauge(study.needle.outer_diameter_m),
+            slice_gap_m=eye.gap_m,
+            polar_angle_rad=eye.polar_rad,
+            lean_rad=plan.lean[0],
+            lean_azimuth_rad=plan.lean[1],
         ),
         ForceInfo(AXIS, CONTACT_SIGN, average_s),
     )
@@ -324,7 +340,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
         "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},
         "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
-        "needle": asdict(study.needle),
+        "needle": {**asdict(study.needle), "lean_rad": plan.lean[0]},
         "sensor": asdict(plan.sensor),
         **({} if plan.frames[0].push else {"path": {"times_s": plan.path.times_s, "forces_n": plan.path.forces_n}}),
         "frames": [

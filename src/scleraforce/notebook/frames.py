@@ -10,7 +10,7 @@ from functools import cache
 from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.reader.felt import History
+from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import (
     Recording,
@@ -153,6 +153,7 @@ def read(
     gap_m: float | None = None,
     polar_angle_rad: float | None = None,
     plane_direction_rad: float | None = None,
+    lean_rad: float | Literal["unknown"] | None = None,
     stiffening: float | None = None,
     globe: str | None = None,
     rigidity_pa13_per_m3: float | None = None,
@@ -177,6 +178,8 @@ def read(
         gap_m: distance of the B-scan plane from the needle axis.
         polar_angle_rad: of the contact, from the pole.
         plane_direction_rad: of the B-scan's lateral axis, from the meridian that leads away from the pole.
+        lean_rad: angle between the needle and the wall's normal; "unknown": the interval spans 0 to 45 degrees; None:
+            the recording's, else as in the calibration, else as in the picture, if a shaft is in it.
         stiffening: parameter b of the tissue (docs/physics.md); None: the calibration's, else 0.
         globe: "open" or "sealed"; None: the recording's, or it is not known, and the interval is wider.
         rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3) per µl).
@@ -204,8 +207,8 @@ def read(
     """
     given = given_eye({
         "youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m,
-        "polar_angle_rad": polar_angle_rad, "plane_direction_rad": plane_direction_rad, "stiffening": stiffening,
-        "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
+        "polar_angle_rad": polar_angle_rad, "plane_direction_rad": plane_direction_rad, "lean_rad": lean_rad,
+        "stiffening": stiffening, "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
     })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
     one = reading(model, frame, given, size, calibration, eye, transpose, held_s)
@@ -281,7 +284,7 @@ def reading(
         raise InputError(
             "held_s: nothing says how the tissue relaxes; give a calibration, or relaxation in recording.toml"
         )
-    history = History.unknown(known.relaxation, model.study.needle.max_force_n)
+    history = History.unknown(known, model.study.needle.max_force_n)
     try:
         elastic = model.read(seen.pixels, seen.scale, known)
         answer, _ = history.read(elastic, model.study.classes.bounds_n, held_s=held_s)
@@ -295,6 +298,9 @@ def given_eye(given: Mapping[str, Any]) -> Known:
     for key in ("youngs_modulus_pa", "iop_pa", "thickness_m", "gap_m", "polar_angle_rad"):
         if given[key] is not None:
             check_quantity(key, given[key])
+    lean_rad = given["lean_rad"]
+    if lean_rad not in (None, "unknown"):
+        check_quantity("lean_rad", lean_rad)
     for key in ("plane_direction_rad", "stiffening"):
         if given[key] is not None and not isfinite(given[key]):
             raise InputError(f"{key}: {given[key]} is not a finite number; leave it out if it is not known")
@@ -306,6 +312,7 @@ def given_eye(given: Mapping[str, Any]) -> Known:
         modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
         polar_rad=given["polar_angle_rad"],
         direction_rad=given["plane_direction_rad"],
+        lean_rad=None if lean_rad is None else (0.0, MOST_LEAN_RAD) if lean_rad == "unknown" else (lean_rad, lean_rad),
         globe=None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"]),
         stiffening=stiffening,
         **{key: given[key] for key in ("iop_pa", "thickness_m", "gap_m")},

@@ -98,8 +98,10 @@ class Answer:
     reading. A classifier has no `force_n`, no 90 % `interval_n` and no lateral place of the contact from the frame's
     middle, `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough of the wall is in
     view to calibrate on the frame. `elastic_force_n`, of tissue that relaxes, is the force that makes such a dent at
-    once; `force_n` is the force on the needle now. `readings` holds the reading of each method by its name, and `fit`
-    the wall of the library that fits the frame best. `segmentation` is the wall that was read.
+    once; `force_n` is the force on the needle now, along it where `lean_rad` has the ends of its angle from the wall's
+    normal. Where nothing says the lean, it is the part along the normal, or, of an eye that was calibrated so, along a
+    needle that leans as it did then. `readings` holds the reading of each method by its name, and `fit` the wall of the
+    library that fits the frame best. `segmentation` is the wall that was read.
     """
 
     predicted: int
@@ -110,6 +112,7 @@ class Answer:
     interval_n: tuple[float, float] | None = None
     contact_m: float | None = None
     elastic_force_n: float | None = None
+    lean_rad: tuple[float, float] | None = None
     warnings: tuple[str, ...] = ()
     can_calibrate: bool = False
     readings: tuple[tuple[str, Reading], ...] = ()
@@ -148,6 +151,7 @@ class Answer:
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
+            "lean_deg": None if self.lean_rad is None else from_si(sum(self.lean_rad) / 2, "deg"),
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,
             "reason": self.reason,

@@ -327,7 +327,7 @@ class _Session:
     def read(self, progress: Progress) -> Iterator[tuple[str, Trial, Answer, bool]]:
         """Yield name, label and answer of each frame, and whether Young's modulus was fitted on it."""
         scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
-        history = History.unknown(self.known.relaxation, study.needle.max_force_n)
+        history = History.unknown(self.known, study.needle.max_force_n)
         for entry, trial in zip(self.recording.frames, self.trials, strict=True):
             pixels = self.recording.frame(entry)
             elastic = self.reader.read(pixels, scale, self.known)

@@ -6,17 +6,21 @@ which bounds the m_i. A monitor knows nothing of the time before its first frame
 single frames, m_i is as in the frames that calibrated the eye, which have a mean and a spread (see
 `known.relaxation`), or, where the time since the push is known, what a sudden push leaves and the usual memory before
 it. An error of g has no effect at the history of the calibration, since E follows from it.
+
+A dent shows the force along the wall's normal. A needle that leans feels that over the cosine of its lean (first order;
+docs/limits.md says how far it holds).
 """
 
 from dataclasses import dataclass, replace
-from math import erf, hypot, isfinite, sqrt
+from math import atan, cos, degrees, erf, hypot, isfinite, radians, sqrt, tan
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.known import NINETY_PERCENT
+from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.library.unknowns import ROTATION
 from scleraforce.mechanics.relaxation import line_weights
 from scleraforce.reader.answer import Answer, Reading
 
@@ -30,6 +34,9 @@ SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for 
 OTHER_HISTORY_ERROR = 0.3
 LONGEST_S = 1e9  # gap
 LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
+MOST_LEAN_RAD = radians(45.0)  # of a needle whose lean is not known: injections come at 15 to 45 degrees
+SEEN_LEAN_ERROR_RAD = radians(6.0)  # of a shaft in a picture, and of the normal there
+NOT_CALIBRATED = "the calibration does not know its needle's lean: the interval spans 0 to 45 degrees"
 
 
 @dataclass(frozen=True)
@@ -65,22 +72,88 @@ class FeltForce:
             interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
         )
 
+    def leaning(self, factors: tuple[float, float, float], elastic_n: float) -> "FeltForce":
+        """Return the force along a needle, whose factor lies between the ends about a middle one."""
+        least, factor, most = factors
+        force_n = max(self.slope * elastic_n - self.lag_n, 0.0)
+        less_n = factor * self.less_n + (factor - least) * force_n
+        more_n = factor * self.more_n + (most - factor) * force_n
+        return FeltForce(factor * self.slope, factor * self.lag_n, factor * self.sd_n, less_n, more_n)
+
     def answer(self, elastic: Answer, bounds_n: tuple[float, ...]) -> Answer:
         """Return the answer with F from one with Fe."""
         found = self.of(elastic, bounds_n)
         assert found.probabilities is not None
         predicted = int(np.argmax(found.probabilities))
         readings = tuple((name, self.of(one, bounds_n)) for name, one in elastic.readings)
-        return replace(found, predicted=predicted, elastic_force_n=elastic.force_n, readings=readings)
+        return replace(found, predicted=predicted, readings=readings)
+
+
+@dataclass(frozen=True)
+class Lean:
+    """The lean of a needle: ends of the angle between it and the wall's normal, None if nothing says it.
+
+    `factors`: the force along the needle over the one that E gives, the least, the likeliest and the largest. `doubts`
+    are sentences.
+    """
+
+    ends_rad: tuple[float, float] | None
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    doubts: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, known: Known, seen_rad: float | None) -> "Lean":
+        """Return the declared lean, else that of the eye's calibration, else that of a shaft in the picture.
+
+        `seen_rad`: the angle from the normal to the shaft, towards growing columns on its way up.
+
+        >>> Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
+        ('the needle leans by 29 degrees in the picture, the declared lean allows 11',)
+        """
+        calibrated = known.calibrated_lean_rad
+        stated = known.lean_rad if calibrated is None else known.lean_rad or (calibrated, calibrated)
+        ends = stated if stated is not None or seen_rad is None else (abs(seen_rad), abs(seen_rad))
+        if ends is None:
+            return cls(None)
+        doubts = () if stated is None else _contradicted(stated[1], known.lean_azimuth_rad, seen_rad)
+        if not known.has_own_modulus or calibrated is not None:
+            return cls(ends, (1.0 / cos(ends[0]), 1.0 / cos(sum(ends) / 2), 1.0 / cos(ends[1])), doubts)
+        if stated is None:  # as in the calibration, whatever that was
+            return cls(ends)
+        least = min(cos(MOST_LEAN_RAD) / cos(ends[0]), 1.0)
+        return cls(ends, (least, 1.0, 1.0 / cos(ends[1])), (*doubts, NOT_CALIBRATED))
+
+
+def _contradicted(most_rad: float, azimuth_rad: float | None, seen_rad: float | None) -> tuple[str, ...]:
+    """Return a sentence if a shaft in the picture contradicts a lean of up to `most_rad`."""
+    if seen_rad is None:
+        return ()
+    if azimuth_rad is None:
+        expected_rad, off_rad = most_rad, abs(seen_rad) - most_rad
+    else:
+        expected_rad = atan(tan(most_rad) * cos(azimuth_rad))
+        off_rad = abs(seen_rad - expected_rad)
+    if off_rad <= SEEN_LEAN_ERROR_RAD:
+        return ()
+    shown, allowed = degrees(abs(seen_rad)), degrees(abs(expected_rad))
+    return (f"the needle leans by {shown:.0f} degrees in the picture, the declared lean allows {allowed:.0f}",)
+
+
+def seen_lean(answer: Answer) -> float | None:
+    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up."""
+    if answer.needle is None or answer.fit is None:
+        return None
+    return answer.needle.angle_rad - float(answer.fit.unknown[ROTATION])
 
 
 @dataclass(frozen=True, eq=False)
 class History:
     """Memory of an eye's tissue after the frames so far: mean (term,) and covariance (term, term) of m_i, in N.
 
-    Without a relaxation the tissue is elastic. `most_n`: the largest elastic force that an eye bears. After gaps m_i
-    may be up to `less_n` smaller and `more_n` larger, (term,). `time_s`, `elastic_n`: the last frame's, None before it;
-    `dense`: it followed another one closely, or the sequence is a monitor's, which is always dense.
+    Without a relaxation the tissue is elastic; `known` has the needle's lean. `most_n`: the largest elastic force that
+    an eye bears. After gaps m_i may be up to `less_n` smaller and `more_n` larger, (term,). `time_s`, `elastic_n`: the
+    last frame's, None before it; `dense`: it followed another one closely, or the sequence is a monitor's, which is
+    always dense.
     """
 
     relaxation: KnownRelaxation
@@ -93,20 +166,21 @@ class History:
     elastic_n: float = 0.0
     dense: bool = False
     of_monitor: bool = False
+    known: Known = NOTHING_KNOWN
 
     @classmethod
-    def unknown(cls, relaxation: KnownRelaxation | None, max_force_n: float) -> "History":
+    def unknown(cls, known: Known, max_force_n: float) -> "History":
         """Return the history of an eye before its first frame; `max_force_n`: the largest force on the needle."""
-        relaxation = relaxation or KnownRelaxation.declared(())
+        relaxation = known.relaxation or KnownRelaxation.declared(())
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
         nothing_n = np.zeros(terms)
-        return cls(relaxation, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n)
+        return cls(relaxation, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n, known=known)
 
     @classmethod
-    def monitored(cls, relaxation: KnownRelaxation | None, max_force_n: float) -> "History":
+    def monitored(cls, known: Known, max_force_n: float) -> "History":
         """Return the history of an eye when a monitor starts: anything may have been before."""
-        unknown = cls.unknown(relaxation, max_force_n)
+        unknown = cls.unknown(known, max_force_n)
         more_n = np.full_like(unknown.mean_n, unknown.most_n)
         return replace(unknown, more_n=more_n, dense=True, of_monitor=True)
 
@@ -118,10 +192,24 @@ class History:
         `time_s`: of the frame, None if it is a single one; `held_s`: the time since its push, if it is known. An answer
         without a force is returned unchanged, and leaves a gap.
         """
-        is_number = elastic.force_n is not None and isfinite(elastic.force_n)
-        if not elastic.usable or not is_number or not any(self.relaxation.shares):
+        if not elastic.usable or elastic.force_n is None or not isfinite(elastic.force_n):
             return elastic, self
-        known, force_n = self.relaxation, elastic.force_n or 0.0
+        lean = Lean.of(self.known, seen_lean(elastic))
+        felt, after = FeltForce(1.0, 0.0, 0.0), self
+        if any(self.relaxation.shares):
+            felt, after = self._felt(elastic.force_n, time_s, held_s)
+        answer = elastic
+        if after is not self or lean.factors != (1.0, 1.0, 1.0):
+            answer = felt.leaning(lean.factors, elastic.force_n).answer(elastic, bounds_n)
+        if after is not self:
+            answer = replace(answer, elastic_force_n=lean.factors[1] * elastic.force_n)
+        if lean.ends_rad is not None:
+            answer = replace(answer, lean_rad=lean.ends_rad, warnings=(*answer.warnings, *lean.doubts))
+        return answer, after
+
+    def _felt(self, force_n: float, time_s: float | None, held_s: float | None) -> tuple[FeltForce, "History"]:
+        """Return the force along the normal from an elastic one, and the history after it."""
+        known = self.relaxation
         shares, held, error = np.array(known.shares), np.array(known.held), np.array(known.covariance)
         after, grows = self._after(force_n, time_s, held_s)
         off_n = held * force_n + (1.0 - held) * np.array(known.before_n) - after.mean_n
@@ -130,7 +218,7 @@ class History:
         variance += (SERIES_ERROR * lost_n) ** 2 + (OTHER_HISTORY_ERROR * float(shares @ off_n)) ** 2
         lag_n = lost_n - (1.0 - slope) * force_n
         bounds = float(shares @ after.more_n), float(shares @ after.less_n)  # what m_i has more, F has less
-        return FeltForce(slope, lag_n, sqrt(variance), *bounds).answer(elastic, bounds_n), after
+        return FeltForce(slope, lag_n, sqrt(variance), *bounds), after
 
     def _after(self, force_n: float, time_s: float | None, held_s: float | None) -> tuple["History", Floats]:
         """Return the history after a frame, and the part of each m_i that grows with its Fe."""
@@ -175,4 +263,4 @@ class History:
         return before_n, before_n2
 
 
-ELASTIC = History.unknown(None, 0.0)
+ELASTIC = History.unknown(NOTHING_KNOWN, 0.0)

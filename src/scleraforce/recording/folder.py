@@ -82,14 +82,22 @@ class OctInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleInfo:
-    """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact if known."""
+    """The needle: gauge, distance of the B-scan plane from its axis; polar angle of the contact and lean, if known.
+
+    `lean_rad`: angle between its axis and the wall's normal; `lean_azimuth_rad`: direction in which it leans on its way
+    up, from the B-scan's lateral axis.
+    """
 
     gauge: int = required(low=10, high=36)
     slice_gap_m: float = required(low=allowed("gap_m").low, high=allowed("gap_m").high)
     polar_angle_rad: float | None = _possible("polar_angle_rad")
+    lean_rad: float | None = _possible("lean_rad")
+    lean_azimuth_rad: float | None = quantity(None, None, -6.3, 6.3)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.lean_azimuth_rad is not None and self.lean_rad is None:
+            raise StudyError("lean_azimuth_rad: of a needle that leans; give lean_rad as well, or leave it out")
 
 
 @dataclass(frozen=True)

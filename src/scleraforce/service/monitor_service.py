@@ -117,7 +117,7 @@ def monitor_service(
             pages.close()  # so that nothing listens there once the console has ended
         companions = Companions(children)
         stack.callback(companions.end)
-        history = History.monitored(known.relaxation, reader.study.needle.max_force_n)
+        history = History.monitored(known, reader.study.needle.max_force_n)
         session = Session(live.read, limits, history=history, class_bounds_n=reader.study.classes.bounds_n)
         _wait_for_opinion(companions, note)
         gc.collect()
@@ -180,7 +180,10 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
     known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
-    needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad)
+    needle = NeedleInfo(
+        gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad,
+        lean_rad=known.lean_rad[0] if known.lean_rad and len(set(known.lean_rad)) == 1 else None,
+    )  # fmt: skip
     return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 
 

@@ -28,7 +28,7 @@ def serve(channel: Channel, settings: OpinionSettings) -> None:
     reader, ring = load_model(settings.model), FrameRing(settings.ring)
     frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
     reader.read(frame, settings.scale, settings.known)
-    history, study = History.monitored(settings.known.relaxation, reader.study.needle.max_force_n), reader.study
+    history, study = History.monitored(settings.known, reader.study.needle.max_force_n), reader.study
     run_in_real_time(OPINION_PRIORITY)  # not before: Linux pauses what leaves a core nothing for a second
     channel.send(Alive(faults=()))
     while True:

@@ -102,6 +102,7 @@ QUANTITIES: Mapping[str, Unit] = {
     "gap": Unit("mm", low=0.0, high=10.0),
     "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0),
     "polar_angle": Unit("deg", low=0.0, high=90.0),
+    "lean": Unit("deg", low=0.0, high=75.0),
     "width": Unit("mm", low=0.01, high=100.0),
     "depth": Unit("mm", low=0.01, high=100.0),
     "force": NEEDLE_FORCE,
