@@ -90,7 +90,7 @@ def test_frames_without_a_wall_and_eyes_outside_the_training_are_refused(reader,
         assert not answer.usable
         assert answer.reason == reader.refusal(known) or "thick" in (answer.reason or "")
     assert reader.refusal(replace(KNOWN, gap_m=0.1e-3)) is None
-    given, *_ = network(folder)._inputs(replace(KNOWN, gap_m=0.0))
+    given, *_ = network(folder)._inputs(replace(KNOWN, gap_m=0.0), 1)
     assert given[0, GIVEN.index("gap")] == -1.0  # below the slice readers'
     stretched = replace(SCALE, refractive_index=1.38)
     answer = reader.read(frame, stretched, replace(KNOWN, thickness_m=None))

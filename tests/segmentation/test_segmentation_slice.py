@@ -74,7 +74,7 @@ def test_slices_agree_with_depths_by_arrays(seed: int, missing: float):
         lateral_m=rng.uniform(5e-6, 90e-6), depth_m=rng.uniform(3e-6, 30e-6), refractive_index=rng.uniform(1.0, 1.5)
     )
     found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
-    drawn = boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3))
+    drawn, _, _ = boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3))
     depths_m = depths_by_arrays(found, scale)
     middle_m = (np.arange(40)[:, None] + 0.5 + np.array([0.0, 0.3, -0.3])[:, None, None]) * SLICE.pixel_m
     np.testing.assert_array_equal(drawn, 255 * ((middle_m >= depths_m[0]) & (middle_m < depths_m[1])))

@@ -37,7 +37,7 @@ def measure(run: Run) -> Table:
     reader = shipped_reader()
     eyes = draw_eyes(reader, run.count(48, 6))
     found = [find_wall(eye.frame, eye.scale) for eye in eyes]
-    cuts = [boundary_slices(seen, eye.scale, reader.study.slice, SHIFTS) for seen, eye in zip(found, eyes, strict=True)]
+    cuts = [boundary_slices(seen, e.scale, reader.study.slice, SHIFTS)[0] for seen, e in zip(found, eyes, strict=True)]
     network = (SHIPPED_READER / NETWORK_FILE).read_bytes()
     small = _quantized(network, run.folder, list(zip(cuts, eyes, strict=True))[::2], reader.study)
     ways: dict[str, Read] = {

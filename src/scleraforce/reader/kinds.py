@@ -24,7 +24,7 @@ from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, ot
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.observations import Boundaries, segmented_boundaries, surface
+from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
@@ -178,7 +178,7 @@ class Classifier(Reader):
         """
         if seen.needle:
             return unusable(self.classes, verdicts.NEEDLE_SEEN)
-        if verdicts.dent_leaves(seen.cut):
+        if seen.dent_leaves:
             return unusable(self.classes, "the dent leaves the window of the slice")
         probabilities = self.probabilities(seen.cut[np.newaxis])[0]
         if not np.isfinite(probabilities).all():
@@ -220,6 +220,9 @@ class ForceReader(Reader):
         self.factors = factors
         self._network = network
         self._library_of = lru_cache(maxsize=CONTACTS)(self._found_library)
+        self._outside = lru_cache(maxsize=CONTACTS)(
+            lambda known: outside_training(known, self.study.reader, self.study.library)
+        )
 
     @property
     def other(self) -> str:
@@ -228,7 +231,7 @@ class ForceReader(Reader):
 
     def refusal(self, known: Known) -> str | None:
         """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
-        return outside_training(known, self.study.reader, self.study.library)
+        return self._outside(known)
 
     def _unread_slices(self, seen: verdicts.Look, known: Known) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
@@ -259,11 +262,10 @@ class ForceReader(Reader):
         return self._fitted(seen, boundaries, known)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
-        short = verdicts.too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+        short = verdicts.wall_seen(seen.extent_m, self.study.slice)
         if reason := self._unread_slices(seen, known) or short:
             return unusable(self.classes, reason)
-        leaves = verdicts.dent_leaves(seen.cut)
-        return verdicts.judged_answer(self.read_slices(seen.cuts, known), "network", leaves, self.study)
+        return verdicts.judged_answer(self.read_slices(seen.cuts, known), "network", seen.dent_leaves, self.study)
 
     def _fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> Answer:
         """Fit a wall of the library to the frame, and read the frame if the fit is the wall of an eye."""
@@ -287,7 +289,7 @@ class ForceReader(Reader):
 
     def _unchecked(self, seen: verdicts.Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
         """Return the fit's answer to a frame that the network cannot read."""
-        leaves = verdicts.dent_leaves(seen.cut) or verdicts.fit_leaves(fit, self.study.slice)
+        leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         answer = verdicts.judged_answer(reading, "fit", leaves, self.study)
         warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
         return replace(answer, warnings=warnings, readings=(("fit", reading),))
@@ -301,7 +303,7 @@ class ForceReader(Reader):
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
-        leaves = verdicts.dent_leaves(seen.cut) or verdicts.fit_leaves(fit, self.study.slice)
+        leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         answer = verdicts.judged_answer(reading, self.default, leaves, self.study)
         undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
         reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
@@ -339,10 +341,10 @@ class RawReader(Reader):
             other_index(self.study, scale.refractive_index)
             or self.refusal(known)
             or verdicts.needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
-            or verdicts.too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+            or verdicts.wall_seen(seen.extent_m, self.study.slice)
         )
         if reason:
             return unusable(self.classes, reason)
         reading = self._network.read(self._window.reduced(frame, scale)[None], known)
-        answer = verdicts.judged_answer(reading, "network", verdicts.dent_leaves(seen.cut), self.study)
+        answer = verdicts.judged_answer(reading, "network", seen.dent_leaves, self.study)
         return replace(answer, readings=(("network", reading),))

@@ -259,11 +259,8 @@ class ForceNetwork:
 
     def read(self, pictures: NDArray[Any], known: Known) -> Reading:
         """Return the network's reading of pictures of one wall (picture, row, column): the mean of its histograms."""
-        given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known)
-        inputs: dict[str, NDArray[Any]] = {
-            self._pictures: np.ascontiguousarray(pictures),
-            GIVEN_INPUT: np.repeat(given, len(pictures), axis=0),
-        }
+        given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known, len(pictures))
+        inputs: dict[str, NDArray[Any]] = {self._pictures: np.ascontiguousarray(pictures), GIVEN_INPUT: given}
         histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
         if histogram.shape != (len(pictures), len(self._edges_m2) - 1) or contact_m.shape != (len(pictures),):
             found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._pictures}"
@@ -271,8 +268,10 @@ class ForceNetwork:
         mean = histogram.mean(axis=0).tolist()
         return histogram_reading(mean, edges_m2, modulus_pa, self._bounds_n, float(contact_m.mean()), factor_of)
 
-    def _inputs(self, known: Known) -> tuple[NDArray[np.float32], float, Callable[[float], float], list[float]]:
-        """Return the input (1, len(GIVEN)) for an eye, the modulus in it, Pa, the factor of a force's interval, edges.
+    def _inputs(
+        self, known: Known, count: int
+    ) -> tuple[NDArray[np.float32], float, Callable[[float], float], list[float]]:
+        """Return the input (count, len(GIVEN)), an eye's modulus in it, Pa, the factor of a force's interval, edges.
 
         The edges of the bins of F/E, m^2, have the eye's discrepancy of the force.
         """
@@ -281,7 +280,8 @@ class ForceNetwork:
         discrepancy = known.discrepancy or NO_DISCREPANCY
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
         factor_of = partial(self._factors.of_network, known)
-        return given_inputs(eyes, self._trained), modulus_pa, factor_of, edges_m2.tolist()
+        given = np.repeat(given_inputs(eyes, self._trained), count, axis=0)
+        return given, modulus_pa, factor_of, edges_m2.tolist()
 
 
 def given_eye(known: Known) -> GivenEyes:

@@ -38,23 +38,6 @@ CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
 CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
 
 
-def dent_leaves(cut: NDArray[np.uint8]) -> bool:
-    """Return True if the wall of a slice (row, column) leaves through the bottom and comes in again.
-
-    Most columns between two that reach into the lowest quarter of the window then have no wall; the others hold
-    fragments that a network takes for wall. The depth of such a dent cannot be seen.
-
-    >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
-    >>> shadow = np.array([[255, 0, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], dtype=np.uint8)
-    >>> dent_leaves(dent), dent_leaves(shadow)
-    (True, False)
-    """
-    unseen = ~cut.any(axis=0)
-    deep = np.flatnonzero(cut[-(len(cut) // 4) :].any(axis=0))
-    missing = np.diff(np.cumsum(unseen)[deep])  # columns without a wall between neighbouring deep ones
-    return bool(np.any(2 * missing > np.diff(deep) - 1))
-
-
 def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
     """Return True if the fitted wall leaves the slice's window at the bottom within its dent."""
     lateral_m, depth_m = fit.wall_bmc[0].T
@@ -178,12 +161,15 @@ class Look:
     """The segmentation of a frame, and slices of it if there is a wall to read.
 
     `cuts` (slice, row, column): the slice, and the same shifted in depth if the model reads several. `reason` says why
-    the frame cannot be read, None if it can.
+    the frame cannot be read, None if it can. `dent_leaves` is that of the slice, `extent_m` of the surface
+    (`boundary_slices`).
     """
 
     segmentation: Segmentation
     cuts: NDArray[np.uint8]
     reason: str | None
+    dent_leaves: bool = False
+    extent_m: float = 0.0
 
     @property
     def cut(self) -> NDArray[np.uint8]:
@@ -222,14 +208,15 @@ def look(
         below_m = second_surface_m(as_logarithmic(frame), scale, found)
         if below_m is not None:
             return Look(found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um")))
-    cuts = boundary_slices(found, scale, slice_study, shifts)
-    return Look(found, cuts, None if cuts[0].any() else "the wall lies outside the window of the slice")
+    cuts, leaves, extent_m = boundary_slices(found, scale, slice_study, shifts)
+    reason = None if cuts[0].any() else "the wall lies outside the window of the slice"
+    return Look(found, cuts, reason, leaves, extent_m)
 
 
 def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
     """Return True if enough of the wall is in view about a contact, m from the middle, to calibrate on a frame."""
     near = np.abs(boundaries.lateral_m - contact_m) <= CALIBRATED_SPAN_M
-    if dent_leaves(seen.cut) or not seen.segmentation.inner_found or not near.any():
+    if seen.dent_leaves or not seen.segmentation.inner_found or not near.any():
         return False
     both = np.isfinite(boundaries.depth_m[:, near]).all(axis=0)
     return bool(both.mean() >= CALIBRATED_SHARE)

@@ -7,7 +7,9 @@ import numpy as np
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.loops import straight_line
+from scleraforce.segmentation.observations import BOTTOM_M
 from scleraforce.study import SliceStudy
 
 
@@ -20,7 +22,7 @@ class BoundaryRows(Protocol):
     def inner_row(self) -> Floats: ...  # noqa: D102 - described by the class
 
 
-def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> Bytes:
+def boundary_slice(segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy) -> Bytes:
     """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
@@ -28,27 +30,62 @@ def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: S
     for the same curves. Optical depth below the surface is divided by the refractive index. Columns outside the frame
     or without a wall are 0.
     """
-    return boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
+    wall: Bytes = boundary_slices(segmentation, scale, slice_study, (0.0,))[0][0]
+    return wall
 
 
 def boundary_slices(
-    segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...]
-) -> Bytes:
-    """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns)."""
+    segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...]
+) -> tuple[Bytes, bool, float]:
+    """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns).
+
+    Then follow what `dent_leaves` says of the first one, and how far it is between the ends of the surface that is
+    seen in the window's columns, m (as `observations.surface` sees it).
+    """
     size = slice_study.rows, slice_study.columns
     return _draw_slices(
         segmentation.outer_row, segmentation.inner_row, size, slice_study.pixel_m, scale.lateral_m, scale.depth_m,
-        scale.refractive_index, np.array(shifts),
+        scale.refractive_index, np.array(shifts), segmentation.rows * scale.depth_m - BOTTOM_M,
     )  # fmt: skip
+
+
+@compiled
+def dent_leaves(cut: Bytes) -> bool:
+    """Return True if the wall of a slice (row, column) leaves through the bottom and comes in again.
+
+    Most columns between two that reach into the lowest quarter of the window then have no wall; the others hold
+    fragments that a network takes for wall. The depth of such a dent cannot be seen.
+
+    >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
+    >>> shadow = np.array([[255, 0, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], dtype=np.uint8)
+    >>> dent_leaves(dent), dent_leaves(shadow)
+    (True, False)
+    """
+    (rows, columns), last, missing, leaves = cut.shape, -1, 0, False
+    for column in range(columns):
+        unseen = deep = 0
+        for row in range(rows):
+            unseen += cut[row, column] > 0
+            deep += cut[row, column] > 0 and row >= rows - rows // 4
+        missing += unseen == 0
+        if deep > 0:
+            leaves = leaves or (last >= 0 and 2 * missing > column - last - 1)
+            last, missing = column, 0
+    return leaves
 
 
 @compiled
 def _draw_slices(
     outer_row: Floats, inner_row: Floats, size: tuple[int, int], pixel_m: float, lateral_m: float, depth_m: float,
-    refractive_index: float, shifts: Floats,
-) -> Bytes:  # fmt: skip
+    refractive_index: float, shifts: Floats, bottom_m: float,
+) -> tuple[Bytes, bool, float]:  # fmt: skip
     """Return slices of `size` (rows, columns), shape (shift, row, column); `depth_m` is of a frame's row, optical."""
     rows, columns = size
+    first, last = np.inf, -np.inf
+    for column in range(len(outer_row)):
+        place_m = (column + (0.5 - len(outer_row) / 2)) * lateral_m
+        if abs(place_m) <= columns * pixel_m / 2 and (outer_row[column] + 0.5) * depth_m < bottom_m:
+            first, last = min(first, place_m), place_m
     depths = _depths(outer_row, inner_row, columns, pixel_m, lateral_m, depth_m, refractive_index)
     outer_m, inner_m = depths[0], depths[1]
     walls = np.empty((len(shifts), rows, columns), np.uint8)
@@ -57,7 +94,7 @@ def _draw_slices(
             middle_m, line = (row + 0.5 + shifts[shift]) * pixel_m, walls[shift, row]
             for column in range(columns):
                 line[column] = 255 if outer_m[column] <= middle_m < inner_m[column] else 0
-    return walls
+    return walls, dent_leaves(walls[0]), max(last - first, 0.0)
 
 
 @compiled
