@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 from filterpy.kalman import UnscentedKalmanFilter
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration.roukf import (
     RULES,
     FilterParams,
@@ -17,15 +17,13 @@ from scleraforce.calibration.roukf import (
     sigma_points,
 )
 
-Array = NDArray[np.float64]
 
-
-def random_covariance(rng: np.random.Generator, size: int, scale: float = 1.0) -> Array:
+def random_covariance(rng: np.random.Generator, size: int, scale: float = 1.0) -> Floats:
     root = rng.normal(size=(size, size)) * scale
     return root @ root.T + scale**2 * np.eye(size)
 
 
-def bent(states: Array) -> Array:
+def bent(states: Floats) -> Floats:
     """Observe p = 3 parameters through five functions that are not linear."""
     a, b, c = states[..., 0], states[..., 1], states[..., 2]
     return np.stack([a * b, np.sin(c), a + c**2, np.tanh(0.3 * b), a - b], axis=-1)
@@ -41,7 +39,7 @@ class PointsForFilterPy:
     def num_sigmas(self) -> int:
         return len(self.Wm)
 
-    def sigma_points(self, x: Array, P: Array) -> Array:
+    def sigma_points(self, x: Floats, P: Floats) -> Floats:
         return x + self.sigma.points_rp @ np.linalg.cholesky(P).T
 
 
@@ -76,7 +74,7 @@ def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(rule: s
         np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
 
 
-def inverse_law(states: Array) -> Array:
+def inverse_law(states: Floats) -> Floats:
     """Like a dent: proportional to 1/E, with E = exp(x)."""
     return np.exp(-states[:, :1]) * np.linspace(0.2, 1.0, 8)
 
@@ -97,7 +95,7 @@ def test_iterating_a_step_is_honest_where_a_wide_prior_meets_a_curved_observatio
         assert (abs(found.mean[0] + 0.6) < 2 * np.sqrt(found.covariance[0, 0])) == honest
 
 
-def valley(states: Array) -> Array:
+def valley(states: Floats) -> Floats:
     """Like the dents of a globe: shallow ones tell the first parameter, deep ones only both together."""
     shares = np.linspace(0.2, 1.0, 8)
     soft, sealed = (np.exp(np.clip(values, -40.0, 40.0)) for values in (-states[:, :1], states[:, 1:]))

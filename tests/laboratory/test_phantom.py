@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from effects import contents
 
+from scleraforce import study as st
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import phantom_truth, plan_moving_phantom, plan_phantom, render_frame, write_phantom
@@ -18,20 +19,8 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.folder import read_recording, true_forces
 from scleraforce.recording.labels import label_frames
-from scleraforce.study import (
-    CorneaStudy,
-    FormStudy,
-    MeshStudy,
-    OctStudy,
-    PhantomStudy,
-    Range,
-    Study,
-    TissueStudy,
-    fixed,
-    format_study,
-)
 
-STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))
+STUDY = st.Study(oct=st.OctStudy(columns=128, rows=96), mesh=st.MeshStudy(divisions=4))
 EYE = PhantomEye(
     id="eye-x",
     thickness_m=600e-6,
@@ -78,8 +67,8 @@ def test_truth_has_every_parameter(written):
     truth = json.loads((written / "truth.json").read_text())
     assert truth["simulated"] is True
     assert "cornea" not in truth["form"]
-    study = replace(STUDY, form=FormStudy(cornea=CorneaStudy(radius_m=8e-3)))
-    assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(CorneaStudy(radius_m=8e-3))
+    study = replace(STUDY, form=st.FormStudy(cornea=st.CorneaStudy(radius_m=8e-3)))
+    assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(st.CorneaStudy(radius_m=8e-3))
     assert truth["eye"] == asdict(EYE)
     assert truth["globe"]["kind"] == "open"
     assert truth["tissue"] == json.loads(json.dumps(asdict(STUDY.tissue)))
@@ -102,7 +91,7 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, 
 
 
 def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
-    study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=fixed(140e-6)))
+    study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=st.fixed(140e-6)))
     with_layer, bare = (
         [frame.optics for frame in plan_phantom(EYE, FORCES_N, each, 3).frames] for each in (study, STUDY)
     )
@@ -155,7 +144,7 @@ def test_linear_sections_scale_with_the_force_and_start_from_the_loaded_wall():
 
 
 def test_paper_eyes_have_the_design_of_tables_1_and_2():
-    study = Study()
+    study = st.Study()
     eyes = paper_eyes(study)
     counts = [Counter(study.classes.classify(force_n) for force_n in forces_n) for _, forces_n in eyes]
     assert [[count[target] for target in range(3)] for count in counts] == [
@@ -174,7 +163,7 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
 
 
 def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
-    study = Study()
+    study = st.Study()
     eyes, clear = paper_eyes(study, to_the_bounds=True), paper_eyes(study)
     assert [eye for eye, _ in eyes] == [eye for eye, _ in clear]
     for (_, drawn_n), (_, spread_n) in zip(eyes, clear, strict=True):
@@ -187,7 +176,7 @@ def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
 
 def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(tmp_path, capsys):
     study, out = tmp_path / "study.toml", tmp_path / "eye"
-    study.write_text(format_study(MOVING_STUDY))
+    study.write_text(st.format_study(MOVING_STUDY))
     arguments = ["phantom", "--study", str(study), "--eye", "pig", "--json", "--out"]
     given = ["--forces-mn", "30,2", "--thickness-um", "700", "--iop-mmhg", "3"]
     assert run([*arguments, str(out), *given]) == 0
@@ -216,10 +205,10 @@ def test_a_truth_that_is_missing_or_broken_is_one_clear_line(tmp_path):
             true_forces(tmp_path)
 
 
-MOVING_STUDY = Study(
-    oct=OctStudy(columns=64, rows=48),
-    mesh=MeshStudy(divisions=4),
-    phantom=PhantomStudy(approach_s=fixed(2.5), shadow_count=fixed(2)),
+MOVING_STUDY = st.Study(
+    oct=st.OctStudy(columns=64, rows=48),
+    mesh=st.MeshStudy(divisions=4),
+    phantom=st.PhantomStudy(approach_s=st.fixed(2.5), shadow_count=st.fixed(2)),
 )
 TURNING_POINTS_N = (0.02, 0.005, 0.035)
 
@@ -292,7 +281,7 @@ RELAXATION = PronySeries((0.12, 0.15), (1.2, 12.0))
 
 
 def acquisition(seed=0, relaxation=RELAXATION, **changes):
-    phantom = PhantomStudy(**changes)
+    phantom = st.PhantomStudy(**changes)
     rng = np.random.default_rng(seed)
     pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
     path, sensor = path_of_pushes(pushes, relaxation), sample_sensor(phantom, rng)
@@ -323,8 +312,8 @@ def test_elastic_tissue_has_one_force():
 
 
 def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(tmp_path) -> None:
-    terms = ((fixed(0.12), fixed(1.2)), (Range(min=0.1, max=0.2), fixed(12.0)))
-    study = replace(STUDY, tissue=TissueStudy(relaxation=terms))
+    terms = ((st.fixed(0.12), st.fixed(1.2)), (st.Range(min=0.1, max=0.2), st.fixed(12.0)))
+    study = replace(STUDY, tissue=st.TissueStudy(relaxation=terms))
     planned, elastic = plan_phantom(EYE, (30e-3, 2e-3), study, 1), plan_phantom(EYE, (30e-3, 2e-3), STUDY, 1)
     asked: list[list[float]] = []
 

@@ -8,18 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from scleraforce import study as st
 from scleraforce.errors import StudyError
 from scleraforce.laboratory.scenes import Scene, draw_scene, judged_columns, seen_columns
-from scleraforce.study import (
-    Range,
-    SceneEyeStudy,
-    SceneOverStudy,
-    SceneScannerStudy,
-    ScenesStudy,
-    SceneTissueStudy,
-    SceneWindowStudy,
-    parse_study,
-)
 from scleraforce.study.fields import Choice, field_unit, fixed
 
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
@@ -33,9 +24,9 @@ def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
     return replace(record, **(same | values))
 
 
-PLAIN = ScenesStudy(
+PLAIN = st.ScenesStudy(
     window=only(
-        SceneWindowStudy(),
+        st.SceneWindowStudy(),
         rows=fixed(200),
         columns=fixed(160),
         width_m=fixed(10e-3),
@@ -45,16 +36,16 @@ PLAIN = ScenesStudy(
         surface_share=fixed(0.1),
     ),
     eye=only(
-        SceneEyeStudy(),
+        st.SceneEyeStudy(),
         half_sphere_share=1.0,
         sclera_radius_m=fixed(12e-3),
         sclera_thickness_m=fixed(0.6e-3),
         wave_m=fixed(0.0),
     ),
-    tissue=only(SceneTissueStudy(), corrected_share=1.0, snr_db=fixed(30.0), attenuation_per_m=fixed(0.3e3)),
-    over=only(SceneOverStudy()),
+    tissue=only(st.SceneTissueStudy(), corrected_share=1.0, snr_db=fixed(30.0), attenuation_per_m=fixed(0.3e3)),
+    over=only(st.SceneOverStudy()),
     scanner=only(
-        SceneScannerStudy(),
+        st.SceneScannerStudy(),
         rolloff_db=fixed(0.0),
         looks=fixed(10.0),
         display_floor_db=fixed(3.0),
@@ -64,7 +55,7 @@ PLAIN = ScenesStudy(
 )
 
 
-def plain(**parts: dict[str, Any]) -> ScenesStudy:
+def plain(**parts: dict[str, Any]) -> st.ScenesStudy:
     """The plain study with other values in some of its parts."""
     return replace(PLAIN, **{name: replace(getattr(PLAIN, name), **values) for name, values in parts.items()})
 
@@ -86,11 +77,11 @@ def lit(scene: Scene) -> np.ndarray:
 
 
 def test_the_same_number_draws_the_same_scene_and_another_one_another() -> None:
-    first, again, other = (draw_scene(ScenesStudy(), number) for number in (7, 7, 8))
+    first, again, other = (draw_scene(st.ScenesStudy(), number) for number in (7, 7, 8))
     assert np.array_equal(first.frame, again.frame)
     assert np.array_equal(first.outer_row, again.outer_row, equal_nan=True)
     assert first.frame.shape != other.frame.shape or not np.array_equal(first.frame, other.frame)
-    assert not np.array_equal(first.frame, draw_scene(ScenesStudy(seed=1), 7).frame)
+    assert not np.array_equal(first.frame, draw_scene(st.ScenesStudy(seed=1), 7).frame)
 
 
 def test_the_truth_of_a_half_sphere_is_two_circles() -> None:
@@ -198,35 +189,35 @@ def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
 
 
 # A study in which everything is there: what each range does can be seen.
-FULL = ScenesStudy(
+FULL = st.ScenesStudy(
     window=replace(
-        SceneWindowStudy(),
+        st.SceneWindowStudy(),
         rows=fixed(64),
         columns=fixed(72),
-        pixel_m=Range(min=1e-6, max=200e-6),
+        pixel_m=st.Range(min=1e-6, max=200e-6),
         width_m=fixed(15e-3),
         depth_share=fixed(0.45),
         centred_share=1.0,
     ),
-    eye=only(SceneEyeStudy(), 1.0, half_sphere_share=0.0),
-    tissue=only(SceneTissueStudy(), 1.0, 2, corrected_share=0.0),
-    over=only(SceneOverStudy(), 1.0, 2, speck_count=fixed(100), vessel_count=fixed(3), glass_share=0.0),
-    scanner=only(SceneScannerStudy(), 1.0, 2, linear_share=0.0, root_share=0.0),
+    eye=only(st.SceneEyeStudy(), 1.0, half_sphere_share=0.0),
+    tissue=only(st.SceneTissueStudy(), 1.0, 2, corrected_share=0.0),
+    over=only(st.SceneOverStudy(), 1.0, 2, speck_count=fixed(100), vessel_count=fixed(3), glass_share=0.0),
+    scanner=only(st.SceneScannerStudy(), 1.0, 2, linear_share=0.0, root_share=0.0),
 )
 
 
-def at_ends(part: str, name: str) -> Iterator[ScenesStudy]:
+def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
-    record, default = getattr(FULL, part), getattr(getattr(ScenesStudy(), part), name)
+    record, default = getattr(FULL, part), getattr(getattr(st.ScenesStudy(), part), name)
     glass = {"glass_share": 1.0} if name.startswith("glass_pass") else {}
     if isinstance(default, float):
         values: list[Any] = [0.0, 1.0]
     else:
         low, high = default.bounds
-        kind = fixed if isinstance(default, Choice) else lambda value: Range(min=value, max=value)
+        kind = fixed if isinstance(default, Choice) else lambda value: st.Range(min=value, max=value)
         values = [kind(low), kind(high)]
     if name == "pixel_m":
-        values = [Range(min=1e-6, max=200e-6), Range(min=1e-6, max=50e-6)]
+        values = [st.Range(min=1e-6, max=200e-6), st.Range(min=1e-6, max=50e-6)]
     # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only small frames tell.
     near = {"line_m": {}, "gap_m": {"view_m": fixed(9e-3), "centred_share": 0.0}}
     window = {"window": replace(FULL.window, width_m=fixed(4e-3), **near[name])} if name in near else {}
@@ -244,10 +235,10 @@ def test_every_range_changes_one_of_twelve_scenes(part: str) -> None:
 
 def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole() -> None:
     with pytest.raises(StudyError, match=r"scenes\.over\.bubble_count: give a list of whole numbers"):
-        parse_study("[scenes.over]\nbubble_count = [0.5]")
+        st.parse_study("[scenes.over]\nbubble_count = [0.5]")
     with pytest.raises(StudyError, match=r"scenes\.scanner\.root_share: with linear_share more than 1"):
-        parse_study("[scenes.scanner]\nlinear_share = 0.6\nroot_share = 0.6")
-    assert field_unit(next(item for item in fields(SceneEyeStudy) if item.name == "wave_m")).name == "um"
+        st.parse_study("[scenes.scanner]\nlinear_share = 0.6\nroot_share = 0.6")
+    assert field_unit(next(item for item in fields(st.SceneEyeStudy) if item.name == "wave_m")).name == "um"
 
 
 ROWS, COLUMNS = 200, 160

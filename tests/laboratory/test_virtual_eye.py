@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reference_walls import cut_section
+from scleraforce import study as st
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import phantom_truth, plan_phantom, plan_sections, write_phantom
@@ -27,28 +28,13 @@ from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.mechanics.form import thickness_factor
 from scleraforce.recording.folder import read_recording
-from scleraforce.study import (
-    EyeStudy,
-    FormStudy,
-    GlobeStudy,
-    MechanicsStudy,
-    MeshStudy,
-    NeedleStudy,
-    OctStudy,
-    PhantomStudy,
-    Range,
-    Study,
-    WaveStudy,
-    fixed,
-    format_study,
-)
 from scleraforce.units import to_si
 
-STUDY = Study(
-    oct=OctStudy(columns=128, rows=96),
-    mesh=MeshStudy(kind="graded", core=2, rings=4),
-    mechanics=MechanicsStudy("finite-strain"),
-    form=FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(WaveStudy(amplitude_fraction=0.1, degree=2),)),
+STUDY = st.Study(
+    oct=st.OctStudy(columns=128, rows=96),
+    mesh=st.MeshStudy(kind="graded", core=2, rings=4),
+    mechanics=st.MechanicsStudy("finite-strain"),
+    form=st.FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(st.WaveStudy(amplitude_fraction=0.1, degree=2),)),
 )
 EYE = PhantomEye(
     id="eye-x",
@@ -87,7 +73,7 @@ def test_a_larger_force_later_is_answered_and_smaller_ones_stay() -> None:
 
 
 def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
-    plain = replace(STUDY, form=FormStudy(), eye=EyeStudy(density_kg_m3=0.0))
+    plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
     (rest, bent), (linear_rest, linear) = (BentSections(eye, plain)(forces_n), linear_sections(eye, plain)(forces_n))
@@ -98,16 +84,16 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
 def test_linear_mechanics_refuses_an_eye_that_it_does_not_support() -> None:
     for changes, key in (
         ({}, r"form\.semi_axes, form\.wave"),
-        ({"form": FormStudy(), "needle": NeedleStudy(tilt_rad=0.1)}, "tilt_deg"),
-        ({"form": FormStudy(), "globe": GlobeStudy("sealed")}, r"globe\.kind"),
+        ({"form": st.FormStudy(), "needle": st.NeedleStudy(tilt_rad=0.1)}, "tilt_deg"),
+        ({"form": st.FormStudy(), "globe": st.GlobeStudy("sealed")}, r"globe\.kind"),
     ):
         with pytest.raises(InputError, match=key):
-            study_sections(EYE, replace(STUDY, **{"mechanics": MechanicsStudy("linear"), **changes}))
+            study_sections(EYE, replace(STUDY, **{"mechanics": st.MechanicsStudy("linear"), **changes}))
 
 
 def test_the_phantom_command_bends_at_finite_strain_and_says_so(tmp_path: Path, capsys) -> None:
     study = tmp_path / "study.toml"
-    study.write_text(format_study(replace(STUDY, mechanics=MechanicsStudy())))
+    study.write_text(st.format_study(replace(STUDY, mechanics=st.MechanicsStudy())))
     out = tmp_path / "eye"
     arguments = ["phantom", "--study", str(study), "--out", str(out), "--forces-mn", "12,2", "--thickness-um", "800"]
     assert run(arguments) == 2
@@ -144,24 +130,15 @@ def test_the_phantom_of_a_sealed_eye_that_stiffens_tells_both_and_the_pressures(
     assert (eye.globe, eye.rigidity_pa13_per_m3) == ("sealed", None)  # as a laboratory knows it
 
 
-MOVING = PhantomStudy(eye_drift_rad=fixed(radians(3.0)), eye_saccade_rad=Range(min=0.0, max=radians(1.0)))
-TURNED_STUDY = Study(
-    oct=OctStudy(columns=64, rows=48),
-    mesh=MeshStudy(kind="graded", core=4, rings=6),
-    mechanics=MechanicsStudy("finite-strain"),
-    form=FormStudy(wave=(WaveStudy(amplitude_fraction=0.12, degree=3),)),
+MOVING = st.PhantomStudy(eye_drift_rad=st.fixed(radians(3.0)), eye_saccade_rad=st.Range(min=0.0, max=radians(1.0)))
+TURNED_STUDY = st.Study(
+    oct=st.OctStudy(columns=64, rows=48),
+    mesh=st.MeshStudy(kind="graded", core=4, rings=6),
+    mechanics=st.MechanicsStudy("finite-strain"),
+    form=st.FormStudy(wave=(st.WaveStudy(amplitude_fraction=0.12, degree=3),)),
     phantom=MOVING,
 )
-TURNED_EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=600e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
-    azimuth_rad=0.3,
-    direction_rad=0.2,
-)
+TURNED_EYE = replace(EYE, thickness_m=600e-6)
 TURNED_FORCES_N = (0.0, 0.006, 0.012)
 FARTHEST = radians(4.0)
 
@@ -180,12 +157,7 @@ def largest_um(found: Section, expected: Section) -> float:
 def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) -> None:
     turn = EyeTurn(about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side))
     plane = turned_plane(TURNED_EYE.plane, turn)
-    own = replace(
-        TURNED_EYE,
-        polar_rad=plane.contact.polar_rad,
-        azimuth_rad=plane.contact.azimuth_rad,
-        direction_rad=plane.direction_rad,
-    )
+    own = replace(TURNED_EYE, **asdict(plane.contact), direction_rad=plane.direction_rad)
     sections_at = study_sections(TURNED_EYE, TURNED_STUDY)
     assert isinstance(sections_at, TurnedSections)
     found = sections_at.turned(TURNED_FORCES_N, [turn] * 3)
@@ -207,12 +179,8 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
         return lambda forces_n: [wall.shifted(0.0, force_n) for force_n in forces_n]
 
     sections = TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3, 0, 70)], 0.1)
-    turns = [
-        STILL,
-        EyeTurn(about_x_rad=0.05, about_y_rad=0.0),
-        EyeTurn(about_x_rad=0.0, about_y_rad=-0.1),
-        EyeTurn(about_x_rad=0.1, about_y_rad=0.1),
-    ]
+    about = [(0.0, 0.0), (0.05, 0.0), (0.0, -0.1), (0.1, 0.1)]
+    turns = [EyeTurn(about_x_rad=x, about_y_rad=y) for x, y in about]
     found = sections.turned([0.0, 1e-4, 0.0, 0.0], turns)
     assert [section.outer[:, 1].mean() for section in found] == pytest.approx([1e-3, 1.2e-3, 1.1e-3, 1.1e-3])
     assert [section.inner[:, 1].mean() for section in found] == pytest.approx([1.6e-3, 1.8e-3, 1.7e-3, 1.7e-3])
@@ -221,7 +189,7 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
 
 
 def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recording_the_first(tmp_path) -> None:
-    study = replace(TURNED_STUDY, mesh=MeshStudy(divisions=4), mechanics=MechanicsStudy(), form=FormStudy())
+    study = replace(TURNED_STUDY, mesh=st.MeshStudy(divisions=4), mechanics=st.MechanicsStudy(), form=st.FormStudy())
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, study, 3)
     write_phantom(tmp_path / "rec", plan, study_sections(TURNED_EYE, study), study)
     truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
@@ -238,10 +206,8 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(thickness_m)
         assert thickness_m != pytest.approx(600e-6, rel=1e-3)
     info = read_recording(tmp_path / "rec").info
-    assert (info.needle.polar_angle_rad, info.oct.plane_direction_rad) == (
-        TURNED_EYE.polar_rad,
-        TURNED_EYE.direction_rad,
-    )
+    known = info.needle.polar_angle_rad, info.oct.plane_direction_rad
+    assert known == (TURNED_EYE.polar_rad, TURNED_EYE.direction_rad)
 
 
 def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:
@@ -275,17 +241,17 @@ def test_the_plane_stays_in_space_while_the_globe_turns() -> None:
     assert (still.direction_rad, still.tilt_rad, still.gap_m) == pytest.approx((-1.1, 0.05, 0.5e-3))
 
 
-def turns_of(phantom: PhantomStudy, times_s: np.ndarray, seed: int) -> np.ndarray:
+def turns_of(phantom: st.PhantomStudy, times_s: np.ndarray, seed: int) -> np.ndarray:
     turns = draw_turns(phantom, times_s, np.random.default_rng(seed))
     return np.array([(turn.about_x_rad, turn.about_y_rad) for turn in turns])
 
 
 def test_a_drift_grows_evenly_to_one_side_and_saccades_leave_it_every_second() -> None:
     for seed in range(5):
-        turns = turns_of(PhantomStudy(eye_drift_rad=fixed(0.04)), np.array([2.0, 8.0, 20.0]), seed)
+        turns = turns_of(st.PhantomStudy(eye_drift_rad=st.fixed(0.04)), np.array([2.0, 8.0, 20.0]), seed)
         assert np.linalg.norm(turns[-1]) == pytest.approx(0.04)
         assert turns == pytest.approx(np.outer([0.1, 0.4, 1.0], turns[-1]))
-    saccades = PhantomStudy(eye_saccade_rad=Range(min=0.005, max=0.015))
+    saccades = st.PhantomStudy(eye_saccade_rad=st.Range(min=0.005, max=0.015))
     turns = turns_of(saccades, np.arange(0.05, 60.0, 0.1), 1)
     sizes = np.linalg.norm(turns, axis=1)
     assert 0.005 <= sizes.min() < 0.006 < 0.014 < sizes.max() <= 0.015

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline
 
 from reference_walls import DeadPressureWall, spread_needle
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.contact import Contact
@@ -18,8 +18,6 @@ from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
-
-Floats = NDArray[np.float64]
 
 RADIUS, NEEDLE, NU = 12e-3, 0.35e-3, 0.45
 IOP_RATIO = 266.0 / 0.38e6

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
-
-Floats = NDArray[np.float64]
 
 HALF_SPAN, HEIGHT = 1.0, 0.2
 

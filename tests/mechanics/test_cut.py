@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -25,19 +26,15 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def fine_mesh():
-    return build_mesh(RADIUS, THICKNESS, divisions=10, level=1)
+    return build_mesh(RADIUS, THICKNESS)
 
 
 def planes(count, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(count):
         contact = Contact(polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi))
-        yield ScanPlane(
-            contact,
-            gap_m=rng.uniform(0.0, 1.5e-3),
-            direction_rad=rng.uniform(-np.pi, np.pi),
-            tilt_rad=rng.uniform(-0.5, 0.5),
-        )
+        gap_m, direction_rad, tilt_rad = rng.uniform(0.0, 1.5e-3), rng.uniform(-np.pi, np.pi), rng.uniform(-0.5, 0.5)
+        yield ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad)
 
 
 def distance_to_circle(curve, plane, radius):
@@ -128,13 +125,8 @@ def bumps(mesh, plane, *parts):
 
 
 def twisted_dent(mesh, plane):
-    return bumps(
-        mesh,
-        plane,
-        (plane.depth, 3e-3, 0.0, 3e-3),
-        (plane.normal, 0.9e-3, -1e-3, 2.5e-3),
-        (plane.normal, -0.7e-3, 2e-3, 3e-3),
-    )
+    twists = (plane.normal, 0.9e-3, -1e-3, 2.5e-3), (plane.normal, -0.7e-3, 2e-3, 3e-3)
+    return bumps(mesh, plane, (plane.depth, 3e-3, 0.0, 3e-3), *twists)
 
 
 def fold(mesh, plane):
@@ -246,8 +238,8 @@ def own_frame(mesh, axes):
 @pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
 def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(whole, plane):
     axes = np.array([1.06, 0.95, 1.03])
-    contact = Contact(polar_rad=min(plane.contact.polar_rad, 0.9), azimuth_rad=plane.contact.azimuth_rad)
-    plane = ScanPlane(contact, gap_m=plane.gap_m, direction_rad=plane.direction_rad, tilt_rad=plane.tilt_rad)
+    contact = replace(plane.contact, polar_rad=min(plane.contact.polar_rad, 0.9))
+    plane = replace(plane, contact=contact)
     sphere = graded_mesh(RADIUS, THICKNESS, contact, core=8, rings=24, whole=whole)
     mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact)
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))

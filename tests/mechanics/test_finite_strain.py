@@ -74,15 +74,8 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
 def test_small_forces_without_pressure_give_linear_mechanics(dead: bool) -> None:
     mesh = coarse_mesh()
     wall = FiniteWall(mesh, NU, dead_pressure_nc=pressure_load(mesh) if dead else None)
-    path = wall.load_path(
-        needle_at(mesh, CONTACT, WIDE),
-        youngs_modulus_pa=E,
-        iop_pa=0.0,
-        density_kg_m3=0.0,
-        max_force_n=np.inf,
-        max_tip_m=1e-7,
-        largest_step_m=5e-8,
-    )
+    loads = {"youngs_modulus_pa": E, "iop_pa": 0.0, "density_kg_m3": 0.0, "max_force_n": np.inf}
+    path = wall.load_path(needle_at(mesh, CONTACT, WIDE), **loads, max_tip_m=1e-7, largest_step_m=5e-8)
     force_n = 0.9 * path.max_force_n
     linear_nc = LinearWall(mesh, NU).solve_one(needle_loads(mesh, [CONTACT], WIDE)[0]) * force_n / E
     assert path.tip_m(force_n) == pytest.approx(tip_displacement(mesh, CONTACT, linear_nc), rel=1e-3)
@@ -246,16 +239,13 @@ def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> N
             np.testing.assert_allclose(found_m, tips_m[1:-1], atol=1e-12)
 
 
-@pytest.mark.parametrize("force_n", [-1e-6, 4.01e-3, np.nan])
-def test_a_force_that_the_path_does_not_carry_is_an_input_error(force_n: float) -> None:
-    with pytest.raises(InputError, match="carries 0 to 4 mN"):
-        made_up_path().displacement_nc(force_n)
-
-
-@pytest.mark.parametrize("tip_m", [-1e-6, 3.1e-3, np.nan])
-def test_a_dent_that_the_path_does_not_reach_is_an_input_error(tip_m: float) -> None:
-    with pytest.raises(InputError, match="goes from 0 to 3 mm"):
-        made_up_path().displacement_at_tip_nc(tip_m)
+def test_a_force_or_a_dent_that_the_path_does_not_reach_is_an_input_error() -> None:
+    path = made_up_path()
+    for value, beyond in ((-1e-6, -1e-6), (4.01e-3, 3.1e-3), (np.nan, np.nan)):
+        with pytest.raises(InputError, match="carries 0 to 4 mN"):
+            path.displacement_nc(value)
+        with pytest.raises(InputError, match="goes from 0 to 3 mm"):
+            path.displacement_at_tip_nc(beyond)
 
 
 def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:

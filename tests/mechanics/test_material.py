@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from energy import LAMBDA, MU, NU, stress
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from reference_walls import stiffness_matrix
+from scleraforce.arrays import Floats
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.contact import Contact
@@ -20,8 +20,6 @@ from scleraforce.mechanics.material import burst_tension, growth
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
-
-Floats = NDArray[np.float64]
 
 RADIUS, NEEDLE = 12e-3, 0.35e-3
 RIGHT_ANGLE = 0.5 * np.pi

@@ -7,10 +7,9 @@ import pytest
 from energy import NU, STEP, energy, stress
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants, strain_measure
 from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, meridian_mesh
-
-Floats = NDArray[np.float64]
 
 RADIUS, B = 12e-3, 12.0
 ENTRIES = [0, 0, 1, 1, 2], [0, 1, 0, 1, 2]  # of F that are not zero

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reference_walls import cut_section, polar_path, shift_in_plane
 from scleraforce.errors import InputError
@@ -15,8 +14,6 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.mechanics.polar import base_shift
-
-Floats = NDArray[np.float64]
 
 RADIUS, NEEDLE, NU, GAP = 12e-3, 0.35e-3, 0.45, 0.5e-3
 EYE = (RADIUS, 0.8e-3, NU, NEEDLE)
@@ -71,14 +68,8 @@ def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
     contact = Contact(polar_rad=np.radians(50.0))
     mesh = graded_mesh(RADIUS, 0.8e-3, contact)
     tip_m, modulus_pa = 2.5e-3, 0.38e6
-    solid = FiniteWall(mesh, NU).load_path(
-        needle_at(mesh, contact, NEEDLE),
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=266.0,
-        density_kg_m3=0.0,
-        max_force_n=1.0,
-        max_tip_m=tip_m,
-    )
+    loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": 266.0, "density_kg_m3": 0.0, "max_force_n": 1.0}
+    solid = FiniteWall(mesh, NU).load_path(needle_at(mesh, contact, NEEDLE), **loads, max_tip_m=tip_m)
     forces = [
         polar_path((*EYE, IOP_RATIO), angle, np.array([tip_m])).force_ratio_m2[-1] for angle in (0.0, contact.polar_rad)
     ]

@@ -20,6 +20,7 @@ from scleraforce.study import SupportsStudy
 R, T, NU, E = 12e-3, 0.8e-3, 0.45, 0.3e6
 CONTACT = Contact(polar_rad=np.radians(35.0))
 NORMAL, SHEAR = 1.4e6, 0.04e6
+UNLOADED = {"youngs_modulus_pa": E, "iop_pa": 0.0, "density_kg_m3": 0.0, "max_force_n": np.inf}
 
 
 @cache
@@ -126,13 +127,7 @@ def test_small_forces_at_finite_strain_are_linear_with_springs_too(kind: str) ->
     if kind == "bed and straps":
         springs = springs + rectus_straps(mesh, 20.0)
     path = FiniteWall(mesh, NU, springs=springs).load_path(
-        needle_at(mesh, CONTACT, 0.35e-3),
-        youngs_modulus_pa=E,
-        iop_pa=0.0,
-        density_kg_m3=0.0,
-        max_force_n=np.inf,
-        max_tip_m=2e-7,
-        largest_step_m=1e-7,
+        needle_at(mesh, CONTACT, 0.35e-3), **UNLOADED, max_tip_m=2e-7, largest_step_m=1e-7
     )
     force_n = 0.9 * path.max_force_n
     linear = LinearWall(mesh, NU, springs=springs, springs_modulus_pa=E)
@@ -158,17 +153,12 @@ def test_a_studys_springs_follow_its_kind() -> None:
     mesh, u = globe(), np.random.default_rng(1).normal(size=globe().points_nc.shape)
     bed, straps = elastic_bed(mesh, 2e6, 0.1e6).forces(u), rectus_straps(mesh, 30.0, 0.5).forces(u)
     expected = {"bed": bed, "straps": straps, "bed-and-straps": bed + straps}
+    study = SupportsStudy(
+        bed_stiffness_pa_per_m=2e6, bed_shear_stiffness_pa_per_m=0.1e6, strap_stiffness_n_per_m=30.0,
+        medial_azimuth_rad=0.5,
+    )  # fmt: skip
     for kind, forces_nc in expected.items():
-        springs = study_springs(
-            SupportsStudy(
-                kind=kind,
-                bed_stiffness_pa_per_m=2e6,
-                bed_shear_stiffness_pa_per_m=0.1e6,
-                strap_stiffness_n_per_m=30.0,
-                medial_azimuth_rad=0.5,
-            ),
-            mesh,
-        )
+        springs = study_springs(replace(study, kind=kind), mesh)
         assert springs is not None
         np.testing.assert_allclose(springs.forces(u), forces_nc, atol=1e-12 * np.abs(forces_nc).max())
     assert study_springs(SupportsStudy(), mesh) is None

@@ -5,6 +5,7 @@ from library_arrays import values_at
 from numpy.typing import NDArray
 
 from predicted_walls import Walls
+from scleraforce.arrays import Floats
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.fit import law_of
@@ -12,10 +13,8 @@ from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
 from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
 from scleraforce.library.unknowns import shining
 
-Array = NDArray[np.float64]
 
-
-def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
+def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
     """Return the boundaries at places, and derivatives by differences; pose and form have formulas of their own."""
     depth, slope, seen = _shown(walls, unknown, unknown, places)
     jacobian = np.zeros((len(depth), len(at.NAMES)))
@@ -41,7 +40,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     return Placed(depth + offset, slope + form_slope, jacobian, seen)
 
 
-def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _shown(walls: Walls, unknown: Floats, pose: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Depths and slopes of an even wall at places, and whether they are reached."""
     state, size, pole = (library_place(walls, unknown[None]), np.exp(unknown[at.SIZE]), unknown[None, at.POLE])
     library = walls.library
@@ -53,7 +52,7 @@ def _shown(walls: Walls, unknown: Array, pose: Array, places: Places) -> tuple[A
     return depth, slope, seen
 
 
-def ring_motion(walls: Walls, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+def ring_motion(walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Floats) -> Floats:
     """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
 
     `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each. The motion is
@@ -71,11 +70,11 @@ def ring_motion(walls: Walls, place: tuple[Array, Array, Array], pole_s2: Array)
     pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
     bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
     low, high = bulge[:, is_inner, left], bulge[:, is_inner, left + 1]
-    at_rings: Array = low + share[..., None] * (high - low)
+    at_rings: Floats = low + share[..., None] * (high - low)
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
-def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
+def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats | None = None) -> Floats:
     """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
 
     The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
@@ -94,7 +93,7 @@ def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = N
     return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
 
 
-def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) -> tuple[Array, Array]:
+def _moved_side(curves_sbnc: Floats, gap: Floats, moved_sbnc: Floats, sign: float) -> tuple[Floats, Floats]:
     """Return one side's lateral places and depths (sample, boundary, node)."""
     lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
     nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
@@ -102,7 +101,7 @@ def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) 
     return sign * lateral + along, down + deeper
 
 
-def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+def _cut_side(curves_sbnc: Floats, gap: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
     """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
     distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
     square = distance**2 - gap**2
@@ -117,7 +116,7 @@ def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.
     return lateral, np.where(beyond, depth, middle), first
 
 
-def smoothed(outer: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss and Hermite's three points."""
     lateral, apart = places.lateral_m[: places.outer], np.sqrt(3.0) * places.smoothing_m
     found = depths_along(outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel())
@@ -125,7 +124,7 @@ def smoothed(outer: Array, places: Places) -> tuple[Array, Array, NDArray[np.boo
     return depth, slope, found[2].reshape(3, -1)[1]
 
 
-def _form_slopes(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[Array, Array]:
+def _form_slopes(form: Floats, from_contact_m: Floats, is_inner: Floats) -> tuple[Floats, Floats]:
     """Slope (place,) of `form_depths`, and its derivatives (place, form)."""
     slopes, turned = form[6] * is_inner, np.empty((len(from_contact_m), len(form)))
     turned[:, 6] = from_contact_m * is_inner
@@ -140,7 +139,7 @@ def _form_slopes(form: Array, from_contact_m: Array, is_inner: Array) -> tuple[A
     return slopes, turned
 
 
-def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
+def _inward(walls: Walls, unknown: Floats) -> dict[int, float]:
     """Steps of the unknowns that move a wall; steps that would leave the library go the other way."""
     library, size = walls.library, np.exp(unknown[at.SIZE])
     thickness = unknown[at.THICKNESS] / size
@@ -157,7 +156,7 @@ def _inward(walls: Walls, unknown: Array) -> dict[int, float]:
     return {place: -step if out else step for (place, out), step in zip(outside.items(), steps, strict=True)}
 
 
-def off_the_law(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
+def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
     known, volume = walls.globe, displaced_m3(walls, unknown_su)
     mean, spread = known.globe(known.mean), known.globe(known.sd)
@@ -166,13 +165,13 @@ def off_the_law(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
     return off, np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)
 
 
-def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
+def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the volume that the dent displaces, (sample,), m^3."""
     library, state = walls.library, library_place(walls, unknown_su)
     return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(library, library.tables.volumes, *state)
 
 
-def library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
+def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Floats]:
     """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
     library, size = walls.library, np.exp(unknown_su[:, at.SIZE])
     thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
@@ -181,7 +180,7 @@ def library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]
     return thickness, np.clip(ratio, *library.iop_ratio_ends(thickness)), tip_m
 
 
-def force_n(walls: Walls, unknown_su: Array) -> Array:
+def force_n(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the needle's force (sample,), N."""
     state = library_place(walls, unknown_su)
     return np.exp(unknown_su[:, at.MODULUS] + 2.0 * unknown_su[:, at.SIZE]) * walls.library.forces(*state)

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from scleraforce.arrays import Floats
 from scleraforce.library.responses import Library
 from scleraforce.library.splines import first_crossing
 from scleraforce.mechanics.globe import Globe
-
-Floats = NDArray[np.float64]
 
 EXACT = 1e-12  # of a logarithm
 

@@ -8,18 +8,17 @@ from dataclasses import dataclass
 
 import fit_arrays
 import numpy as np
-from numpy.typing import NDArray
 from sealed_walls import iop_ratio_at_dent
 
 from predicted_walls import Walls, formed_wall, predict_wall
+from scleraforce.arrays import Floats
 from scleraforce.library import fit_frame, fit_starts, search_loops, unknowns as at
 from scleraforce.library.fit import BoundaryFit, _standard_normal, law_of
 from scleraforce.library.placement import Columns, Placed, Places, gauss_newton, robust_spread
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
 
-Array = NDArray[np.float64]
-Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
+Fit = tuple[Floats, Placed, float]  # unknowns, prediction and cost
 LAW_STEPS = {at.TIP: 1e-7, at.THICKNESS: 1e-7, at.MODULUS: 1e-4, at.IOP: 1e-4, at.SIZE: 1e-4, at.PRESSURE: 1e-4}
 
 
@@ -31,13 +30,13 @@ class Problem:
     columns: Columns
     prior: Prior
 
-    def off(self, unknown_su: Array) -> Array:
+    def off(self, unknown_su: Floats) -> Floats:
         """The deviations (sample, 2) of the force at a dent and of the pressure."""
         off, sd = fit_arrays.off_the_law(self.walls, unknown_su)
         law = off / sd if self.walls.globe.can_be_sealed else np.zeros_like(off)
         return np.stack([(unknown_su - self.prior.mean) @ self.prior.same_force, law], axis=1)
 
-    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
         """The prediction and its cost."""
         placed, away = predict_wall(self.walls, unknown, self.columns.places), unknown - self.prior.mean
         heavy = away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])
@@ -46,7 +45,7 @@ class Problem:
         off = self.off(unknown[None])[0]
         return placed, self.columns.loss(placed) + float(known + off @ self.prior.calibrated @ off)
 
-    def normal_equations(self, unknown: Array, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+    def normal_equations(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> tuple[Floats, Floats]:
         """The normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
         precision, away = self.prior.precision.copy(), unknown - self.prior.mean
@@ -61,7 +60,7 @@ class Problem:
         off = self.off(unknown[None])[0]
         return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ off
 
-    def inside(self, unknown: Array) -> Array:
+    def inside(self, unknown: Floats) -> Floats:
         """The nearest unknowns within the library."""
         library, largest, highest = self.walls.library, search_loops.LARGEST_LOG_SIZE, search_loops.HIGHEST_POLE
         unknown[at.SIZE] = np.clip(unknown[at.SIZE], -largest, largest)
@@ -73,7 +72,7 @@ class Problem:
         unknown[at.POLE] *= min(1.0, highest / max(float(np.hypot(*unknown[at.POLE])), highest))
         return unknown
 
-    def best_fit(self, starts: Sequence[Array]) -> Fit:
+    def best_fit(self, starts: Sequence[Floats]) -> Fit:
         """The best fit from any start."""
         if len(starts) > 1:
             starts = [
@@ -83,12 +82,12 @@ class Problem:
             ]
         return gauss_newton(self, starts[0], fit_frame.STOPPING, step_of)
 
-    def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:
+    def spread(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> Floats:
         """The matrix from standard normal numbers to draws about the unknowns (unknown, number)."""
         normal, sd = self.normal_equations(unknown, placed, scale)[0], self.prior.sd
         return np.asarray(sd[:, None] * np.linalg.inv(np.linalg.cholesky(sd[:, None] * normal * sd)).T)
 
-    def drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
+    def drawn_forces(self, unknown: Floats, spread_uz: Floats) -> Floats:
         """Forces drawn from the posterior."""
         normal, (level_z, growth_z) = _standard_normal(len(unknown) + 2), _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
@@ -104,7 +103,7 @@ class Problem:
         return np.maximum(corrected * noise[0] + noise[1], 0.0)
 
 
-def step_of(normal: Array, gradient: Array) -> Array:
+def step_of(normal: Floats, gradient: Floats) -> Floats:
     """The solution of normal equations, where the pole moves no farther than its effect is straight."""
     step = np.linalg.solve(normal, gradient)
     farther = float(np.hypot(*step[at.POLE])) / search_loops.POLE_STRIDE
@@ -114,7 +113,7 @@ def step_of(normal: Array, gradient: Array) -> Array:
     return np.concatenate([np.linalg.solve(normal[rest, rest], gradient[rest] - normal[rest, at.POLE] @ pole), pole])
 
 
-def fit(library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float = 0.0) -> BoundaryFit:
+def fit(library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float = 0.0) -> BoundaryFit:
     """The fit of a frame."""
     step = -(-len(lateral_m) // fit_frame.COLUMNS)
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
@@ -151,7 +150,7 @@ def along_valley(problem: Problem, best: Fit) -> Fit:
     return best
 
 
-def result(problem: Problem, unknown: Array, placed: Placed, cost: float) -> BoundaryFit:
+def result(problem: Problem, unknown: Floats, placed: Placed, cost: float) -> BoundaryFit:
     """The fit with its uncertainty."""
     residual = np.where(placed.seen, np.abs(problem.columns.residual(placed)), np.inf)
     misfit, law = robust_spread(residual), law_of(problem.walls.globe)
@@ -170,7 +169,7 @@ def result(problem: Problem, unknown: Array, placed: Placed, cost: float) -> Bou
     )  # fmt: skip
 
 
-def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array) -> list[Array]:
+def starts(walls: Walls, mean: Floats, lateral_m: Floats, depth_m: Floats) -> list[Floats]:
     """Dents that lie better than their neighbours, the best first, (unknown,) each."""
     dents, globe = fit_starts.DENTS, walls.globe
     samples, dent_s = np.repeat(mean[None], dents, axis=0), np.arange(dents)
@@ -193,7 +192,7 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array) -> list[
     return [placed[int(np.argmin(np.where(dent_s == dent, cost, np.inf)))] for dent in best]
 
 
-def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, depth_m: Array) -> Array | None:
+def higher_start(walls: Walls, mean: Floats, fitted: Floats, lateral_m: Floats, depth_m: Floats) -> Floats | None:
     """The best state of a sealed globe at much higher pressures than `fitted`, if any lies about as well."""
     library, (thickness, resting, size, modulus) = walls.library, resting_wall(walls, mean)
     law = walls.globe.globe(walls.globe.mean * size**3).over(modulus)
@@ -212,14 +211,14 @@ def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, dep
     return placed[best] if best and cost[best] <= fit_starts.MUCH_WORSE * cost[0] else None
 
 
-def resting_wall(walls: Walls, mean: Array) -> tuple[float, float, float, float]:
+def resting_wall(walls: Walls, mean: Floats) -> tuple[float, float, float, float]:
     """Thickness and pressure over E without the needle, in the library's size; that size, and E."""
     library, size, modulus = walls.library, np.exp(mean[at.SIZE]), np.exp(mean[at.MODULUS])
     thickness = np.clip(mean[at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
     return thickness, np.clip(np.exp(mean[at.IOP]) / modulus, *library.iop_ratio_ends(thickness)), size, modulus
 
 
-def laid(walls: Walls, samples: Array, lateral_m: Array, depth_m: Array) -> tuple[Array, Array]:
+def laid(walls: Walls, samples: Floats, lateral_m: Floats, depth_m: Floats) -> tuple[Floats, Floats]:
     """The best poses of walls on an outer boundary (sample, unknown), and how far off they are (sample,)."""
     some = np.unique(np.linspace(0, len(lateral_m) - 1, fit_starts.POINTS).astype(np.intp))
     lateral_m, depth_m, grid_m, farthest_m = lateral_m[some], depth_m[some], fit_starts.GRID_M, fit_starts.FARTHEST_M

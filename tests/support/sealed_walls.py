@@ -1,14 +1,12 @@
 """The pressure of sealed walls of a library at dents."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.library import Library, sealed
 from scleraforce.library.responses import check_inside, inside_ends
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
-
-Floats = NDArray[np.float64]
 
 
 def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
