@@ -90,10 +90,7 @@ def test_faults_are_named_with_file_line_and_field(folder):
         ("frames.csv", "file,time_s", "file", r"frames.csv:1: column time_s is missing; found: file"),
         ("frames.csv", "a.png,0.2\nb.png,0.8\n", "", r"frames.csv: no frames"),
         ("frames.csv", "file,time_s\na.png,0.2\nb.png,0.8\n", "", r"frames.csv: empty; the first line names"),
-        *(
-            ("frames.csv", "0.2", time_s, f"frames.csv:2: time_s: '{time_s}' is not a finite number")
-            for time_s in ("1_0", "\u0661", "1e308")
-        ),
+        *(("frames.csv", "0.2", time, f"frames.csv:2: time_s: '{time}' is not") for time in ("1_0", "\u0661", "1e308")),
         ("frames.csv", "a.png,0.2", "a.png,0,25", "frames.csv:2: 3 fields; .* separated by semicolons"),
         ("frames.csv", "a.png", "a\0.png", r"frames.csv:2: file: 'a\\x00.png' is not a name below"),
         ("frames.csv", "a.png", "a" * 200_000, "frames.csv:2: field larger than field limit"),

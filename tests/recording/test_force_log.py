@@ -81,10 +81,8 @@ def test_samples_that_an_ati_sensor_flags_as_saturated_have_no_force(tmp_path: P
 
 
 def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(tmp_path: Path) -> None:
-    text, found = (
-        ATI.replace('"-41000"', '"-41.5"'),
-        r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN",
-    )
+    text = ATI.replace('"-41000"', '"-41.5"')
+    found = r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN"
     with pytest.raises(UnansweredError, match=found):
         log_of(tmp_path, text)
     others = [f"{name.lower()}={name}:{unit}" for name, unit in
@@ -229,11 +227,9 @@ def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path: Path) -
 
 def test_marks_that_may_part_thousands_are_refused_with_both_readings(tmp_path: Path) -> None:
     for rows, reading in [
-        (
-            ["0.000 -15,000", "0.005 -15,250"],
-            "log.csv:2: .*-15.000 with a decimal comma, or -15000",
-        ),  # points elsewhere
-        (["1,000 -15,000", "1,005 -15,250"], "log.csv:2: .*1.000 with a decimal comma, or 1000"),  # three digits
+        # points elsewhere; then three digits behind every comma
+        (["0.000 -15,000", "0.005 -15,250"], "log.csv:2: .*-15.000 with a decimal comma, or -15000"),
+        (["1,000 -15,000", "1,005 -15,250"], "log.csv:2: .*1.000 with a decimal comma, or 1000"),
         (["0,000 -1,500,000", "0,005 -1,250,000"], "log.csv:2: '-1,500,000' has commas between thousands"),
         (["0 0", "10 -998", "20 -1.021", "30 -15.000"], r"log.csv:4: fz_n: '-1\.021' is -1\.021 .* or -1021 with one"),
     ]:

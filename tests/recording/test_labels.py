@@ -104,11 +104,7 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
 def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
     in_contact, late = -np.r_[np.full(1000, 0.02), np.zeros(1000)], log_of(np.zeros(2000), start_s=100.0)
     for log, time_s, message in [
-        (
-            log_of(step_and_hold(0.04)),
-            8.0,
-            r"forces.csv: the needle would pull with \d+\.\d mN at the time of 0.png, 8 s",
-        ),
+        (log_of(step_and_hold(0.04)), 8.0, r"forces.csv: the needle would pull with \d+\.\d mN at .* of 0.png, 8 s"),
         (log_of(in_contact), 8.0, "starts before the first contact"),
         (late, 5.0, r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"),
         (late, 200.0, r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"),
@@ -213,9 +209,7 @@ def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_fo
         good = recording_of(log, 8.0, average_s=average_s)
         assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(0.02, abs=5e-3)
         milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
-        with pytest.raises(
-            RecordingError, match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* by 0.001"
-        ):
+        with pytest.raises(RecordingError, match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* 0.001"):
             label_frames(milli, CLASSES)
         quiet = log_of(sensed(-step_and_hold(1e-3), rng))
         milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)

@@ -26,9 +26,7 @@ SIZE = pytest.approx((4e-6, 15e-6))  # depth and width of a pixel
 PLUS = plus_fields([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
 
 
-def nifti(
-    path: Path, volume=VOLUME, steps=(0.015, 0.004, 0.1), unit: str = "mm", time: str = "sec", sform=None
-) -> Path:
+def nifti(path: Path, volume=VOLUME, steps=(0.015, 0.004, 0.1), unit="mm", time="sec", sform=None) -> Path:
     """Write a NIfTI; `sform` has its diagonal and code."""
     image = nibabel.Nifti1Image(volume, np.eye(4) if sform is None else None)
     image.header.set_xyzt_units(unit, time)
@@ -76,9 +74,7 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
         assert sizes_of(scan) == ((None, None) if source is None else SIZE)
         assert source is None or scan.depth_pixel_m.source == source
         assert len(scan.notes) == notes
-    with pytest.raises(
-        FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* 0\.015 x 0\.008 x 0\.1"
-    ):
+    with pytest.raises(FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* x 0\.008 x 0\.1"):
         read_nifti(nifti(tmp_path / "a.nii", sform=((0.015, 0.008, 0.1), 1)), IJK)
     with pytest.raises(FrameError, match="xyzt_units: 5 "):
         read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
@@ -127,10 +123,8 @@ def nhdr(path: Path, *lines: str, pixels: bytes = FRAMES.tobytes()) -> Path:
 
 def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
     in_mm, in_um = "spacings: 0.015 0.004 1", "spacings: 15 4 1"
-    ends, directions = (
-        ('units: "mm" "mm" "mm"', "axis mins: 0 0 0"),
-        "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)",
-    )
+    ends = ('units: "mm" "mm" "mm"', "axis mins: 0 0 0")
+    directions = "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)"
     for lines, sizes in [
         ((in_um, 'units: "um" "um" ""'), SIZE),
         (("spacings: 0.015 4 1", 'units: "mm" "um" ""'), SIZE),
@@ -353,10 +347,7 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
         (entry().replace(f'SizeZ="{ROWS}"', ""), "has no SizeZ"),
         (entry().replace(f'SizeX="{COLUMNS}"', ""), "has no SizeX"),
         (entry().replace('BytesPerPixel="4"', 'BytesPerPixel="2"'), "BytesPerPixel = 2"),
-        (
-            entry() + "<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>",
-            "SizeZ 0.192 mm, and RangeZ is 0.096 mm",
-        ),
+        (f"{entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>", "SizeZ 0.192 mm, .* RangeZ is 0.096 mm"),
         ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
         ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
     ]:

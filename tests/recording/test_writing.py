@@ -188,9 +188,8 @@ def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
 
 def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
     for text in ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=cmd|" /C calc"!A0']:
-        found = list(
-            csv.reader(StringIO(export.csv_text([{"file": text, "deep": {"note": text}, text: 1}]), newline=""))
-        )
+        table = export.csv_text([{"file": text, "deep": {"note": text}, text: 1}])
+        found = list(csv.reader(StringIO(table, newline="")))
         assert found == [["file", "deep_note", f"'{text}"], [f"'{text}", f"'{text}", "1"]]
     row = {"force_mn": -1.5, "count": -2, "flag": True, "file": "a=b -c.png", "note": "'quoted"}
     assert export.csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"

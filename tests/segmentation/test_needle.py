@@ -13,7 +13,6 @@ from analytic_frames import STEEL
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
-from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.needle import needle_entry
@@ -25,11 +24,8 @@ OCT = OctStudy()
 SCALE = PixelScale.of(OCT)
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
+POSE = Pose(lateral_m=0.2e-3, depth_m=0.5e-3)
 GAUGES_M = {22: 0.7e-3, 25: 0.5e-3, 30: 0.3e-3, 34: 0.18e-3}
-
-
-def wall(dent_m: float = 1.0e-3, width_m: float = 1.2e-3, thickness_m: float = 0.7e-3) -> Section:
-    return dented_wall(thickness_m, dent_m, width_m, points=1501)
 
 
 def optics(seed: int = 0, **own: object) -> BscanOptics:
@@ -39,16 +35,16 @@ def optics(seed: int = 0, **own: object) -> BscanOptics:
 
 def frame_of(shaft: NeedleShaft | None, dent_m: float = 1.0e-3, seed: int = 0, lift_m: float = 0.0, **own: object):
     """A frame of a wall, its contact at 0.2 mm beside the middle and 0.5 mm deep, and where the needle's tip is."""
-    section, pose = wall(dent_m), Pose(lateral_m=0.2e-3, depth_m=0.5e-3)
+    section = POSE.place(dented_wall(0.7e-3, dent_m, 1.2e-3, points=1501))
     tip_m = np.array([0.2e-3, 0.5e-3 + dent_m - lift_m])
     drawn = None if shaft is None else draw_shaft(shaft, tip_m, 0.0, OCT)
     rng = np.random.default_rng(seed)
-    return render_bscan(pose.place(section), OCT, optics(seed, **own), rng, drawn).frame, tip_m
+    return render_bscan(section, OCT, optics(seed, **own), rng, drawn).frame, tip_m
 
 
 def surface_error_m(outer_row: np.ndarray, dent_m: float) -> np.ndarray:
     """Return the depth of a found surface below the one of `frame_of`, (column,), m."""
-    placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(wall(dent_m)).outer
+    placed = POSE.place(dented_wall(0.7e-3, dent_m, 1.2e-3, points=1501)).outer
     lateral_m = (np.arange(OCT.columns) + 0.5) * SCALE.lateral_m - OCT.width_m / 2
     return (outer_row + 0.5) * SCALE.depth_m - np.interp(lateral_m, *placed.T)
 

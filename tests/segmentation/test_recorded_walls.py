@@ -82,10 +82,8 @@ def frames(kind: str) -> Iterator[tuple[Pixels, PixelScale]]:
     if kind == "scanners":
         for rows, columns in SCANNERS:
             scanner = OctStudy(width_m=9e-3, depth_m=5e-3, rows=rows, columns=columns, refractive_index=1.38)
-            rng, placed = (
-                np.random.default_rng(1),
-                Pose(lateral_m=0.0, depth_m=0.9e-3).place(dented_wall(0.7e-3, 0.8e-3)),
-            )
+            rng = np.random.default_rng(1)
+            placed = Pose(lateral_m=0.0, depth_m=0.9e-3).place(dented_wall(0.7e-3, 0.8e-3))
             optics = sample_optics(STUDY.phantom, scanner, rng)
             yield render_bscan(placed, scanner, optics, rng).frame, PixelScale.of(scanner)
     elif kind == "phantoms":

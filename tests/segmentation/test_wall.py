@@ -27,10 +27,6 @@ SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
 
 
-def wall(thickness_m: float = 0.7e-3, dent_m: float = 0.0, width_m: float = 1.6e-3) -> Section:
-    return dented_wall(thickness_m, dent_m, width_m)
-
-
 def phantom(
     section: Section,
     seed: int = 0,
@@ -54,7 +50,7 @@ CLEAR = {"snr_db": 25.0, "attenuation_per_m": 800.0, "choroid_level_db": -10.0, 
 
 @pytest.fixture
 def bscan() -> Bscan:
-    return phantom(wall(dent_m=1.5e-3), seed=1, **CLEAR)
+    return phantom(dented_wall(0.7e-3, 1.5e-3), seed=1, **CLEAR)
 
 
 def virtual_frames(eyes: int, frames: int, seed: int) -> Iterator[Bscan]:
@@ -64,16 +60,9 @@ def virtual_frames(eyes: int, frames: int, seed: int) -> Iterator[Bscan]:
     for number in range(eyes):
         thickness_m, modulus_pa = rng.uniform(0.3e-3, 1.2e-3), rng.uniform(0.2e6, 0.5e6)
         gap_m, polar_rad, direction_rad = rng.uniform(0.35e-3, 1e-3), rng.uniform(0.44, 0.78), rng.uniform(-3.1, 3.1)
-        eye = PhantomEye(
-            id=f"eye-{number}",
-            thickness_m=thickness_m,
-            youngs_modulus_pa=modulus_pa,
-            iop_pa=266.0,
-            gap_m=gap_m,
-            polar_rad=polar_rad,
-            azimuth_rad=0.0,
-            direction_rad=direction_rad,
-        )
+        wall = {"thickness_m": thickness_m, "youngs_modulus_pa": modulus_pa, "iop_pa": 266.0}
+        place = {"gap_m": gap_m, "polar_rad": polar_rad, "direction_rad": direction_rad}
+        eye = PhantomEye(id=f"eye-{number}", **wall, **place)
         for section in linear_sections(eye, study)(list(rng.uniform(0.0, 0.06, frames))):
             optics = sample_optics(study.phantom, study.oct, rng)
             yield render_bscan(sample_pose(study.phantom, rng).place(section), study.oct, optics, rng)
@@ -92,7 +81,7 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
 
 @pytest.mark.parametrize("thickness_m", [0.4e-3, 0.7e-3, 1.0e-3])
 def test_thickness_along_the_normal_is_that_of_the_wall(thickness_m: float):
-    found = find_wall(phantom(wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE)
+    found = find_wall(phantom(dented_wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE)
     assert found.inner_found
     assert found.thickness_m == pytest.approx(thickness_m, rel=0.04)
 
@@ -102,7 +91,7 @@ def test_thickness_along_the_normal_is_that_of_the_wall(thickness_m: float):
 def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(seed: int, choroid_m: float):
     optics = {"choroid_thickness_m": choroid_m, "choroid_level_db": -8.5, "display_range_db": 40.0}
     bright = {"snr_db": 33.0, "attenuation_per_m": 900.0, "shadows": (), "lines": (), "covers": ()}
-    bscan = phantom(wall(0.76e-3), seed, **optics, **bright)
+    bscan = phantom(dented_wall(0.76e-3, 0.0), seed, **optics, **bright)
     found, truth = find_wall(bscan.frame, SCALE), bscan.truth_mask > 0
     last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
     seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
@@ -125,27 +114,24 @@ def test_missing_columns_are_bridged(bscan: Bscan):
     assert dice(find_wall(frame, SCALE), bscan.truth_mask) > 0.95
 
 
-def test_horizontal_lines_are_not_the_surface():
-    lines = tuple(
-        Line(depth_m=depth_m, level_db=25.0, thickness_m=12e-6) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
+def test_horizontal_lines_and_covers_above_the_tissue_are_not_the_surface():
+    line, cover = {"level_db": 25.0, "thickness_m": 12e-6}, {"level_db": 30.0, "thickness_m": 16e-6}
+    lines = tuple(Line(depth_m=depth_m, **line) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3))
+    level, tilted = (
+        tuple(Cover(height_m=height_m, tilt_rad=tilt_rad, **cover) for height_m in (0.12e-3, 0.3e-3))
+        for tilt_rad in (0.0, 0.03)
     )
-    bscan = phantom(wall(dent_m=1.5e-3), lines=lines, **CLEAR)
-    assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
-
-
-@pytest.mark.parametrize("tilt_rad", [0.0, 0.03])
-def test_covers_above_the_tissue_are_not_the_surface(tilt_rad: float):
-    covers = tuple(
-        Cover(height_m=height_m, level_db=30.0, thickness_m=16e-6, tilt_rad=tilt_rad) for height_m in (0.12e-3, 0.3e-3)
-    )
-    bscan = phantom(wall(dent_m=1.0e-3), covers=covers, **CLEAR)
-    assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
+    for dent_m, over in ((1.5e-3, {"lines": lines}), (1.0e-3, {"covers": level}), (1.0e-3, {"covers": tilted})):
+        bscan = phantom(dented_wall(0.7e-3, dent_m), **over, **CLEAR)
+        assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
 
 
 @pytest.mark.parametrize("slope_deg", [-40.0, 20.0, 40.0])
 def test_tissue_at_a_slope_is_followed(slope_deg: float):
     scanner = OctStudy(width_m=3e-3, depth_m=4e-3)
-    bscan = phantom(wall(), oct_study=scanner, tilt_rad=np.radians(slope_deg), top_m=1.5e-3, band_m=0.0, **CLEAR)
+    bscan = phantom(
+        dented_wall(0.7e-3, 0.0), oct_study=scanner, tilt_rad=np.radians(slope_deg), top_m=1.5e-3, band_m=0.0, **CLEAR
+    )
     found = find_wall(bscan.frame, PixelScale(lateral_m=3e-3 / 512, depth_m=4e-3 / 512))
     assert dice(found, bscan.truth_mask) > 0.95
 
@@ -156,7 +142,7 @@ def test_any_scale_will_do(pixel_um: float):
     scanner = OctStudy(width_m=min(512, int(14e-3 / pixel_m)) * pixel_m, depth_m=512 * pixel_m, rows=512,
                        columns=min(512, int(14e-3 / pixel_m)))  # fmt: skip
     blur = {"axial_resolution_m": pixel_m, "lateral_resolution_m": 2 * pixel_m, "band_m": 0.0}
-    bscan = phantom(wall(), oct_study=scanner, **blur, **CLEAR)
+    bscan = phantom(dented_wall(0.7e-3, 0.0), oct_study=scanner, **blur, **CLEAR)
     assert dice(find_wall(bscan.frame, PixelScale(lateral_m=pixel_m, depth_m=pixel_m)), bscan.truth_mask) > 0.9
 
 
@@ -170,7 +156,7 @@ def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
 
 
 def test_a_dent_that_leaves_the_window_leaves_a_gap():
-    bscan = phantom(wall(0.5e-3, dent_m=5.0e-3, width_m=1.8e-3), **CLEAR)
+    bscan = phantom(dented_wall(0.5e-3, dent_m=5.0e-3, width_m=1.8e-3), **CLEAR)
     found = find_wall(bscan.frame, SCALE)
     assert found.usable
     assert not bscan.truth_mask[:, 250:262].any()
@@ -179,7 +165,7 @@ def test_a_dent_that_leaves_the_window_leaves_a_gap():
 
 
 def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_below():
-    endless = phantom(wall(2.5e-3), **CLEAR | {"attenuation_per_m": 900.0})
+    endless = phantom(dented_wall(2.5e-3, 0.0), **CLEAR | {"attenuation_per_m": 900.0})
     found = find_wall(endless.frame, SCALE)
     assert found.usable
     assert not found.inner_found
@@ -190,7 +176,7 @@ def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_be
 
 def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
     scanner = OctStudy(refractive_index=1.38)
-    bscan = phantom(wall(0.6e-3), oct_study=scanner, **CLEAR)
+    bscan = phantom(dented_wall(0.6e-3, 0.0), oct_study=scanner, **CLEAR)
     found = find_wall(bscan.frame, replace(SCALE, refractive_index=1.38))
     assert found.thickness_m == pytest.approx(0.6e-3, rel=0.05)
     assert dice(found, bscan.truth_mask) > 0.95

@@ -44,6 +44,16 @@ def true_rows(bscan: Bscan) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.where(there, (rows + 0.5) * STUDY.rows / 512 - 0.5, np.nan) for rows in (outer, inner))
 
 
+def seen_wall(*wall: float, seed: int = 0) -> tuple[Bscan, np.ndarray, np.ndarray]:
+    bscan = phantom(*wall, seed=seed)
+    return bscan, *true_rows(bscan)
+
+
+def at_every_column(rows: np.ndarray) -> np.ndarray:
+    """Rows of the reduced frame as rows of the frame, (column,)."""
+    return np.interp(np.arange(512), reduced_columns(512, HALF), (rows + 0.5) * 4 - 0.5)
+
+
 def dice(mask: np.ndarray, true: np.ndarray) -> float:
     return float(2 * np.count_nonzero((mask > 0) & (true > 0)) / (np.count_nonzero(mask) + np.count_nonzero(true)))
 
@@ -108,8 +118,7 @@ def test_a_network_with_other_outputs_is_refused() -> None:
 
 def test_answers_that_are_not_finite_are_an_error() -> None:
     finder = fixed_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
-    session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
-    finder.session = session
+    finder.session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
     with pytest.raises(ModelError, match="numbers that are not finite"):
         finder.find(FRAME)
 
@@ -144,29 +153,24 @@ def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -
 
 def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most() -> None:
     """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far."""
-    bscan = phantom(0.6e-3, 0.0, seed=3)
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall(0.6e-3, 0.0, seed=3)
     left = np.arange(HALF) < HALF // 2
     checked = refined(bscan.frame, fixed_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0))
-    true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
-    off = checked.inner_row - true
+    off = checked.inner_row - at_every_column(inner)
     assert np.nanmedian(np.abs(off[60:220])) < 2.0
     assert np.nanmedian(off[300:450]) == pytest.approx(12.0, abs=3.0)
 
 
 def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
     """Its surface is given 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
-    bscan = phantom(0.6e-3, 0.0, seed=3)
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall(0.6e-3, 0.0, seed=3)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer - 3.0, inner, sd=0.5))
-    true = np.interp(np.arange(512), reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
-    assert np.nanmedian((checked.outer_row - true)[60:450]) == pytest.approx(-12.0, abs=3.0)
+    assert np.nanmedian((checked.outer_row - at_every_column(outer))[60:450]) == pytest.approx(-12.0, abs=3.0)
     assert not checked.usable
 
 
 def test_a_wall_that_continues_beyond_the_frame_ends_a_millimetre_below_its_surface() -> None:
-    bscan = phantom(0.6e-3, 0.0)
-    outer, _ = true_rows(bscan)
+    bscan, outer, _ = seen_wall(0.6e-3, 0.0)
     below = np.full(HALF, STUDY.rows - 1.0)
     finder = fixed_finder(outer, np.where(np.isfinite(outer), below, np.nan))
     checked = refined(bscan.frame, finder)
@@ -178,18 +182,15 @@ def test_a_wall_that_continues_beyond_the_frame_ends_a_millimetre_below_its_surf
 
 
 def test_a_wall_that_leaves_the_frame_keeps_its_thickness() -> None:
-    bscan = phantom(0.6e-3, 0.0)
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall(0.6e-3, 0.0)
     middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
     checked = refined(bscan.frame, fixed_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
-    true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
-    assert np.nanmedian(np.abs(checked.inner_row - true)) < 3.0
+    assert np.nanmedian(np.abs(checked.inner_row - at_every_column(inner))) < 3.0
     assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
 
 
 def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusable_unless_the_other_does() -> None:
-    bscan = phantom(0.6e-3, 0.0)
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall(0.6e-3, 0.0)
 
     def told(end: np.ndarray) -> Segmentation:
         rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
@@ -203,31 +204,24 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
 @pytest.mark.parametrize(("shift", "what"), [((20.0, 20.0), "its surface lies up to"),
                                              ((0.0, 14.0), "its inner boundary lies up to")])  # fmt: skip
 def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[float, float], what: str) -> None:
-    bscan = phantom()
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall()
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer + shift[0], inner + shift[1]))
     assert not checked.usable
     assert checked.reason.startswith(f"two methods to find the wall differ: {what}")
 
 
 def test_a_network_that_is_unsure_does_not_contradict() -> None:
-    bscan = phantom()
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall()
     assert find_wall(bscan.frame, SCALE, finder=fixed_finder(outer, inner + 6.0, sd=4.0)).usable
 
 
-def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None:
-    bscan = phantom()
-    outer, inner = true_rows(bscan)
+def test_a_network_that_sees_half_of_the_wall_or_none_makes_the_frame_unusable() -> None:
+    bscan, outer, inner = seen_wall()
     half = np.where(np.arange(HALF) < HALF // 2, np.nan, outer)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(half, inner))
     assert not checked.usable
     assert "one sees wall where the other does not" in checked.reason
     assert np.isnan(checked.outer_row[100])
-
-
-def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
-    bscan = phantom()
     nowhere = np.full(HALF, np.nan)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(nowhere, nowhere))
     assert not checked.usable
@@ -246,18 +240,14 @@ def test_an_empty_frame_stays_one_without_wall() -> None:
 
 def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
     """The wall's lower part is noise: the network says where its end is."""
-    bscan = phantom(0.8e-3, 0.0)
-    outer, inner = true_rows(bscan)
+    bscan, outer, inner = seen_wall(0.8e-3, 0.0)
     frame = bscan.frame.copy()
-    column = np.arange(512)
-    top = np.interp(column, reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
-    below = np.arange(512)[:, None] > top + 0.3e-3 / SCALE.depth_m
+    below = np.arange(512)[:, None] > at_every_column(outer) + 0.3e-3 / SCALE.depth_m
     noise = np.random.default_rng(0).integers(0, 400, frame.shape, dtype=np.uint16)
     frame = np.where(below, noise, frame)
     checked = refined(frame, fixed_finder(outer, inner, sd=0.6))
     there = np.isfinite(checked.inner_row)
-    expected = np.interp(column, reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
-    assert np.nanmedian(np.abs(checked.inner_row - expected)[there]) < 6.0
+    assert np.nanmedian(np.abs(checked.inner_row - at_every_column(inner))[there]) < 6.0
 
 
 @pytest.mark.parametrize("scale", [0.25, 4.0])
