@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration import registration, roukf
 from scleraforce.calibration.eye_model import EyeConstants, Parameter, ParameterSpace, known_of_constants, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
@@ -25,8 +25,6 @@ from scleraforce.library.placement import Places, curve_depths
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import from_si
-
-Array = NDArray[np.float64]
 
 # Name on the command line -> name of the parameter.
 PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
@@ -53,8 +51,8 @@ class EyeState:
 
     posterior: roukf.Posterior
     belief: registration.PoseBelief
-    sensitivity: Array
-    zero_covariance: Array
+    sensitivity: Floats
+    zero_covariance: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,7 @@ def eye_filter(
     return EyeFilter(model, ParameterSpace(tuple(unknown)), params, study)
 
 
-def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
+def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     """Return means and standard deviations of the parameters in SI, with the effect of the shared values.
 
     If the filter has left the bounds of the rigidity, which it does not know, they are those on the bound.
@@ -106,7 +104,7 @@ def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
     return eye.space.moments(*_within_bounds(eye, state))
 
 
-def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
+def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     """Return mean and covariance in the filter's coordinates, the mean given a rigidity within its bounds."""
     mean, covariance = state.posterior.mean, _total_covariance(eye, state)
     if RIGIDITY not in eye.space.names:
@@ -139,7 +137,7 @@ def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
     return float(eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)])
 
 
-def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
+def _total_covariance(eye: EyeFilter, state: EyeState) -> Floats:
     """Return the filter's covariance plus that of the shared values, in the filter's coordinates (p, p)."""
     shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
     shared[:2, :2] = state.zero_covariance
@@ -172,7 +170,7 @@ def assimilate(
     by_nuisance = placed.jacobian[:, : registration.LOG_MODULUS]
     expected = by_nuisance @ (prior.mean - fit.nuisance)
 
-    def observe(states_rp: Array) -> Array:
+    def observe(states_rp: Floats) -> Floats:
         return _depths(eye, states_rp, force_n, fit.nuisance, places) + expected
 
     noise = (  # covariance (point, point): segmentation, nuisances, force, contact
@@ -198,7 +196,7 @@ def assimilate(
     return FrameStep(after, force_n, fit, observation, result)
 
 
-def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Array:
+def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floats:
     """Return the depths (point,) that a modulus predicts at a step's observed points, at the pose that was found.
 
     The other parameters have the means of the posterior after the step.
@@ -206,11 +204,10 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
     coordinates = step.state.posterior.mean.copy()
     coordinates[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, modulus_pa)
     places = Places(step.observation.lateral_m, step.observation.boundary)
-    depth: Array = _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
-    return depth
+    return _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
 
 
-def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Array | None:
+def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Floats | None:
     """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
@@ -226,7 +223,7 @@ def _modulus_coordinate(eye: EyeFilter, modulus_pa: float) -> float:
     return float(np.log(modulus_pa / unit)) if eye.study.positive else modulus_pa / unit
 
 
-def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, places: Places) -> Array:
+def _depths(eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places) -> Floats:
     """Return predicted depths (row, place) for rows of the filter's coordinates; NaN for a row without such an eye."""
     values = eye.space.values(states_rp)
     sound = eye.space.exist(values)
@@ -251,7 +248,7 @@ class EyeSession:
 
     filter: EyeFilter
     state: EyeState
-    zero_covariance: Array
+    zero_covariance: Floats
     last: FrameStep | Skipped | None = None
     poses: dict[Boundaries, registration.PoseBelief] | None = None
 
@@ -283,7 +280,7 @@ def begin(
     constants: EyeConstants,
     library: Library | None,
     parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Array = ZERO_PRIOR,
+    zero_covariance: Floats = ZERO_PRIOR,
     poses: dict[Boundaries, registration.PoseBelief] | None = None,
 ) -> EyeSession:
     """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`.
@@ -303,7 +300,7 @@ def begin_with(
     model: "registration.EyeModel",
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Array = ZERO_PRIOR,
+    zero_covariance: Floats = ZERO_PRIOR,
     poses: dict[Boundaries, registration.PoseBelief] | None = None,
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""

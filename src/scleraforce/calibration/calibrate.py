@@ -10,8 +10,8 @@ from functools import cache
 from math import cos
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
@@ -31,8 +31,6 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
-
-Array = NDArray[np.float64]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
@@ -317,7 +315,7 @@ def calibrate_eye(
 
 
 def frame_order(
-    force_n: Array, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
+    force_n: Floats, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
 ) -> list[int]:
     """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
 

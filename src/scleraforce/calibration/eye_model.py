@@ -10,11 +10,9 @@ from dataclasses import KW_ONLY, dataclass
 from math import log, prod, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
-
-Array = NDArray[np.float64]
 
 SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
@@ -55,7 +53,7 @@ class ParameterSpace:
         """Names of the parameters."""
         return tuple(entry.name for entry in self.parameters)
 
-    def prior(self) -> tuple[Array, Array]:
+    def prior(self) -> tuple[Floats, Floats]:
         """Return mean (p,) and covariance (p, p) of the prior in the filter's coordinates."""
         means, variances = [], []
         for entry in self.parameters:
@@ -64,17 +62,17 @@ class ParameterSpace:
             variances.append(log(1 + ratio) if entry.positive else ratio)
         return np.array(means), np.diag(variances)
 
-    def values(self, coordinates: Array) -> Array:
+    def values(self, coordinates: Floats) -> Floats:
         """Return the parameters (..., p) in SI for coordinates (..., p)."""
         scaled = np.where(self._positive, np.exp(np.where(self._positive, coordinates, 0.0)), coordinates)
         return scaled * self._units
 
-    def exist(self, values: Array) -> NDArray[np.bool_]:
+    def exist(self, values: Floats) -> Flags:
         """Return True for each row of values (..., p), SI, that an eye can have."""
         free = np.array([entry.either_sign for entry in self.parameters])
         return np.asarray((np.isfinite(values) & ((values > 0) | free)).all(axis=-1))
 
-    def moments(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+    def moments(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""
         variance = np.diag(covariance)
         lognormal_mean = np.exp(np.where(self._positive, mean + variance / 2, 0.0))
@@ -84,11 +82,11 @@ class ParameterSpace:
         return means * self._units, sds * np.abs(self._units)
 
     @property
-    def _positive(self) -> NDArray[np.bool_]:
+    def _positive(self) -> Flags:
         return np.array([entry.positive for entry in self.parameters])
 
     @property
-    def _units(self) -> Array:
+    def _units(self) -> Floats:
         return np.array([entry.mean for entry in self.parameters])
 
 
@@ -161,7 +159,7 @@ def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) 
     )
 
 
-def lagrange(nodes: Sequence[float], at: float) -> Array:
+def lagrange(nodes: Sequence[float], at: float) -> Floats:
     """Return the weights (node,) of Lagrange's polynomial through `nodes` at a place.
 
     >>> lagrange((0.0, 1.0, 2.0), 0.5).tolist()
@@ -176,7 +174,7 @@ def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
     return tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
 
 
-def smoothed(curves: Array, sd_m: float) -> Array:
+def smoothed(curves: Floats, sd_m: float) -> Floats:
     """Return curves (..., sample, 2), sampled every `SAMPLE_STEP_M`, smoothed by a Gaussian; the ends stay."""
     if sd_m == 0:
         return curves

@@ -11,12 +11,10 @@ from itertools import pairwise
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
-
-Array = NDArray[np.float64]
 
 PUSH_N = 4e-3  # a rest counts between two frames of at least this force: the needle must have let go visibly
 QUIET_S = 1.0  # of a rest, for its search
@@ -37,10 +35,10 @@ class FrameForces:
     `zero` (2,): offset in N and drift in N/s; `zero_covariance` (2, 2) of their errors, which all forces share.
     """
 
-    force_n: Array
-    since_start_s: Array
-    zero: Array
-    zero_covariance: Array
+    force_n: Floats
+    since_start_s: Floats
+    zero: Floats
+    zero_covariance: Floats
 
 
 def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces:
@@ -56,7 +54,7 @@ def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces
     return FrameForces(force_n - zero[0] - zero[1] * since_s, since_s, zero, covariance)
 
 
-def rest_zeros(contact_n: Array, log_s: Array, frames_s: Array, frames_n: Array) -> tuple[Array, Array]:
+def rest_zeros(contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Floats) -> tuple[Floats, Floats]:
     """Return time since the log's beginning and mean force of every rest between two pushes, each (rest,).
 
     Of the log: contact force, tared at the beginning, and times; of the frames: times, increasing, and labels.
@@ -73,7 +71,7 @@ def rest_zeros(contact_n: Array, log_s: Array, frames_s: Array, frames_n: Array)
     return log_s[middle] - log_s[0], np.array([rest[1] for rest in rests])
 
 
-def zero_line(time_s: Array, zero_n: Array) -> tuple[Array, Array]:
+def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
     """Return offset and drift (2,) with their covariance (2, 2): a line through rests, with the tare as prior.
 
     The rests' own scatter counts if it is larger than expected.
@@ -82,14 +80,14 @@ def zero_line(time_s: Array, zero_n: Array) -> tuple[Array, Array]:
     prior = np.linalg.inv(ZERO_PRIOR)
     sd = REST_SD_N
     for _ in range(2):
-        covariance: Array = np.asarray(np.linalg.inv(prior + design.T @ design / sd**2), dtype=np.float64)
+        covariance: Floats = np.asarray(np.linalg.inv(prior + design.T @ design / sd**2), dtype=np.float64)
         line = covariance @ (design.T @ zero_n) / sd**2
         rest = zero_n - design @ line
         sd = max(REST_SD_N, float(np.sqrt(rest @ rest / max(len(rest) - 2, 1))))
     return line, covariance
 
 
-def _rest(contact_n: Array, rate_hz: float, start: int) -> tuple[int, float] | None:
+def _rest(contact_n: Floats, rate_hz: float, start: int) -> tuple[int, float] | None:
     """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
     total = np.concatenate([[0.0], np.cumsum(contact_n)])
     lengths = (round(QUIET_S * rate_hz), round(SMOOTH_S * rate_hz))
@@ -157,7 +155,7 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     return tuple(None if trial.measured_force_n is None else next(found) for trial in trials)
 
 
-def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Around:
+def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> _Around:
     """Fit a parabola to means of 0.1 s about a frame."""
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
@@ -191,13 +189,13 @@ def _energy(average_s: float, rate_hz: float) -> float:
     return float(weights @ weights) * rate_hz
 
 
-def _sample_variance(raw_n: Array) -> float:
+def _sample_variance(raw_n: Floats) -> float:
     """Return the variance of a sample's noise, N^2, from the differences of neighbours."""
     steps_n = np.abs(np.diff(raw_n))
     return float(steps_n.mean() ** 2 * pi / 4.0)
 
 
-def _quantisation(raw_n: Array) -> float:
+def _quantisation(raw_n: Floats) -> float:
     """Return the variance of the bias that the log's steps leave, N^2 (see above)."""
     levels_n = np.unique(raw_n)
     if len(levels_n) < 2:

@@ -19,8 +19,8 @@ from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.calibration.forces import LABEL_SD_N
 from scleraforce.known import (
     NINETY_PERCENT,
@@ -40,8 +40,7 @@ from scleraforce.library.prior import prior_of
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
-Array = NDArray[np.float64]
-Scales = tuple[Array, Array]
+Scales = tuple[Floats, Floats]
 
 OF_MODULUS, OF_RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
 # Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly off (uneven ones,
@@ -93,13 +92,13 @@ class Found:
     deviations of their expectation.
     """
 
-    mean: Array
-    covariance: Array
+    mean: Floats
+    covariance: Floats
     loss: float
     scatter: float
 
 
-def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Found:
+def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Found:
     """Return the estimate from frames of one eye, by reweighted least squares."""
     center = np.concatenate([place_of(known), np.zeros(2)])
     direction, left, weight = np.zeros((len(frames), 4)), np.zeros(len(frames)), np.zeros(len(frames))
@@ -128,8 +127,8 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Foun
 
 
 def _reweighted(
-    direction: Array, left: Array, weight: Array, scales: Scales, free: NDArray[np.bool_], begin: tuple[float, ...]
-) -> tuple[Array, Array]:
+    direction: Floats, left: Floats, weight: Floats, scales: Scales, free: Flags, begin: tuple[float, ...]
+) -> tuple[Floats, Floats]:
     """Return mean (4,) and covariance (4, 4) of the `free` unknowns; the rest stays 0.
 
     `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to explain; `scales`: inverse squares
@@ -148,7 +147,7 @@ def _reweighted(
     return found, covariance
 
 
-def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: Array) -> float:
+def _loss(direction: Floats, left: Floats, weight: Floats, scales: Scales, found: Floats) -> float:
     """Return the loss of the four: their residuals, and their distance from the priors (`_reweighted`)."""
     rest = left - direction @ found
     of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
@@ -163,7 +162,7 @@ def own(known: Known) -> tuple[Modulus, KnownGlobe]:
     return known.modulus, known.globe
 
 
-def place_of(known: Known) -> Array:
+def place_of(known: Known) -> Floats:
     """Return ln E and k over the reference's (2,)."""
     modulus, globe = own(known)
     return np.array([log(modulus.mean_pa), globe.mean / REFERENCE_RIGIDITY])
@@ -316,7 +315,7 @@ def _read(fit: BoundaryFit) -> bool:
     return fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
 
 
-def _steps(known: Known) -> Array:
+def _steps(known: Known) -> Floats:
     """Return the steps of ln E and k over the reference's (2,) for difference quotients."""
     modulus, globe = own(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
@@ -423,7 +422,7 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
     return stiffening, trial.found
 
 
-def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> NDArray[np.float64]:
+def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
     """Return the loss of each trial with that of its stiffening by the prior; infinite if it refuses more frames."""
     fewest = min(trial.refused for trial in tried.values())
     able = [trial for trial in tried.values() if trial.refused == fewest]

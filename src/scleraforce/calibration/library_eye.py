@@ -14,8 +14,8 @@ from functools import cached_property, lru_cache
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration import eye_model
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.known import Modulus
@@ -31,15 +31,13 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy, Study
 from scleraforce.units import from_si
 
-Array = NDArray[np.float64]
-
 SHIFTS = 8  # in the cache: an eye has one to three, the same for all tissues that are tried
 
 
 @lru_cache(maxsize=SHIFTS)
 def _shift(
     radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, polar_rad: float
-) -> tuple[Array, Array]:
+) -> tuple[Floats, Floats]:
     """Return the rings (boundary, node) of a wall, and their shift by a needle (boundary, node, harmonic, 3)."""
     # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a stated direction only.
     from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
@@ -52,7 +50,7 @@ def _shift(
     return rings_bn, shift.needle_mbnc.transpose(1, 2, 0, 3)
 
 
-def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
+def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float, lateral_m: Floats) -> Floats:
     """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
 
     Gap and thickness are the stated ones, also if they are uncertain: the motion is small. It does not grow beyond a
@@ -72,7 +70,9 @@ def base_moves(study: Study, constants: eye_model.EyeConstants, polar_rad: float
     )
 
 
-def _displacement(shift_nmc: Array, ring_n: Array, distance_m: Array, inside: Array, direction_rad: float) -> Array:
+def _displacement(
+    shift_nmc: Floats, ring_n: Floats, distance_m: Floats, inside: Floats, direction_rad: float
+) -> Floats:
     """Return the motion (place, 3) of one boundary from its harmonics (node, harmonic, [away, around, depth])."""
     nodes, harmonics, _ = shift_nmc.shape
     flat = shift_nmc.reshape(nodes, -1).T
@@ -102,12 +102,12 @@ class LibraryEye:
 
     constants: eye_model.EyeConstants
     library: Library
-    lateral_m: Array
+    lateral_m: Floats
     polar_nodes_rad: tuple[float, ...]
-    moves_pbxc: Array
+    moves_pbxc: Floats
     smoothing_m: float = 0.0
 
-    def curves(self, states: Sequence[eye_model.WallState]) -> Array:
+    def curves(self, states: Sequence[eye_model.WallState]) -> Floats:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
 
         Beyond the library (a modulus too low for the force) the section continues along the slope by ln(F/E) at the
@@ -135,7 +135,7 @@ class LibraryEye:
             return "the pressure under the needle rises beyond the library's"
         return None
 
-    def _ratios(self, states: Sequence[eye_model.WallState]) -> tuple[Array, Array, Array]:
+    def _ratios(self, states: Sequence[eye_model.WallState]) -> tuple[Floats, Floats, Floats]:
         """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""
         modulus = np.array([state.youngs_modulus_pa for state in states])
         thickness = np.array([state.thickness_m for state in states])
@@ -148,12 +148,12 @@ class LibraryEye:
             pressure = iop_ratio_under_force(self.library, held, pressure, np.maximum(force, 0.0), globe)
         return thickness, pressure, force
 
-    def _held(self, thickness: Array, pressure: Array) -> tuple[Array, Array]:
+    def _held(self, thickness: Floats, pressure: Floats) -> tuple[Floats, Floats]:
         """Return thickness and pressure over E, clipped to the library's ends."""
         held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
         return held, np.clip(pressure, *self.library.iop_ratio_ends(held))
 
-    def _moved(self, thickness: Array, pressure: Array, force: Array, polar: Array) -> Array:
+    def _moved(self, thickness: Floats, pressure: Floats, force: Floats, polar: Floats) -> Floats:
         """Return the motion of sections by the base's nearness (state, boundary, place, 3), m.
 
         It is 0, the mean over all directions, if the section's is not stated.
@@ -164,10 +164,9 @@ class LibraryEye:
         shares_sp = np.array([eye_model.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
         pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
         bulged = self.library.base_bulge(*self._held(thickness, pressure), self._places, pole_s2)
-        moved: Array = bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
-        return moved
+        return bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
 
-    def _walls(self, thickness: Array, pressure: Array, force: Array) -> Array:
+    def _walls(self, thickness: Floats, pressure: Floats, force: Floats) -> Floats:
         """Return the library's curves (state, boundary, node, 2), continued beyond its end."""
         library = self.library
         thickness, pressure = self._held(thickness, pressure)
@@ -196,13 +195,13 @@ class LibraryEye:
         return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
 
     @cached_property
-    def _places(self) -> Array:
+    def _places(self) -> Floats:
         """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base` takes them."""
         radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
         return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
 
     @cached_property
-    def _fine(self) -> Array:
+    def _fine(self) -> Floats:
         """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
         along = self.library.radius_m * self.library.node_angles()
         fine = np.linspace(along[0], along[-1], int((along[-1] - along[0]) / FINE_STEP_M) + 1)
@@ -231,8 +230,8 @@ def library_eye(study: Study, constants: eye_model.EyeConstants, library: Librar
 
 
 def section_depths(
-    curves_sbnc: Array, fine_fn: Array, gap_m: Array, tilt_rad: float, lateral_m: Array, moved_sbxc: Array
-) -> Array:
+    curves_sbnc: Floats, fine_fn: Floats, gap_m: Floats, tilt_rad: float, lateral_m: Floats, moved_sbxc: Floats
+) -> Floats:
     """Return the depths (state, boundary, place) in the plane of surfaces of revolution that moved a little more.
 
     `curves_sbnc` have distance from the axis and depth, from the axis outwards; `fine_fn` are weights that interpolate
@@ -248,11 +247,10 @@ def section_depths(
     if tilt_rad:
         here = _interpolated(rows, came_from)
         came_from = came_from - 2 * across * here * sin(tilt_rad)
-    depths: Array = _interpolated(rows, came_from) + deeper / cos(tilt_rad)
-    return depths
+    return _interpolated(rows, came_from) + deeper / cos(tilt_rad)
 
 
-def _interpolated(rows: Sequence[tuple[Array, Array]], wanted: Array) -> Array:
+def _interpolated(rows: Sequence[tuple[Floats, Floats]], wanted: Floats) -> Floats:
     """Interpolate each row's depth over the square of the lateral place, (..., place)."""
     places = wanted.reshape(len(rows), -1)
     found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from math import cos, sin, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, lagrange, polar_nodes, smoothed
 from scleraforce.errors import CalibrationError
 from scleraforce.mechanics.contact import Contact
@@ -22,15 +22,13 @@ from scleraforce.mechanics.mesh import locate
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-Array = NDArray[np.float64]
-
 SAMPLE_REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
 LINE_STEP_M = 0.2e-3  # between material points across the plane
 LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
 
 
-def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
+def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
     """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
     lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
     across = across - gap_m
@@ -49,7 +47,7 @@ def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     return cut
 
 
-def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Array) -> Array:
+def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Floats) -> Floats:
     """Return the fields of a factored wall about the plane of one contact, (field, boundary, line, sample, axis)."""
     mesh = wall.mesh
     axes = _plane_axes(contact, constants)
@@ -63,13 +61,13 @@ def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeCo
     solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
     moved = np.einsum("pn,fpnc->fpc", weights, solutions[:, nodes])
     stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]
-    fields: Array = np.concatenate([stood[None], moved]) @ axes.T
+    fields: Floats = np.concatenate([stood[None], moved]) @ axes.T
     return fields.reshape(4, *points_blsc.shape)
 
 
 def _lateral_samples(
     radius_m: float, thickness_m: float, contacts: Sequence[Contact], constants: EyeConstants
-) -> Array:
+) -> Floats:
     """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall is above the base."""
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
@@ -82,14 +80,14 @@ def _lateral_samples(
     return lateral[above]
 
 
-def _plane_axes(contact: Contact, constants: EyeConstants) -> Array:
+def _plane_axes(contact: Contact, constants: EyeConstants) -> Floats:
     """Return lateral, across and depth axis of the untilted plane (by default the meridian's), (3, 3), one a row."""
     direction_rad = constants.direction_rad or 0.0
     lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
     return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])
 
 
-def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Array, gap_m: float, tilt_rad: float) -> Array:
+def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Floats, gap_m: float, tilt_rad: float) -> Floats:
     """Return points on a sphere of given radius in the plane's axes, from the contact: shape (line, sample, 3)."""
     steps = np.arange(-LINE_REACH_M, LINE_REACH_M + LINE_STEP_M / 2, LINE_STEP_M)[:, None]
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - gap_m**2)
@@ -115,10 +113,10 @@ class LinearEye:
     weight_pa_m: float
     thickness_nodes_m: tuple[float, ...]
     polar_nodes_rad: tuple[float, ...]
-    fields: Array
+    fields: Floats
     smoothing_m: float = 0.0
 
-    def curves(self, states: Sequence[WallState]) -> Array:
+    def curves(self, states: Sequence[WallState]) -> Floats:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         walls = {(state.polar_rad, state.thickness_m) for state in states}
         if len(walls) == 1:
@@ -130,20 +128,17 @@ class LinearEye:
         """Return None: linear mechanics has an answer to every load."""
         return None
 
-    def _fields_at(self, polar_rad: float, thickness_m: float) -> Array:
+    def _fields_at(self, polar_rad: float, thickness_m: float) -> Floats:
         """Return the fields (field, boundary, line, sample, axis) for a polar angle and a thickness."""
         if polar_rad in self.polar_nodes_rad and thickness_m in self.thickness_nodes_m:
-            fields: Array = self.fields[
-                self.thickness_nodes_m.index(thickness_m), self.polar_nodes_rad.index(polar_rad)
-            ]
-            return fields
+            return self.fields[self.thickness_nodes_m.index(thickness_m), self.polar_nodes_rad.index(polar_rad)]
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness_m), lagrange(self.polar_nodes_rad, polar_rad))
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness_m) ** 2
         by_field = np.stack([weights, bent, bent, bent])
         return np.asarray(np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields), dtype=np.float64)
 
-    def _sections(self, fields_fblsc: Array, states: Sequence[WallState]) -> Array:
+    def _sections(self, fields_fblsc: Floats, states: Sequence[WallState]) -> Floats:
         compliance = np.array([1.0 / state.youngs_modulus_pa for state in states])
         loads = [[state.iop_pa, self.weight_pa_m, state.force_n] for state in states]
         loads_sf = np.column_stack([np.ones(len(states)), np.array(loads) * compliance[:, None]])

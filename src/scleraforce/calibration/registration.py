@@ -11,8 +11,8 @@ from math import log
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.calibration.eye_model import WallState, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.known import REFERENCE_RIGIDITY
@@ -24,8 +24,6 @@ if TYPE_CHECKING:  # its mechanics takes a third of a second to import
     from scleraforce.calibration.linear_eye import LinearEye
 
     EyeModel = LibraryEye | LinearEye
-
-Array = NDArray[np.float64]
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the
 # segmentation's, or a wall that is not as thick as stated).
@@ -39,19 +37,19 @@ FORCE_STEP_N = 1e-4
 
 
 def parameter_sections(
-    model: "EyeModel", names: Sequence[str], values_rp: Array, force_n: float, polar_rad: float
-) -> Array:
+    model: "EyeModel", names: Sequence[str], values_rp: Floats, force_n: float, polar_rad: float
+) -> Floats:
     """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
     return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
 
 
-def place_section(curves: Array, nuisance: Array) -> Array:
+def place_section(curves: Floats, nuisance: Floats) -> Floats:
     """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
     return placement.place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
 
 
-def polar_derivative(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> Array:
+def polar_derivative(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> Floats:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
     low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
@@ -61,7 +59,7 @@ def polar_derivative(model: "EyeModel", state: WallState, nuisance: Array, place
     return (above - below) / (high - low)
 
 
-def predict_frame(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> placement.Placed:
+def predict_frame(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> placement.Placed:
     """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
     states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
@@ -77,7 +75,7 @@ def predict_frame(model: "EyeModel", state: WallState, nuisance: Array, places: 
     return placement.Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 
-def force_derivative(model: "EyeModel", state: WallState, nuisance: Array, places: placement.Places) -> Array:
+def force_derivative(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> Floats:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
     less, more = (placement.curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
@@ -101,16 +99,16 @@ START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, besid
 class PoseBelief:
     """The distribution of the values that frames share: mean (5,) and covariance (5, 5), ordered as `NUISANCES`."""
 
-    mean: Array
-    covariance: Array
+    mean: Floats
+    covariance: Floats
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registered:
     """A frame's fit: nuisances (5,), their covariance (5, 5), and the wall, of the frame's own modulus and rigidity."""
 
-    nuisance: Array
-    covariance: Array
+    nuisance: Floats
+    covariance: Floats
     wall: WallState
 
 
@@ -188,7 +186,7 @@ class _Fit:
         self.precision[free] = np.linalg.inv(covariance[free])
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
 
-    def start(self) -> Array:
+    def start(self) -> Floats:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
@@ -215,21 +213,21 @@ class _Fit:
         modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
         return replace(self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k)
 
-    def evaluate(self, unknown: Array) -> tuple[placement.Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[placement.Placed, float]:
         """Return the prediction and the cost."""
         state = self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY])
         placed = predict_frame(self.model, state, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
-    def normal_equations(self, unknown: Array, placed: placement.Placed) -> tuple[Array, Array]:
+    def normal_equations(self, unknown: Floats, placed: placement.Placed) -> tuple[Floats, Floats]:
         """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
         normal, gradient = self.columns.normal_equations(self._movable(placed))
         normal += self.precision
         normal[~self.free, ~self.free] = 1.0
         return normal, gradient - self.precision @ (unknown - self.mean)
 
-    def inside(self, unknown: Array) -> Array:
+    def inside(self, unknown: Floats) -> Floats:
         """Keep the rigidity within its bounds; a section continues smoothly beyond the mechanics."""
         unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self._rigidity_ends)
         return unknown
@@ -243,7 +241,7 @@ class _Fit:
         """Return a prediction that fixed unknowns do not move."""
         return replace(placed, jacobian=placed.jacobian * self.free)
 
-    def result(self, unknown: Array, placed: placement.Placed) -> Registered:
+    def result(self, unknown: Floats, placed: placement.Placed) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, placement.robust_spread(size)) if len(size) else 1.0

@@ -11,15 +11,13 @@ from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.calibration.forces import FrameForces
 from scleraforce.known.relaxation import MOST_BEFORE_N, KnownRelaxation, Matrix, rows
 from scleraforce.mechanics.relaxation import driven_back
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import contact_force
-
-Array = NDArray[np.float64]
 
 TIMES_S = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # two terms of any times between are as good as in the grid
 # Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and 0.33 with 4.3 s, the paper's eyes
@@ -68,7 +66,7 @@ def with_elastic_forces(
 
 
 def _with_histories(
-    known: KnownRelaxation, frame_s: Array, force_n: Array, time_s: Array, elastic_n: Array, memories_n: Array
+    known: KnownRelaxation, frame_s: Floats, force_n: Floats, time_s: Floats, elastic_n: Floats, memories_n: Floats
 ) -> KnownRelaxation:
     """Return a relaxation with the histories of frames, which have an elastic force."""
     times_s, counted = np.array(known.times_s), np.flatnonzero(force_n > LEAST_PUSH_N)
@@ -103,13 +101,13 @@ def _with_histories(
     )
 
 
-def _push(elastic_n: Array, less_n: float) -> int:
+def _push(elastic_n: Floats, less_n: float) -> int:
     """Return the last sample with less than a force."""
     lighter = np.flatnonzero(elastic_n < less_n)
     return int(lighter[-1]) if len(lighter) else 0
 
 
-def _spread(found: Array, sd_of_one: float) -> Matrix:
+def _spread(found: Floats, sd_of_one: float) -> Matrix:
     """Return the covariance of another frame's memories after seen frames, (frame, term): of Student's t."""
     count = len(found)
     if count == 1:
@@ -117,7 +115,7 @@ def _spread(found: Array, sd_of_one: float) -> Matrix:
     return rows((1.0 + 1.0 / count) * (count - 1) / max(count - 3, 1) * np.cov(found.T))
 
 
-def _found(felt_n: Array, time_s: Array, contact: NDArray[np.bool_]) -> KnownRelaxation:
+def _found(felt_n: Floats, time_s: Floats, contact: Flags) -> KnownRelaxation:
     """Find the shares on the holds of a log; without holds they are as in other tissue."""
     holds = list(_holds(felt_n, contact))
     if not holds:
@@ -128,7 +126,7 @@ def _found(felt_n: Array, time_s: Array, contact: NDArray[np.bool_]) -> KnownRel
     return KnownRelaxation.of(shares.tolist(), TIMES_S, covariance, "holds")
 
 
-def _holds(felt_n: Array, contact: NDArray[np.bool_]) -> Iterator[slice]:
+def _holds(felt_n: Floats, contact: Flags) -> Iterator[slice]:
     """Yield the parts of a log between fast changes of the force, in contact."""
     ends_n = np.pad(felt_n, (SMOOTHED // 2, (SMOOTHED - 1) // 2), mode="symmetric")
     speed = np.gradient(np.convolve(ends_n, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid"))
@@ -145,13 +143,11 @@ def _holds(felt_n: Array, contact: NDArray[np.bool_]) -> Iterator[slice]:
                 yield hold
 
 
-def _fitted(
-    felt_n: Array, time_s: Array, contact: NDArray[np.bool_], holds: list[slice]
-) -> tuple[Array, Array, list[slice]]:
+def _fitted(felt_n: Floats, time_s: Floats, contact: Flags, holds: list[slice]) -> tuple[Floats, Floats, list[slice]]:
     """Return shares, covariance, and the holds in which the needle did not move."""
     variance = 0.5 * float(np.mean(np.concatenate([np.diff(felt_n[hold]) for hold in holds]) ** 2))
 
-    def scatter(shares: Array) -> list[Array]:
+    def scatter(shares: Floats) -> list[Floats]:
         """Return the distance of Fe from its mean in each hold, (candidate, sample)."""
         elastic_n = driven_back(felt_n, time_s, contact, shares, TIMES_S)[0]
         return [elastic_n[:, hold] - elastic_n[:, hold].mean(axis=1, keepdims=True) for hold in holds]
@@ -171,11 +167,11 @@ def _fitted(
     kept = [hold for hold, one in zip(holds, usual, strict=True) if one <= OFF**2 * float(np.median(usual))]
     inflation = max(float(squares[:, 1].sum() / counts.sum()), 1.0)
     sure = 0.5 * float((squares[:, 0] - squares[:, 1]).sum()) > LEAST_GAIN * inflation
-    covariance: Array = inflation * np.linalg.inv(seen + prior)
+    covariance: Floats = inflation * np.linalg.inv(seen + prior)
     return (shares if sure else np.zeros_like(shares)), covariance, kept
 
 
-def not_negative(normal: Array, gradient: Array) -> Array:
+def not_negative(normal: Floats, gradient: Floats) -> Floats:
     """Return the few x >= 0 with the least x N x / 2 - g x (share,); SciPy's takes a tenth of a second to import."""
     best = np.zeros(len(gradient))
     for chosen in product((False, True), repeat=len(gradient)):

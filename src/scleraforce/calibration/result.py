@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from scleraforce import __version__
+from scleraforce.arrays import Floats
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeFilter, EyeState, FrameStep
 from scleraforce.calibration.eye_model import spread
 from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
@@ -215,8 +215,6 @@ def _words(name: str, mean: float, sd: float) -> str:
     return f"{words} {mean:.{decimals}f} ± {sd:.{decimals}f} {printed}"
 
 
-Array = NDArray[np.float64]
-
 LONGEST_RECENT = 100
 # Each uncertain parameter, and the values (SI) that it may have in a file.
 _RANGES = {
@@ -369,7 +367,7 @@ def _parse_state(saved: _State, size: int, place: str) -> EyeState:
         raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
     pose, shared = len(NUISANCES), len(SHARED)
 
-    def array(name: str, *shape: int) -> Array:
+    def array(name: str, *shape: int) -> Floats:
         try:
             found = np.array(getattr(saved, name), dtype=np.float64)
         except ValueError:  # rows of several lengths
@@ -378,7 +376,7 @@ def _parse_state(saved: _State, size: int, place: str) -> EyeState:
             raise CalibrationError(f"{place}.{name}: expected numbers of shape {shape}; {WRITER}")
         return found
 
-    def covariance(name: str, size: int) -> Array:
+    def covariance(name: str, size: int) -> Floats:
         """Return a symmetric matrix that is nowhere negative."""
         found = array(name, size, size)
         slack = 1e-9 * np.abs(found).max()

@@ -21,14 +21,15 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from scleraforce.arrays import Flags, Floats
 
 
 class SigmaPoints(NamedTuple):
     """A rule of `r` points in `p` dimensions."""
 
-    points_rp: NDArray[np.float64]  # [I*]^T, shape (r, p)
-    weights_r: NDArray[np.float64]  # alpha, shape (r,), sums to 1
+    points_rp: Floats  # [I*]^T, shape (r, p)
+    weights_r: Floats  # alpha, shape (r,), sums to 1
 
 
 def simplex(dimension: int) -> SigmaPoints:
@@ -69,8 +70,7 @@ def sigma_points(rule: str, dimension: int) -> SigmaPoints:
     return RULES[rule](dimension)
 
 
-Array = NDArray[np.float64]
-Operator = Callable[[Array], Array]  # sigma points (r, n) -> observations (r, m)
+Operator = Callable[[Floats], Floats]  # sigma points (r, n) -> observations (r, m)
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
@@ -92,14 +92,14 @@ class FilterParams(NamedTuple):
 class Posterior(NamedTuple):
     """Mean, and covariance in reduced form."""
 
-    mean: Array  # x, shape (n,)
-    factor: Array  # L, shape (n, p)
-    precision: Array  # U, shape (p, p)
+    mean: Floats  # x, shape (n,)
+    factor: Floats  # L, shape (n, p)
+    precision: Floats  # U, shape (p, p)
     updates: int = 0
     recent: tuple[tuple[float, int], ...] = ()  # (normalised innovation squared, observations) of the last updates
 
     @property
-    def covariance(self) -> Array:
+    def covariance(self) -> Floats:
         """P = L U^-1 L^T, shape (n, n)."""
         return self.factor @ _solve(self.precision, self.factor.T)
 
@@ -114,19 +114,19 @@ class StepResult(NamedTuple):
     inflation: float  # factor on the noise covariance (1: as given)
     iterations: int
     status: str  # "ok", or a sentence
-    gain: Array  # G of x+ = x- + G (y - h), shape (n, m), zero where an observation was left out
-    contraction: Array  # 1 - G H, shape (n, n), in the p directions: how far an error of x- survives
+    gain: Floats  # G of x+ = x- + G (y - h), shape (n, m), zero where an observation was left out
+    contraction: Floats  # 1 - G H, shape (n, n), in the p directions: how far an error of x- survives
 
 
 class _Linear(NamedTuple):
     """The observation, linear in the reduced coordinates v about the sampled region: z = offset + slope v + noise."""
 
-    offset: Array  # (m,)
-    slope: Array  # (m, p)
-    noise: Array  # W + Omega, (m, m)
+    offset: Floats  # (m,)
+    slope: Floats  # (m, p)
+    noise: Floats  # W + Omega, (m, m)
 
 
-def initial_posterior(mean: Array, covariance: Array) -> Posterior:
+def initial_posterior(mean: Floats, covariance: Floats) -> Posterior:
     """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1."""
     mean = np.asarray(mean, dtype=np.float64)
     return Posterior(mean, np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)), np.eye(len(mean)))
@@ -136,9 +136,9 @@ def filter_step(
     params: FilterParams,
     posterior: Posterior,
     observe: Operator,
-    observation: Array,
-    noise_covariance: Array,
-    start: Array | None = None,
+    observation: Floats,
+    noise_covariance: Floats,
+    start: Floats | None = None,
 ) -> StepResult:
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
@@ -167,14 +167,14 @@ class _Frame(NamedTuple):
 
     prior: Posterior
     observe: Operator
-    first_rm: Array  # observations predicted at the sigma points
-    observed: Array
-    noise: Array
-    centre: Array  # where the linearisation begins, in the coordinates v of x = mean + L v
-    root: Array  # of the covariance of v there
+    first_rm: Floats  # observations predicted at the sigma points
+    observed: Floats
+    noise: Floats
+    centre: Floats  # where the linearisation begins, in the coordinates v of x = mean + L v
+    root: Floats  # of the covariance of v there
 
 
-def _from(params: FilterParams, frame: _Frame, start: Array) -> _Frame:
+def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
     """Return the frame with its linearisation begun at a state, if that explains prior and observation better."""
     prior, points = frame.prior, params.sigma.points_rp
     centre = _solve(prior.factor, start - prior.mean)
@@ -207,7 +207,7 @@ def _step(params: FilterParams, frame: _Frame) -> StepResult:
 
 class _Fit(NamedTuple):
     linear: _Linear
-    kept: NDArray[np.bool_]
+    kept: Flags
     iterations: int
 
 
@@ -226,7 +226,7 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit:
             return _linearise(params, frame, np.ones(len(kept), dtype=bool))
 
 
-def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit:
+def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
     """Linearise the observation about the (iterated) posterior."""
     points = params.sigma.points_rp
     prior, centre, root = frame.prior, frame.centre, frame.root
@@ -245,7 +245,7 @@ def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> 
     return _Fit(linear, kept, params.iterations)
 
 
-def _regress(sigma: SigmaPoints, predicted_rm: Array, centre: Array, root: Array, noise: Array) -> _Linear:
+def _regress(sigma: SigmaPoints, predicted_rm: Floats, centre: Floats, root: Floats, noise: Floats) -> _Linear:
     """Regress predicted observations on the sampled coordinates centre + root I_i; HL where centre = 0, root = 1."""
     points, weights = sigma
     mean = weights @ predicted_rm
@@ -256,7 +256,7 @@ def _regress(sigma: SigmaPoints, predicted_rm: Array, centre: Array, root: Array
     return _Linear(mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent))
 
 
-def _correct(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _correct(linear: _Linear, observed: Floats, kept: Flags) -> tuple[Floats, Floats]:
     """Return U^-1 HL^T W^-1 (y - z) (p,) and U (p, p) for the prior v ~ N(0, 1)."""
     slope, noise = linear.slope[kept], linear.noise[np.ix_(kept, kept)]
     weighted = _solve(noise, slope)
@@ -265,7 +265,7 @@ def _correct(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple
     return _solve(precision, weighted.T @ (observed - linear.offset)[kept]), precision
 
 
-def _gain(factor: Array, linear: _Linear, precision: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _gain(factor: Floats, linear: _Linear, precision: Floats, kept: Flags) -> tuple[Floats, Floats]:
     """Return G = L U^-1 HL^T (W + Omega)^-1 (n, m) and 1 - G H = L U^-1 L^+ on the span of L (n, n)."""
     gain = np.zeros((len(factor), len(kept)))
     weighted = _solve(linear.noise[np.ix_(kept, kept)], linear.slope[kept]).T
@@ -274,11 +274,11 @@ def _gain(factor: Array, linear: _Linear, precision: Array, kept: NDArray[np.boo
     return gain, factor @ _solve(precision, onto_span)
 
 
-def _solve(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
-def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[int, float]:
+def _worst(linear: _Linear, observed: Floats, kept: Flags) -> tuple[int, float]:
     """Return the observation with the largest innovation given all others, and its size in standard deviations.
 
     Given the others, because a common mode (a pose, a wide prior) makes every plain innovation look harmless
@@ -289,7 +289,7 @@ def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[i
     return int(np.flatnonzero(kept)[sizes.argmax()]), float(sizes.max())
 
 
-def _whitening(linear: _Linear, kept: NDArray[np.bool_]) -> Array:
+def _whitening(linear: _Linear, kept: Flags) -> Floats:
     """Return B with S^-1 = B B^T of the innovation's covariance S.
 
     S itself is not formed: beside what a wide prior adds to it, the noise would be lost in the rounding.

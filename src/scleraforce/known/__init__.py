@@ -15,8 +15,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.recording.folder import EyeInfo, RecordingInfo
@@ -24,9 +24,6 @@ from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
 MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding puts their correlation beyond 1
-
-
-Floats = NDArray[np.float64]
 
 
 def correlation_of(covariance: Floats, first: int, second: int) -> float:

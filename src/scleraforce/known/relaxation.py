@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import CalibrationError
 
-Floats = NDArray[np.float64]
 _Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
 _Time = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Span = Annotated[float, Meta(ge=0.0, le=1e6)]

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Flags, Floats, Integers, Places
 from scleraforce.errors import SolverError
 from scleraforce.learning.descent import onnx_bytes, tensor, torch, trained
 from scleraforce.processes import work_in_order
@@ -30,14 +31,14 @@ from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
 class Samples:
     """Slices, uint8 of shape (sample, row, column) with 0 or 255, and their classes, shape (sample,)."""
 
-    slices: NDArray[np.uint8]
-    target: NDArray[np.int64]
+    slices: Bytes
+    target: Integers
 
     def __len__(self) -> int:
         return len(self.target)
 
     @property
-    def pixels(self) -> NDArray[np.uint8]:
+    def pixels(self) -> Bytes:
         """The slices as a view, one row a sample, shape (sample, row * column)."""
         return self.slices.reshape(len(self.slices), -1)
 
@@ -46,11 +47,11 @@ class Samples:
         return _unpacked, (zlib.compress(self.slices.tobytes(), 1), self.slices.shape, self.target)
 
 
-def _unpacked(packed: bytes, shape: tuple[int, ...], target: NDArray[np.int64]) -> Samples:
+def _unpacked(packed: bytes, shape: tuple[int, ...], target: Integers) -> Samples:
     return Samples(np.frombuffer(zlib.decompress(packed), dtype=np.uint8).reshape(shape), target)
 
 
-def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: ClassesStudy) -> NDArray[np.int64]:
+def classes_at_modulus(force_n: Floats, ratio: float, classes: ClassesStudy) -> Integers:
     """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
 
     In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under pressure
@@ -68,7 +69,7 @@ class Normalisation:
     """
 
     mean: NDArray[np.float32]
-    varies: NDArray[np.bool_]
+    varies: Flags
 
 
 def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
@@ -80,7 +81,7 @@ def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
     return Normalisation(mean.ravel(), ((wall > 0) & (wall < count)).ravel())
 
 
-def mirrored_pixels(norm: Normalisation, columns: int) -> NDArray[np.intp]:
+def mirrored_pixels(norm: Normalisation, columns: int) -> Places:
     """Return the number of the mirror image of each varying pixel, in a slice of `columns` columns."""
     number = np.full(norm.varies.size, -1)
     number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
@@ -111,13 +112,13 @@ class TrainedNetwork:
     mean: NDArray[np.float32]
     layers: tuple[Layer, ...]
 
-    def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def probabilities(self, slices: Bytes) -> Floats:
         """Return class probabilities in double precision, shape (slice, class): the definition, not the fast path."""
         signal = slices.reshape(len(slices), -1) / 255.0 - self.mean
         for layer in self.layers[:-1]:
             signal = np.maximum(signal @ layer.weight.T.astype(np.float64) + layer.bias, 0.0)
         logits = signal @ self.layers[-1].weight.T.astype(np.float64) + self.layers[-1].bias
-        powers: NDArray[np.float64] = np.exp(logits - logits.max(axis=1, keepdims=True))
+        powers: Floats = np.exp(logits - logits.max(axis=1, keepdims=True))
         powers /= powers.sum(axis=1, keepdims=True)
         return powers
 

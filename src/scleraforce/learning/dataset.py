@@ -16,6 +16,7 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Flags, Floats, Places
 from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import read_calibration
@@ -34,18 +35,18 @@ class DatasetPlan:
     never sees. `seed` reproduces a sample's own draws (`DRAWS`, uniform).
     """
 
-    force_n: NDArray[np.float64]
-    target: NDArray[np.uint8]
-    thickness_m: NDArray[np.float64]
+    force_n: Floats
+    target: Bytes
+    thickness_m: Floats
     contact: NDArray[np.int32]
-    polar_rad: NDArray[np.float64]
-    azimuth_rad: NDArray[np.float64]
-    gap_m: NDArray[np.float64]
-    tilt_rad: NDArray[np.float64]
-    direction_rad: NDArray[np.float64]
-    framing_lateral_m: NDArray[np.float64]
-    framing_depth_m: NDArray[np.float64]
-    validation: NDArray[np.bool_]
+    polar_rad: Floats
+    azimuth_rad: Floats
+    gap_m: Floats
+    tilt_rad: Floats
+    direction_rad: Floats
+    framing_lateral_m: Floats
+    framing_depth_m: Floats
+    validation: Flags
     seed: NDArray[np.uint32]
     unit_images: int  # samples of a unit of work, which is a chunk of the store
 
@@ -138,10 +139,10 @@ class _GroupDraft:
 
     group: DatasetGroup
     first_contact: int
-    polar_rad: NDArray[np.float64]
-    azimuth_rad: NDArray[np.float64]
-    validation: NDArray[np.bool_]
-    spread: NDArray[np.intp]
+    polar_rad: Floats
+    azimuth_rad: Floats
+    validation: Flags
+    spread: Places
     seed: NDArray[np.uint32]
 
     def plan(self, study: Study, samples: slice) -> dict[str, Any]:
@@ -170,7 +171,7 @@ class _GroupDraft:
         }
 
 
-def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at(sampled: Sampled, uniform: Floats) -> Floats:
     """Map draws in [0, 1) to a sampled value: all of its choices are equally likely, or its range is uniform."""
     if isinstance(sampled, Choice):
         values = np.asarray(sampled.values, dtype=np.float64)
@@ -216,7 +217,7 @@ KIND = StoreKind(
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
-# NDArray[np.float64] is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
+# Floats is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
 DTYPES = {
     name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name
     for name, kind in get_type_hints(DatasetPlan).items()
@@ -237,17 +238,17 @@ class Dataset:
     attributes: Mapping[str, Any]
 
     @cached_property
-    def slices(self) -> NDArray[np.uint8]:
+    def slices(self) -> Bytes:
         """The slices, shape (samples, rows, columns), 255 = wall."""
         return self.read(SLICES)
 
     @cached_property
-    def force_n(self) -> NDArray[np.float64]:
+    def force_n(self) -> Floats:
         """The force of the needle, shape (samples,)."""
         return self.read("force_n")
 
     @cached_property
-    def target(self) -> NDArray[np.uint8]:
+    def target(self) -> Bytes:
         """The class of the force, shape (samples,)."""
         return self.read("target")
 
@@ -256,7 +257,7 @@ class Dataset:
         """Number of samples."""
         return len(self.force_n)
 
-    def split(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def split(self) -> tuple[Places, Places]:
         """Return the numbers of the training and of the validation samples; they share no contact."""
         validation = self.read("validation")
         return np.flatnonzero(~validation), np.flatnonzero(validation)

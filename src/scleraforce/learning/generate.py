@@ -9,8 +9,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
 from scleraforce.learning import dataset
@@ -27,9 +27,6 @@ from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-Floats = NDArray[np.float64]
-Slices = NDArray[np.uint8]
-
 
 class SampleSimulator:
     """Simulates samples of plans; keeps the factored wall of the latest thickness.
@@ -42,12 +39,12 @@ class SampleSimulator:
         self._study, self._youngs_modulus_pa = study, youngs_modulus_pa
         self._wall: LinearWall | None = None
 
-    def slices(self, plan: dataset.DatasetPlan) -> NDArray[np.uint8]:
+    def slices(self, plan: dataset.DatasetPlan) -> Bytes:
         """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
         return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(plan.images), walls)])
 
-    def _of_one_wall(self, plan: dataset.DatasetPlan, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
+    def _of_one_wall(self, plan: dataset.DatasetPlan, samples: Places) -> Bytes:
         """Slices of samples of one thickness."""
         thickness_m = float(plan.thickness_m[samples[0]])
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
@@ -60,9 +57,7 @@ class SampleSimulator:
         images = [self._of_one_contact(wall, plan, *pair) for pair in zip(of_contacts, needles_cnc, strict=True)]
         return np.concatenate(images)
 
-    def _of_one_contact(
-        self, wall: LinearWall, plan: dataset.DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
-    ) -> NDArray[np.uint8]:
+    def _of_one_contact(self, wall: LinearWall, plan: dataset.DatasetPlan, samples: Places, needle_nc: Floats) -> Bytes:
         """Slices of the samples of one contact; samples that share their plane are cut together."""
         eye = self._study.eye
         resting_nc = eye.iop_pa * wall.pressure_nc + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
@@ -96,9 +91,7 @@ def _weights(forces_pf: Floats) -> Floats:
     return np.stack([np.ones_like(forces_pf), forces_pf], axis=-1)
 
 
-def library_slices(
-    study: Study, youngs_modulus_pa: float, plan: dataset.DatasetPlan, library: Library
-) -> NDArray[np.uint8]:
+def library_slices(study: Study, youngs_modulus_pa: float, plan: dataset.DatasetPlan, library: Library) -> Bytes:
     """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
@@ -204,13 +197,13 @@ def generate_dataset(
     return Generation(plan.images, missing, perf_counter() - start)
 
 
-def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
+def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Bytes]:
     """Return the worker's function from a unit's number to its simulated slices."""
     draft, simulator = dataset.draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
     return lambda unit: simulator.slices(draft.unit(unit))
 
 
-def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
+def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Bytes]:
     """Return the worker's function from a unit's number to its slices, drawn from the library."""
     draft = dataset.draft_plan(study)
     return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places
 from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
@@ -32,7 +33,6 @@ from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
 
-Floats = NDArray[np.float64]
 Float = NDArray[np.float32]
 
 FRAMES_TOGETHER = 256  # a chunk, from a generator of its own
@@ -75,7 +75,7 @@ def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
     """Return the weights (row of the slice, row of the window) of the means over a slice's rows."""
     edges = np.arange(window.rows + 1) * window.row_m
     pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
-    covered: NDArray[np.float64] = np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
+    covered: Floats = np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
     return covered.round(6).astype(np.float32)
 
 
@@ -84,7 +84,7 @@ def slice_weights(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]
     pairs_m = window.laterals_m.reshape(-1, 2).mean(axis=1)
     columns_m = (np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m
     unit = np.eye(len(pairs_m))
-    weights: NDArray[np.float64] = np.stack([np.interp(columns_m, pairs_m, each) for each in unit])
+    weights: Floats = np.stack([np.interp(columns_m, pairs_m, each) for each in unit])
     return weights.astype(np.float32)
 
 
@@ -170,7 +170,7 @@ class RawSamples:
     def __len__(self) -> int:
         return len(self.force_n)
 
-    def picked(self, order: NDArray[np.intp]) -> "RawSamples":
+    def picked(self, order: Places) -> "RawSamples":
         """Return these samples, in this order."""
         return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
 
@@ -302,7 +302,7 @@ def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[i
     return partial(eye_scores, study, library, study.raw_reader.seed, scores)
 
 
-def _frames(eye: VirtualEye, forces_n: NDArray[np.float64], study: Study, rng: np.random.Generator) -> Float:
+def _frames(eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Generator) -> Float:
     """Return reduced frames of an eye under forces (frame, row, column), each with a pose and light of its own."""
     reader, window = study.reader, FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.learning.descent import (
     READER_THREADS,
     Fitted,
@@ -31,8 +32,6 @@ from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
 from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
-
-Floats = NDArray[np.float64]
 
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
 KERNEL, STRIDE = 5, 2
@@ -136,10 +135,10 @@ def bin_ends(bins: int) -> NDArray[np.float32]:
     return ends
 
 
-def circle_depth(slice_study: SliceStudy, radius_m: float) -> NDArray[np.float64]:
+def circle_depth(slice_study: SliceStudy, radius_m: float) -> Floats:
     """Return the depth of a circle of the eye's radius below its top, at the slice's columns (column,), m."""
     lateral = (np.arange(slice_study.columns) + 0.5 - slice_study.columns / 2) * slice_study.pixel_m
-    depth: NDArray[np.float64] = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
+    depth: Floats = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
     return depth
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import InputError
 from scleraforce.known import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
@@ -22,7 +23,6 @@ from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Floats = NDArray[np.float64]
 Samples = TypeVar("Samples", bound="DataclassInstance")
 
 BARELY_INSIDE = 1.0 - 1e-9
@@ -67,7 +67,7 @@ class ReaderSamples:
     `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the slice's middle; (sample,).
     """
 
-    slices: NDArray[np.uint8]
+    slices: Bytes
     given: NDArray[np.float32]
     force_n: Floats
     modulus_pa: Floats

@@ -15,10 +15,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
 from scleraforce.calibration.calibrate import frame_order
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
@@ -56,8 +56,6 @@ from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study, draw
-
-Floats = NDArray[np.float64]
 
 FRAMES, CALIBRATED = 20, 3
 FINER = 4  # columns and rows of a frame for one of a slice
@@ -97,7 +95,7 @@ class VirtualFrame:
 
     force_n: float
     boundaries: Boundaries
-    cuts: NDArray[np.uint8]
+    cuts: Bytes
 
 
 def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
@@ -360,7 +358,7 @@ def _scores(
     study: Study,
     library: Library,
     polar_rad: float,
-    read: Callable[[NDArray[np.uint8], Known], Reading],
+    read: Callable[[Bytes, Known], Reading],
     eye: str,
     known: Known,
     frames: Sequence[VirtualFrame],

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
 from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
@@ -104,7 +105,7 @@ class SceneBatch:
 
     frames: Float
     boundaries: Float
-    judged: NDArray[np.bool_]
+    judged: Flags
 
 
 def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
@@ -206,26 +207,26 @@ def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: in
     }
 
 
-def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> Flags:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
     outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
     return (row >= outer) & (row < inner) & seen.there_at(column)
 
 
-def scene_dice(found: NDArray[np.bool_], scene: Scene) -> float:
+def scene_dice(found: Flags, scene: Scene) -> float:
     """Return `mask_dice` of a mask (row, column) in a scene's judged columns."""
     return mask_dice(found[:, scene.judged], scene.mask[:, scene.judged])
 
 
-def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
+def mask_dice(found: Flags, true: Bytes) -> float:
     """Return twice the common area of two masks over the sum of theirs; 1 where both are empty."""
     wall = true > 0
     total = np.count_nonzero(found) + np.count_nonzero(wall)
     return float(2.0 * np.count_nonzero(found & wall) / total) if total else 1.0
 
 
-def _errors(scene: Scene, seen: SeenWall, rows: int) -> NDArray[np.float64]:
+def _errors(scene: Scene, seen: SeenWall, rows: int) -> Floats:
     """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
     at, last = seen.frame_column, len(scene.frame) - 1.0
     both = np.isfinite(scene.outer_row[at]) & seen.there

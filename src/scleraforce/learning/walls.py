@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.library import INNER, OUTER
 from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library.unknowns import shining
 from scleraforce.study import SliceStudy
-
-Floats = NDArray[np.float64]
 
 # Relative, of the curvature: semi-axes within 6 % of the radius (sd 3.5 %) turn it along a section by sqrt(5) as much.
 CURVATURE_SD, SKEW_SD = 0.08, 0.05
@@ -46,7 +44,7 @@ class Forms:
     bow: Floats
 
 
-def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: NDArray[np.bool_], rng: np.random.Generator) -> Forms:
+def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: Flags, rng: np.random.Generator) -> Forms:
     """Draw forms (sample,): even spheres, but for the `uneven` ones."""
     count = len(thickness_m)
     numbers = rng.standard_normal((4, count)) * uneven
@@ -119,7 +117,7 @@ def disturb(
     thickness and scale, and the numbers of bumps and layers; sizes are this project's segmentation's by default.
     """
     errors = errors or BoundaryErrors()
-    known: NDArray[np.bool_] = np.all(np.isfinite(depth_sbc), axis=1)
+    known: Flags = np.all(np.isfinite(depth_sbc), axis=1)
     outer = _filled(depth_sbc[:, OUTER], known)
     thickness = _filled(depth_sbc[:, INNER], known) - outer
     slope = np.abs(np.gradient(outer, study.pixel_m, axis=1))
@@ -141,7 +139,7 @@ def disturb(
     return both
 
 
-def _filled(values: Floats, known: NDArray[np.bool_]) -> Floats:
+def _filled(values: Floats, known: Flags) -> Floats:
     """Return values with unknown columns filled from the nearest known one to the left, else to the right; else 0."""
     column = np.arange(values.shape[1])
     left = np.maximum.accumulate(np.where(known, column, -1), axis=1)
@@ -211,9 +209,7 @@ def _layers(shape: tuple[int, ...], errors: BoundaryErrors, scale: float, rng: n
     return np.where(np.abs(np.arange(columns) - middle) <= half, added, 0.0)
 
 
-def _within_sides(
-    shape: tuple[int, ...], errors: BoundaryErrors, study: SliceStudy, rng: np.random.Generator
-) -> NDArray[np.bool_]:
+def _within_sides(shape: tuple[int, ...], errors: BoundaryErrors, study: SliceStudy, rng: np.random.Generator) -> Flags:
     """Return the columns that the scan reaches (sample, column)."""
     hit = rng.random((shape[0], 2)) < errors.side_loss_share
     lost = np.where(hit, rng.exponential(errors.side_loss_m, (shape[0], 2)), 0.0) / study.pixel_m

@@ -8,10 +8,9 @@ sec. 97.
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, evenly_picked
 from scleraforce.library.splines import SUPPORT, CubicSpline
-
-Floats = NDArray[np.float64]
 
 # Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a half-sphere, a membrane, that is held at
 # its base. 1.08 for 0.6 mm; 1.05 to 1.2 for 0.35 to 0.9 mm, polar angles of 10 to 55 deg and nu of 0.3 and 0.45
@@ -90,8 +89,7 @@ def _about(axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: 
     node = np.broadcast_to(node, (len(motion_sbnc), *node.shape[1:]))[..., None]
     low, high = (np.take_along_axis(motion_sbnc, at, axis=2) for at in (node, node + 1))
     moved = low + share * (high - low)
-    turned: Floats = moved[..., :1] * away + moved[..., 1:] * axis
-    return turned
+    return moved[..., :1] * away + moved[..., 1:] * axis
 
 
 def contact_rises(undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float) -> Floats:
@@ -159,8 +157,7 @@ def _factor(angles: Floats, ratio_bklt: Floats, base_rad: Floats) -> Floats:
     """
     inner = angles[1] <= base_rad.min() and base_rad.max() <= angles[-2]
     near = slice(1, -1) if inner else slice(None)
-    factor: Floats = 1.0 + SHARE * (_along(angles[near], ratio_bklt[near], base_rad).mean(axis=0) - 1.0)
-    return factor
+    return 1.0 + SHARE * (_along(angles[near], ratio_bklt[near], base_rad).mean(axis=0) - 1.0)
 
 
 def _along(nodes: Floats, values: Floats, places: Floats) -> Floats:
@@ -168,5 +165,4 @@ def _along(nodes: Floats, values: Floats, places: Floats) -> Floats:
     spline = CubicSpline(nodes)
     first, weights = spline.weights(np.clip(places, nodes[0], nodes[-1]))
     near = spline.coefficients(values)[first[:, None] + np.arange(SUPPORT)]
-    found: Floats = np.einsum("sk,sk...->s...", weights, near)
-    return found
+    return np.einsum("sk,sk...->s...", weights, near)

@@ -20,6 +20,7 @@ from filelock import FileLock
 from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.responses import Library
@@ -28,8 +29,6 @@ from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study
-
-Floats = NDArray[np.float64]
 
 SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below
 

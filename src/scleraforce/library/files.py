@@ -18,6 +18,7 @@ import numpy as np
 from numpy.lib.format import read_array, read_array_header_1_0, read_array_header_2_0, read_magic, write_array
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Reals
 from scleraforce.errors import InputError
 from scleraforce.library.responses import Library, library_of, walls_of
 from scleraforce.library.stiffened import STEP_TYPES, ReducedCurves, ReducedRows, StiffenedWalls, reduce_rows
@@ -117,7 +118,7 @@ def _check_size(values: int) -> None:
         )
 
 
-def _reduced(stored: _ReducedArray, values: NDArray[np.floating]) -> tuple[dict[str, NDArray[Any]], float]:
+def _reduced(stored: _ReducedArray, values: Reals) -> tuple[dict[str, NDArray[Any]], float]:
     """Return the stored entries of an array, by name, and its largest error."""
     rows_rv = values.reshape(prod(values.shape[: stored.row_axes]), -1)
     reduced = reduce_rows(rows_rv, FOR_THE_BASIS * stored.largest_error)

@@ -28,8 +28,8 @@ from itertools import pairwise
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.known import KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_frame import OUTER_SD_M, Doubt, Fitted, fit_frame
@@ -39,8 +39,6 @@ from scleraforce.library.responses import Library
 from scleraforce.library.sealed import volume_paths
 from scleraforce.library.search_loops import Belief
 from scleraforce.study.eye import RIGIDITY_LAWS
-
-Array = NDArray[np.float64]
 
 # Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13 um.
 NO_WALL_M = 20e-6
@@ -70,14 +68,14 @@ class BoundaryFit:
 
     force_n: float
     interval_n: tuple[float, float]
-    draws_n: Array
+    draws_n: Floats
     contact_m: float
     tip_m: float
     misfit_m: float
     outliers: float
-    wall_bmc: Array
-    unknown: Array
-    sd: Array
+    wall_bmc: Floats
+    unknown: Floats
+    sd: Floats
     iop_pa: float
     tension: float
     loss: float
@@ -91,8 +89,8 @@ class BoundaryFit:
 
 def fit_boundaries(
     library: Library,
-    lateral_m: Array,
-    depth_bc: Array,
+    lateral_m: Floats,
+    depth_bc: Floats,
     prior: Prior,
     smoothing_m: float = 0.0,
     borne_n: float | None = None,
@@ -110,14 +108,20 @@ def fit_boundaries(
 
 
 def fit_from(
-    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float, unknown: Array
+    library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float, unknown: Floats
 ) -> BoundaryFit:
     """Fit as `fit_boundaries` from the unknowns of another fit only, to the end: for small changes of the prior."""
     return cast(BoundaryFit, _fit(library, lateral_m, depth_bc, prior, smoothing_m, np.nan, unknown))
 
 
 def _fit(
-    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float, borne_n: float, begun: Array
+    library: Library,
+    lateral_m: Floats,
+    depth_bc: Floats,
+    prior: Prior,
+    smoothing_m: float,
+    borne_n: float,
+    begun: Floats,
 ) -> BoundaryFit | None:
     law, off, count = law_of(prior.globe), prior.discrepancy, len(at.NAMES)
     terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
@@ -158,9 +162,8 @@ def _fit(
 
 
 @lru_cache(maxsize=4)
-def _standard_normal(size: int, seed: int = 0) -> Array:
+def _standard_normal(size: int, seed: int = 0) -> Floats:
     """Return DRAWS points of a standard normal distribution (draw, size), always the same, symmetric about 0."""
     half = np.random.default_rng(seed).standard_normal((DRAWS // 2, size))
     both = np.concatenate([half, -half])
-    exact: Array = both / both.std(axis=0)
-    return exact
+    return both / both.std(axis=0)

@@ -6,8 +6,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled, compiled_part
 from scleraforce.known import REFERENCE_N
 from scleraforce.library import fit_starts, search_loops, unknowns as at
@@ -17,8 +17,6 @@ from scleraforce.library.placement import NORMAL_MEDIAN, Stopping
 from scleraforce.library.sealed import VolumePaths, level_of, pressure_of_level
 from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, Work
 from scleraforce.library.states import SplineTables
-
-Floats = NDArray[np.float64]
 
 COLUMNS = 110  # of each boundary that are fitted
 OUTER_SD_M, INNER_SD_M = 5e-6, 9e-6  # of the boundaries along their normal

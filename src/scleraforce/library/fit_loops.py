@@ -6,8 +6,8 @@ Nodes of a wall far beyond the frame are left out. `tests/oracles/fit_arrays.py`
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.compiled import compiled, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
@@ -15,8 +15,6 @@ from scleraforce.library.sealed import level_of
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_of
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.intp]
 Vector = tuple[float, float, float]
 
 LEAST_NORM = 1e-9
@@ -45,7 +43,7 @@ class Scene(NamedTuple):
     smoothing_m: float
     stations: Floats
     about_needle: Floats
-    left: Integers
+    left: Places
     share: Floats
     sines: Floats
     cosines: Floats
@@ -64,7 +62,7 @@ class Wall(NamedTuple):
     meridian: Floats
     turned: Floats
     pushed: Floats
-    rows: Integers
+    rows: Places
     weights: Floats
     moved: Floats
     lateral: Floats
@@ -79,7 +77,7 @@ class Depths(NamedTuple):
     even_slope: Floats
     depth_m: Floats
     slope: Floats
-    seen: NDArray[np.bool_]
+    seen: Flags
     jacobian: Floats
 
 

@@ -9,16 +9,14 @@ starts again with a limbus where the rest of the surface shows one.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
 from scleraforce.library.sealed import VolumePaths, level_of, pressure_at_dent
 from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
 from scleraforce.library.states import value_of
-
-Floats = NDArray[np.float64]
 
 DENTS = 14
 STARTS = 2

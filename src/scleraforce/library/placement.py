@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from scleraforce.arrays import Flags, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Places:
     `smoothing_m`: standard deviation of the Gaussian that smoothed the outer boundary; the fit of a library heeds it.
     """
 
-    lateral_m: Array
+    lateral_m: Floats
     boundary: NDArray[np.intp]
     smoothing_m: float = 0.0
 
@@ -33,7 +33,7 @@ class Places:
         return int(np.searchsorted(self.boundary, 1))
 
     @property
-    def is_inner(self) -> Array:
+    def is_inner(self) -> Floats:
         """1 on the inner boundary, 0 on the outer, (place,)."""
         return np.asarray(self.boundary == 1, dtype=np.float64)
 
@@ -42,26 +42,25 @@ class Places:
 class Placed:
     """Depths at places in m and slopes (place,), derivatives (place, unknown), and whether each place is reached."""
 
-    depth_m: Array
-    slope: Array
-    jacobian: Array
-    seen: NDArray[np.bool_]
+    depth_m: Floats
+    slope: Floats
+    jacobian: Floats
+    seen: Flags
 
 
-def place_curves(curves: Array, lateral_m: float, depth_m: float, rotation_rad: float) -> Array:
+def place_curves(curves: Floats, lateral_m: float, depth_m: float, rotation_rad: float) -> Floats:
     """Return curves (..., sample, 2) in the frame: turned about the section's origin, then shifted."""
     c, s = np.cos(rotation_rad), np.sin(rotation_rad)
-    placed: Array = curves @ np.array([[c, s], [-s, c]]) + np.array([lateral_m, depth_m])
-    return placed
+    return curves @ np.array([[c, s], [-s, c]]) + np.array([lateral_m, depth_m])
 
 
-def pose_derivatives(places: Places, depth_m: Array, slope: Array, pose: tuple[float, float]) -> tuple[Array, ...]:
+def pose_derivatives(places: Places, depth_m: Floats, slope: Floats, pose: tuple[float, float]) -> tuple[Floats, ...]:
     """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each."""
     across, down = places.lateral_m - pose[0], depth_m - pose[1]
     return -slope, np.ones_like(depth_m), across + slope * down
 
 
-def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+def curve_depths(curves_bsc: Floats, places: Places) -> tuple[Floats, Floats, Flags]:
     """Return depth, slope and whether it is reached, each (place,), of placed curves (boundary, sample, 2).
 
     Of a wall that folds back under itself, the part that comes first along the curve counts: light sees that.
@@ -71,7 +70,7 @@ def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArr
     return depth, slope, seen
 
 
-def depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
     """Interpolate a polyline without the parts that fold back; nothing is seen of one that only folds back."""
     lateral, down = curve_sc.T
     if (lateral[1:] <= lateral[:-1]).any():
@@ -99,11 +98,11 @@ class Columns:
     """
 
     places: Places
-    depth_m: Array
-    sd_m: Array
+    depth_m: Floats
+    sd_m: Floats
     as_one: float = 1.0
 
-    def residual(self, placed: Placed) -> Array:
+    def residual(self, placed: Placed) -> Floats:
         """Return how far the columns lie off along the normal, in standard deviations (place,)."""
         return (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
 
@@ -113,7 +112,7 @@ class Columns:
         lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~placed.seen)
         return float(CAUCHY**2 * lost / self.as_one)
 
-    def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+    def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Floats, Floats]:
         """Return the weighted normal matrix (unknown, unknown) and gradient (unknown,), SDs times `scale`."""
         jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
         residual = self.residual(placed)
@@ -121,7 +120,7 @@ class Columns:
         weighted = jacobian * weight[:, None]
         return jacobian.T @ weighted, weighted.T @ residual
 
-    def _depth_sd_m(self, placed: Placed) -> Array:
+    def _depth_sd_m(self, placed: Placed) -> Floats:
         """Return the standard deviation of the depths (place,): that along the normal, seen down a column."""
         return self.sd_m * np.sqrt(1 + placed.slope**2)
 
@@ -129,13 +128,13 @@ class Columns:
 class Problem(Protocol):
     """A fit to a frame: unknowns (unknown,), each with a prior."""
 
-    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
         """Return the prediction and its cost."""
 
-    def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
+    def normal_equations(self, unknown: Floats, placed: Placed) -> tuple[Floats, Floats]:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with the prior."""
 
-    def inside(self, unknown: Array) -> Array:
+    def inside(self, unknown: Floats) -> Floats:
         """Return the nearest unknowns that can be predicted for."""
 
 
@@ -153,8 +152,8 @@ class Stopping(NamedTuple):
 
 
 def gauss_newton(
-    problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
-) -> tuple[Array, Placed, float]:
+    problem: Problem, start: Floats, stopping: Stopping, step_of: Callable[[Floats, Floats], Floats] | None = None
+) -> tuple[Floats, Placed, float]:
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
@@ -177,6 +176,6 @@ def gauss_newton(
     return unknown, placed, cost
 
 
-def robust_spread(size: Array) -> float:
+def robust_spread(size: Floats) -> float:
     """Return the standard deviation of residuals from the median of their size, which outliers do not move."""
     return NORMAL_MEDIAN * float(np.median(size))

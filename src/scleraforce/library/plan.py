@@ -10,14 +10,12 @@ from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places
 from scleraforce.errors import InputError
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
-
-Floats = NDArray[np.float64]
 
 METHOD = 1  # number of the way in which load paths are computed: raise it when they move
 TIP_GRADING = 1.5  # tips are like the numbers 0, 1, 2 ... to this power
@@ -96,7 +94,7 @@ class LibraryPlan:
         return len(SUPPORTS_DEG), len(thicknesses), len(tensions)
 
     @property
-    def _with_supports(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _with_supports(self) -> tuple[Places, Places]:
         """Indices of the thicknesses and tensions that have paths with other supports."""
         grid = self.grid
         return evenly_picked(grid.thicknesses, SUPPORT_THICKNESSES), evenly_picked(grid.tensions, SUPPORT_TENSIONS)
@@ -197,6 +195,6 @@ def stiffening_place(stiffening: Floats) -> Floats:
     return np.log1p(stiffening / LITTLE_STIFFENING)
 
 
-def evenly_picked(count: int, most: int) -> NDArray[np.intp]:
+def evenly_picked(count: int, most: int) -> Places:
     """Return at most `most` numbers from first to last of `count`, evenly spaced."""
     return np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp)

@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from math import log, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import pole_direction
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
-
-Array = NDArray[np.float64]
 
 FREE_SD = {at.TIP: 10e-3, at.LATERAL: 1e-3, at.DEPTH: 2e-3, at.ROTATION: 0.05, at.SIZE: 0.03, at.INNER_OFFSET: 15e-6}
 # Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
@@ -45,12 +43,12 @@ class Prior:
     the eye's forces.
     """
 
-    mean: Array
-    sd: Array
-    precision: Array
-    same_force: Array
+    mean: Floats
+    sd: Floats
+    precision: Floats
+    same_force: Floats
     globe: KnownGlobe
-    calibrated: Array
+    calibrated: Floats
     discrepancy: ForceDiscrepancy
 
 
@@ -89,7 +87,7 @@ def _pole(known: Known) -> tuple[tuple[float, float], float]:
     return pole_direction(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
 
 
-def _same_force(mean: Array, sd: Array) -> Array:
+def _same_force(mean: Floats, sd: Floats) -> Floats:
     """Return the combination of unknowns that an eye's own modulus determines.
 
     The modulus was fitted to dents and forces at the stated thickness and IOP. If these are wrong, so is the modulus,
@@ -110,6 +108,6 @@ def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
     return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
 
 
-def form_size(unknown: Array) -> float:
+def form_size(unknown: Floats) -> float:
     """Return the deviation of a wall (unknown,) from an even sphere: its form's largest, over the known spread."""
     return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - at.FORM.start]).max())

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.errors import InputError
 from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
@@ -26,14 +27,12 @@ from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurv
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.units import HumanUnit, from_si
 
-Floats = NDArray[np.float64]
-
 SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
 
 
 def weight_products(
-    first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
-) -> tuple[NDArray[np.intp], Floats]:
+    first: Places, of_first: Floats, second: Places, of_second: Floats, seconds: int
+) -> tuple[Places, Floats]:
     """Return rows (sample, 16) of a table over two axes, the second of length `seconds`, and weights there."""
     support = np.arange(splines.SUPPORT)
     rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
@@ -111,7 +110,7 @@ def check_arrays(library: "Library") -> None:
 
 
 Curves = NDArray[np.float32]
-Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
+Walls = tuple[Places, Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
@@ -246,7 +245,7 @@ class Library:
             )
         return tips
 
-    def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> NDArray[np.bool_]:
+    def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Flags:
         """Return which samples `curves` answers (sample,)."""
         values = np.broadcast_arrays(thickness_m, self._tension(thickness_m, iop_ratio), force_ratio)
         ranges = (self._ends(self.thickness_m), self._ends(self.tension), (0.0, self.max_force_ratio))
@@ -263,8 +262,7 @@ class Library:
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the largest F/E (sample,), m^2, that `curves` answers for these walls."""
         forces, _ = self._paths(self._walls(thickness_m, iop_ratio))
-        largest: Floats = np.minimum(forces.max(axis=1), self.max_force_ratio)
-        return largest
+        return np.minimum(forces.max(axis=1), self.max_force_ratio)
 
     def for_contact(self, polar_rad: float) -> "Library":
         """Return the library of needles at a polar angle; it shares the arrays that do not depend on it."""

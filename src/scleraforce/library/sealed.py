@@ -12,16 +12,14 @@ the last two pressures by a straight line.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled, compiled_part
 from scleraforce.library.responses import Library
 from scleraforce.library.splines import SUPPORT, first_place
 from scleraforce.library.states import SplineTables, spline_weights, value_of
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
-
-Floats = NDArray[np.float64]
 
 
 class VolumePaths(NamedTuple):

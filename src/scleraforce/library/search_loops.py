@@ -6,16 +6,14 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import Depths, Law, Scene, Wall, derive, empty_wall, off_the_law, show_wall
 from scleraforce.library.placement import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
 from scleraforce.library.prior import HEAVY
 from scleraforce.library.states import SplineTables
-
-Floats = NDArray[np.float64]
 
 UNKNOWNS = len(at.NAMES)
 BLOCK = 4  # columns that are added together

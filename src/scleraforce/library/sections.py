@@ -14,21 +14,19 @@ like a square root along the surface. `section_motion` adds the effect of the ey
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places, Reals
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.responses import INNER, OUTER, Library
 from scleraforce.library.states import Responses
 from scleraforce.mechanics.contact import Section
 
-Floats = NDArray[np.float64]
-
 PARTS = 4  # points of a section for each ring of the surface
 PARTS_MIDDLE = 12  # between X = 0 and the first ring that the plane meets
 
 
-def cut_rings(curves: NDArray[np.floating], gap_m: Floats | float, tilt_rad: Floats | float) -> tuple[Floats, Floats]:
+def cut_rings(curves: Reals, gap_m: Floats | float, tilt_rad: Floats | float) -> tuple[Floats, Floats]:
     """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative where the plane misses one.
 
     The curves are distance from the needle axis and depth of the rings (..., node, 2), m; gap and tilt broadcast.
@@ -37,7 +35,7 @@ def cut_rings(curves: NDArray[np.floating], gap_m: Floats | float, tilt_rad: Flo
     return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
-def cut_surfaces(curves_bnc: NDArray[np.floating], gap_m: float, tilt_rad: float = 0.0) -> Section:
+def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Section:
     """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2): distance and depth, m.
 
     The section goes from negative to positive lateral side, in the order of the material. A plane that misses a
@@ -47,16 +45,15 @@ def cut_surfaces(curves_bnc: NDArray[np.floating], gap_m: float, tilt_rad: float
     return Section(*(section_curve(square_bn[boundary], depth_bn[boundary]) for boundary in (OUTER, INNER)))
 
 
-def highest_depths(curves_snc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats) -> Floats:
+def highest_depths(curves_snc: Reals, gap_m: Floats, tilt_rad: Floats) -> Floats:
     """Return the smallest depth of the section of each surface (sample,), m; the surfaces are (sample, node, 2)."""
     square, depth = cut_rings(curves_snc, gap_m[:, None], tilt_rad[:, None])
     first, middle = _middle(square, depth)
     beyond = np.arange(square.shape[1]) > first[:, None]
-    highest: Floats = np.minimum(np.where(beyond, depth, np.inf).min(axis=1), middle)
-    return highest
+    return np.minimum(np.where(beyond, depth, np.inf).min(axis=1), middle)
 
 
-def _middle(square: Floats, depth: Floats) -> tuple[NDArray[np.intp], Floats]:
+def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
     """Return the last node before X = 0 (...), and the depth there (...)."""
     missed = square < 0.0
     if missed[..., -1].any():

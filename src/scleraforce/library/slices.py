@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Flags, Floats, Places, Reals
 from scleraforce.library.sections import ACROSS, ALONG, DOWN, SectionMotion, cut_rings, cut_surfaces, section_curve
 from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.slices import SNAP, WALL, fill_section
 from scleraforce.study import SliceStudy
-
-Floats = NDArray[np.float64]
 
 STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off
 NEWTON_STEPS = 4
@@ -33,7 +31,7 @@ def depths_at_columns(
     columns_sc: Floats,
     turn_s: Floats,
     moved: tuple[Floats, SectionMotion] | None = None,
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Flags]:
     """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
 
     The depths (sample, boundary, column), m, are after the turn (sample,) of the section about its frame's origin: NaN
@@ -96,7 +94,7 @@ class _Stations:
         found[wanted > last] = np.nan
         return cls(found.reshape(*square_sbn.shape[:2], stations))
 
-    def of(self, samples: NDArray[np.intp]) -> "_Stations":
+    def of(self, samples: Places) -> "_Stations":
         """Return the stations of some samples."""
         return _Stations(self.depth_sbt[samples], self.middle)
 
@@ -110,7 +108,7 @@ class _Stations:
         square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (2.0 * gap - contact - across)
         return _Stations(self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last)
 
-    def hang_over(self, turn_s: Floats, reach_m: Floats) -> NDArray[np.bool_]:
+    def hang_over(self, turn_s: Floats, reach_m: Floats) -> Flags:
         """Return True for boundaries that run back, on either side, once they are turned (sample, boundary)."""
         steepest = np.abs(np.diff(self.depth_sbt, axis=2)) / STATION_M
         shown = np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:])) < reach_m[:, None, None]
@@ -145,7 +143,7 @@ class _Stations:
         return depth, 2.0 * lateral_sbc * slope
 
 
-def _folds(square_sbn: Floats, reach_m: Floats) -> NDArray[np.bool_]:
+def _folds(square_sbn: Floats, reach_m: Floats) -> Flags:
     """Return True for boundaries that run back where they are shown (sample, boundary)."""
     low, high = square_sbn[..., :-1], square_sbn[..., 1:]
     met = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
@@ -205,7 +203,7 @@ class WallBoundaries:
     """
 
     depth_sbc: Floats
-    folded: NDArray[np.bool_]
+    folded: Flags
 
 
 def column_laterals(study: SliceStudy) -> Floats:
@@ -214,7 +212,7 @@ def column_laterals(study: SliceStudy) -> Floats:
 
 
 def wall_boundaries(
-    curves_sbnc: NDArray[np.floating],
+    curves_sbnc: Reals,
     gap_m: Floats,
     tilt_rad: Floats,
     framing: Framing,
@@ -239,7 +237,7 @@ def wall_boundaries(
     return WallBoundaries(depth_sbc, folded)
 
 
-def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> NDArray[np.uint8]:
+def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> Bytes:
     """Draw walls, (sample, rows, columns): 255 in each pixel whose centre lies between the boundaries, else 0.
 
     The boundaries (sample, boundary, column) are m below the top edge; NaN: no wall in this column. A centre on a
@@ -254,9 +252,7 @@ def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> NDArray[np.uint8]:
     return inside.view(np.uint8) * np.uint8(WALL)
 
 
-def draw_slices(
-    curves_sbnc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy
-) -> NDArray[np.uint8]:
+def draw_slices(curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy) -> Bytes:
     """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments of `wall_boundaries`.
 
     A plane that misses a wall that folds over raises `InputError`.

@@ -15,12 +15,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places
 from scleraforce.compiled import compiled, compiled_part
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 SUPPORT = 4  # B-splines that are not zero at a place
 
@@ -53,7 +50,7 @@ class CubicSpline:
             weights: Floats = (self._inverse @ columns).reshape(moved.shape)
         return np.moveaxis(weights, 0, axis)
 
-    def weights(self, places: Floats) -> tuple[Integers, Floats]:
+    def weights(self, places: Floats) -> tuple[Places, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
         return self.pieces.weights(places)
 
@@ -77,8 +74,7 @@ class CubicSpline:
         knots, degree = self.knots, SUPPORT - 1
         of_slope = np.diff(coefficients, axis=-1) * (degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT]))
         first, weights = Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
-        slopes: Floats = (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
-        return slopes
+        return (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
 
     @cached_property
     def pieces(self) -> "Pieces":
@@ -127,7 +123,7 @@ class Pieces(NamedTuple):
             found[order] = rest
         return cls(start, step, np.ascontiguousarray(found.transpose(2, 1, 0)))
 
-    def weights(self, places: Floats) -> tuple[Integers, Floats]:
+    def weights(self, places: Floats) -> tuple[Places, Floats]:
         """Return the first B-spline (place,) and the values of all that are not zero there (place, B-spline)."""
         interval = np.searchsorted(self.start[1:], places, side="right")
         share = ((places - self.start[interval]) / self.step[interval])[:, None]

@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Places, Reals
 from scleraforce.compiled import compiled, compiled_part
 from scleraforce.library.splines import SUPPORT, Pieces
-
-Floats = NDArray[np.float64]
 
 
 class SplineTables(NamedTuple):
@@ -43,7 +42,6 @@ class SplineTables(NamedTuple):
 
 
 Curves = NDArray[np.float32]
-Values = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def _power(powers: Floats, number: int, share: float) -> float:
 
 @compiled_part
 def state_weights(
-    tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: NDArray[np.intp], weights: Floats
+    tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: Places, weights: Floats
 ) -> None:
     """Write the rows (64,) of the state tables that a state lies between, and their weights."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
@@ -133,7 +131,7 @@ def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
 
 
 @compiled_part
-def curves_at(curves: Curves, rows: NDArray[np.intp], weights: Floats, first: int, found: Floats) -> None:
+def curves_at(curves: Curves, rows: Places, weights: Floats, first: int, found: Floats) -> None:
     """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
     found[:] = 0.0
     for place in range(0, len(rows), SUPPORT):
@@ -161,7 +159,7 @@ def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, foun
 
 @compiled_part
 def _add_rows(
-    found: Floats, a: float, of_a: Values, b: float, of_b: Values, c: float, of_c: Values, d: float, of_d: Values
+    found: Floats, a: float, of_a: Reals, b: float, of_b: Reals, c: float, of_c: Reals, d: float, of_d: Reals
 ) -> None:
     for value in range(len(found)):
         found[value] = found[value] + a * of_a[value] + b * of_b[value] + c * of_c[value] + d * of_d[value]

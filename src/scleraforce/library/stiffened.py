@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import InputError
 from scleraforce.library.plan import stiffening_place
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients
 
-Floats = NDArray[np.float64]
 Steps = NDArray[np.signedinteger]
 
 STEP_TYPES = ("int32", "int16", "int8")  # of whole numbers of steps: the smallest one that holds a part's
@@ -52,7 +52,7 @@ class ReducedRows:
         return replace(self, steps=tuple(steps[number * size : (number + 1) * size] for steps in self.steps))
 
 
-def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:
+def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
     """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`."""
     rest_rv, step = rows_rv.astype(np.float64), STEP * largest_error
     found = _worst(rest_rv)
@@ -67,8 +67,7 @@ def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedR
 
 def _worst(rest_rv: Floats) -> Floats:
     """Return the largest absolute value of each row (row,)."""
-    worst: Floats = np.maximum(rest_rv.max(axis=1, initial=0.0), -rest_rv.min(axis=1, initial=0.0))
-    return worst
+    return np.maximum(rest_rv.max(axis=1, initial=0.0), -rest_rv.min(axis=1, initial=0.0))
 
 
 def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
@@ -81,7 +80,7 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
     return steps
 
 
-def _by_size(rows_rv: NDArray[np.floating], directions: list[NDArray[np.float32]], steps: list[Floats]) -> ReducedRows:
+def _by_size(rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[Floats]) -> ReducedRows:
     """Put the parts with the largest integers first, and every integer into the smallest type that holds it."""
     rows, values = rows_rv.shape
     basis_kv, steps_kr = np.reshape(np.array(directions, np.float32), (-1, values)), np.reshape(steps, (-1, rows))

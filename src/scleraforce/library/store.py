@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_stiffness
@@ -63,11 +64,7 @@ def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
 
 
 def write_library_unit(
-    store: CheckedStore,
-    unit: int,
-    force_d: NDArray[np.float64],
-    displaced_d: NDArray[np.float64],
-    curves_dbnc: NDArray[np.float32],
+    store: CheckedStore, unit: int, force_d: Floats, displaced_d: Floats, curves_dbnc: NDArray[np.float32]
 ) -> None:
     """Write the stored part of one load path (`build.SolvedPath`)."""
     store.write(unit, {FORCES: force_d, DISPLACED: displaced_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d})

@@ -6,9 +6,8 @@ sphere angles, curvatures and thickening are 0, and the places of the limbus do 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from scleraforce.arrays import Floats
 
 # Of each side, left and right: place of the limbus from the contact, m; the angle there, rad, up below 0; the curvature
 # beyond, 1/m. Then how the thickness grows along the section, m/m.
@@ -21,12 +20,12 @@ FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 
 SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 
-def form_depths(form: Array, from_contact_m: Array, is_inner: Array) -> Array:
+def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Floats:
     """Return the contribution of a form (7,) to depths (place,), m.
 
     `from_contact_m`: lateral distance from the contact (place,); `is_inner`: 1 on the inner boundary, 0 on the outer.
     """
-    depths: Array = form[6] * from_contact_m * is_inner
+    depths: Floats = form[6] * from_contact_m * is_inner
     for side, first in ((-1.0, 0), (1.0, 3)):
         limbus_m, angle, curvature = form[first : first + 3]
         beyond = side * from_contact_m - limbus_m
@@ -54,6 +53,6 @@ POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
 
 
-def shining(slope: Array) -> Array:
+def shining(slope: Floats) -> Floats:
     """Return the shift of the edge by the mirror reflection, over that of a surface that faces the light."""
     return np.exp(-((slope / SHINING_SLOPE) ** 2))

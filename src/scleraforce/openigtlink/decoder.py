@@ -12,8 +12,8 @@ from enum import Enum
 
 import numpy as np
 from fastcrc.crc64 import ecma_182
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink.messages import SPOKEN, Message, query_of, unpack
 from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
@@ -88,7 +88,7 @@ class Decoder:
         self._scratch = memoryview(bytearray(PASSED_BYTES))
         self._start_body(np.empty(0, dtype=np.uint8), 0)
 
-    def _start_body(self, body: NDArray[np.uint8], left: int) -> None:
+    def _start_body(self, body: Bytes, left: int) -> None:
         self._body, self._room, self._left, self._crc = body, memoryview(body.data), left, 0
 
     @property
@@ -187,7 +187,7 @@ class Decoder:
         return _read(header, body)
 
 
-def _read(header: Header, body: NDArray[np.uint8]) -> PeerEvent:
+def _read(header: Header, body: Bytes) -> PeerEvent:
     try:
         content, message_id, metadata = split_body(memoryview(body.data), header.version)
         return Received(header, unpack(header.type, content), message_id, metadata)

@@ -9,9 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from scleraforce.arrays import Integers
 from scleraforce.calibration.forces import label_sds
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
@@ -115,7 +113,7 @@ class Evaluation:
         return replace(self, frames=tuple(frame for frame in self.frames if frame.answer.usable))
 
     @cached_property
-    def confusion(self) -> NDArray[np.int64]:
+    def confusion(self) -> Integers:
         """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
         targets = [frame.target for frame in self.scored if frame.target is not None]
         predicted = [frame.answer.predicted for frame in self.scored]

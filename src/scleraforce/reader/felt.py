@@ -16,15 +16,14 @@ from math import atan, cos, degrees, erf, hypot, isfinite, radians, sqrt, tan
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library.unknowns import ROTATION
 from scleraforce.mechanics.relaxation import line_weights
 from scleraforce.reader.answer import Answer, Reading
 
-Floats = NDArray[np.float64]
 Given = TypeVar("Given", Answer, Reading)
 
 DENSE_S = 0.3  # between frames: in longer gaps a needle may come and go

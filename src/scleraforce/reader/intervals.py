@@ -19,8 +19,8 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import UNKNOWN, Known, KnownGlobe
 from scleraforce.library.fit import BoundaryFit
@@ -29,7 +29,6 @@ from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
 
-Floats = NDArray[np.float64]
 Factors = Mapping[str, Mapping[str, float]]  # by the kind of modulus, then by trait
 
 OWN, OTHER = "own E", "other E"  # kinds of modulus: a reading has one

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import NOTHING_KNOWN, Known
 from scleraforce.library.fit import BoundaryFit, fit_boundaries
@@ -139,7 +139,7 @@ class Classifier(Reader):
         inputs = {INPUT: ("tensor(uint8)", [self.study.slice.rows, self.study.slice.columns])}
         check_interface(session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(self.path / NETWORK_FILE))
 
-    def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def probabilities(self, slices: Bytes) -> Floats:
         """Return the probability of each force class (slice, class); rows sum to 1.
 
         Slices are uint8 (slice, row, column) of the study's shape, 255 where wall is, 0 elsewhere; others raise
@@ -159,7 +159,7 @@ class Classifier(Reader):
         if answer.shape != (len(slices), self.classes):
             raise ModelError(f"{self.path}: the network answers {answer.shape} to {len(slices)} slices")
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
-        result: NDArray[np.float64] = answer.astype(np.float64)
+        result: Floats = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
         return result
 
@@ -244,7 +244,7 @@ class ForceReader(Reader):
         """
         return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
-    def read_slices(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
+    def read_slices(self, cuts: Bytes, known: Known) -> Reading:
         """Return the network's reading of slices of one wall (slice, row, column), 255 where wall is, 0 elsewhere."""
         return self._network.read(cuts, known)
 

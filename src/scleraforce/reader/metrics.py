@@ -11,7 +11,8 @@ from math import hypot, nan, sqrt
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
+
+from scleraforce.arrays import Integers
 
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
 SHARED_ERROR = (
@@ -50,7 +51,7 @@ class Proportion:
         return wilson_interval(self.hits, self.total)
 
 
-def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> NDArray[np.int64]:
+def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> Integers:
     """Count the trials by target (row) and predicted (column) class, shape (classes, classes)."""
     if len(target) != len(predicted):
         raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
@@ -61,17 +62,17 @@ def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: i
     return counts
 
 
-def accuracy(confusion: NDArray[np.int64]) -> Proportion:
+def accuracy(confusion: Integers) -> Proportion:
     """Return the share of right answers."""
     return Proportion(int(np.trace(confusion)), int(confusion.sum()))
 
 
-def recall(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
+def recall(confusion: Integers) -> tuple[Proportion, ...]:
     """Return, for each target class (row), the share that was recognised."""
     return _shares(confusion, confusion.sum(axis=1))
 
 
-def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
+def precision(confusion: Integers) -> tuple[Proportion, ...]:
     """Return, for each predicted class (column), the share that was right."""
     return _shares(confusion, confusion.sum(axis=0))
 
@@ -146,5 +147,5 @@ def held_by_eye(trials: Sequence[ForceTrial]) -> str:
     return ", ".join(f"{held.hits} of {held.total} of {eye}" for eye, held in coverage_by_eye(trials).items())
 
 
-def _shares(confusion: NDArray[np.int64], totals: NDArray[np.int64]) -> tuple[Proportion, ...]:
+def _shares(confusion: Integers, totals: Integers) -> tuple[Proportion, ...]:
     return tuple(Proportion(int(hits), int(total)) for hits, total in zip(np.diag(confusion), totals, strict=True))

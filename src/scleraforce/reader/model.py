@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce import models
+from scleraforce.arrays import Counts
 from scleraforce.errors import InputError, ModelError
 from scleraforce.known import Known
 from scleraforce.library.files import load_library
@@ -148,7 +148,7 @@ WARMING_FRAMES = 20
 
 def warming_frame(
     shape: tuple[int, int], scale: PixelScale, radius_m: float, thickness_m: float | None = None
-) -> NDArray[np.uint16]:
+) -> Counts:
     """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call."""
     (rows, columns), rng = shape, np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m

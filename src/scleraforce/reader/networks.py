@@ -18,6 +18,7 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import ModelError
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, Known
 from scleraforce.library.base import pole_directions
@@ -30,8 +31,6 @@ from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import ReaderStudy, Study
 from scleraforce.study.eye import RIGIDITY_LAWS
-
-Floats = NDArray[np.float64]
 
 INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interval's ends
 
@@ -62,7 +61,7 @@ def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
     return max_force_ratio * (np.arange(bins + 1) / bins) ** 2
 
 
-def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:
+def force_distribution(probabilities: Reals, edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:
     """Return the distribution of the force from shares (sample, bin), edges, m^2, and moduli (sample,), Pa."""
     shares = np.zeros((len(probabilities), len(edges_m2)))
     probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])

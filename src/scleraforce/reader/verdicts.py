@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats
 from scleraforce.known import Known
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import NO_WALL_M, BoundaryFit
@@ -53,9 +53,7 @@ def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> st
     return f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, every class is possible"
 
 
-def too_little_wall(
-    lateral_m: NDArray[np.float64], outer_m: NDArray[np.float64], slice_study: SliceStudy
-) -> str | None:
+def too_little_wall(lateral_m: Floats, outer_m: Floats, slice_study: SliceStudy) -> str | None:
     """Return why too little of a wall is seen to read it, None if enough is.
 
     `lateral_m`: increasing places of a frame's columns from its middle; `outer_m`: depth there, NaN where unseen.
@@ -166,15 +164,15 @@ class Look:
     """
 
     segmentation: Segmentation
-    cuts: NDArray[np.uint8]
+    cuts: Bytes
     reason: str | None
     dent_leaves: bool = False
     extent_m: float = 0.0
 
     @property
-    def cut(self) -> NDArray[np.uint8]:
+    def cut(self) -> Bytes:
         """The slice that is not shifted."""
-        first: NDArray[np.uint8] = self.cuts[0]
+        first: Bytes = self.cuts[0]
         return first
 
     @property

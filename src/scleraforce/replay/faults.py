@@ -15,6 +15,7 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Cause
@@ -249,7 +250,7 @@ class _Stage:
         assert isinstance(message, Unstamped)
         return message.stamped(time())
 
-    def forces_n(self, least_n: float) -> NDArray[np.float64]:
+    def forces_n(self, least_n: float) -> Floats:
         """Return the force at each frame, of which one must be at least `least_n`."""
         if self.given_n is None:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
@@ -262,7 +263,7 @@ class _Stage:
             )
         return forces_n
 
-    def nearest(self, wanted_n: Sequence[float] | NDArray[np.float64], least_n: float) -> list[Pixels]:
+    def nearest(self, wanted_n: Sequence[float] | Floats, least_n: float) -> list[Pixels]:
         """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
         forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))

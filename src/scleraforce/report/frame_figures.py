@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.pixels import Pixels
@@ -30,8 +30,8 @@ class SlicePair:
     """A frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`."""
 
     look: AnsweredFrame
-    measured: NDArray[np.uint8]
-    simulated: NDArray[np.uint8]
+    measured: Bytes
+    simulated: Bytes
     pixel_m: float
 
     @property
@@ -41,7 +41,7 @@ class SlicePair:
         return columns * self.pixel_m, rows * self.pixel_m
 
 
-def dice(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
+def dice(first: Bytes, second: Bytes) -> float:
     """Return the Dice coefficient of two binary images, twice the common area over the sum of both (1: the same)."""
     a, b = first > 0, second > 0
     total = int(a.sum() + b.sum())
@@ -84,9 +84,7 @@ def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
 
 
 @style.styled
-def draw_montage(
-    slices: NDArray[np.uint8], force_n: NDArray[np.float64], target: NDArray[np.intp], thickness_m: NDArray[np.float64]
-) -> Figure:
+def draw_montage(slices: Bytes, force_n: Floats, target: Places, thickness_m: Floats) -> Figure:
     """Draw simulated slices (slice, row, column) in six columns, each with its force, class and wall thickness."""
     rows = -(-len(slices) // 6)
     figure = Figure(figsize=style.inches(170, 14.5 * rows))
@@ -133,7 +131,7 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     return figure
 
 
-def laid_on_surface(section: Section, surface_m: NDArray[np.float64], width_m: float) -> Section:
+def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Section:
     """Return a section laid on a frame's surface (column,), m, NaN unseen: the shift of smallest mean distance wins."""
     columns = len(surface_m)
     lateral_m = (np.arange(columns) + 0.5) * width_m / columns

@@ -7,8 +7,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -40,7 +40,7 @@ class AnsweredFrame:
         """Width and depth of the frame."""
         return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
 
-    def slice(self, study: SliceStudy) -> NDArray[np.uint8]:
+    def slice(self, study: SliceStudy) -> Bytes:
         """Return the slice that a network reads."""
         return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
 

@@ -12,9 +12,9 @@ from typing import Literal, NewType
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from scleraforce import __version__
+from scleraforce.arrays import Integers
 from scleraforce.errors import InputError
 from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
@@ -163,7 +163,7 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     return f"class 0: below {low} mN", f"class 1: {low} to {high} mN", f"class 2: above {high} mN"
 
 
-def confusion_table(confusion: NDArray[np.int64], bounds_n: Sequence[float], caption: str) -> Html:
+def confusion_table(confusion: Integers, bounds_n: Sequence[float], caption: str) -> Html:
     """Return a confusion matrix, rows targets, with recall and precision; misread trials are highlighted."""
     names = class_names(bounds_n)
     rows = [

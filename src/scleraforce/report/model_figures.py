@@ -12,15 +12,12 @@ from matplotlib.patches import FancyBboxPatch, Polygon
 from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matplotlib types all but its toolkits
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.laboratory.virtual_eye import SimulatedEye
 from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, log_scale, styled
 from scleraforce.study import Study
 from scleraforce.units import from_si
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 DISPLACEMENT_COLOURS = "viridis"
 NEEDLE_LENGTH_M = 6e-3
@@ -72,10 +69,10 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     figure.colorbar(colours, cax=bar, orientation="horizontal", label="displacement [mm]").outline.set_visible(False)
 
 
-def behind_needle(eye: SimulatedEye) -> NDArray[np.bool_]:
+def behind_needle(eye: SimulatedEye) -> Flags:
     """Return True for the elements on the far side of the plane through the needle's meridian, seen by the viewer."""
     middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
-    far: NDArray[np.bool_] = middles_ec @ eye.contact.parallel > 0.0
+    far: Flags = middles_ec @ eye.contact.parallel > 0.0
     return far
 
 

@@ -6,8 +6,9 @@ from datetime import datetime
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from scleraforce.arrays import Bytes, Places
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, EyeCalibration, parse_calibration
 from scleraforce.known.calibration_file import open_calibration
@@ -130,7 +131,7 @@ def _design(run: Run, evaluation: Evaluation) -> html.Html:
     return html.section("Design", html.table(["", *(eye.id for eye in eyes), "total"], rows, caption))
 
 
-def _counts(classes: Sequence[ArrayLike], names: int) -> NDArray[np.intp]:
+def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
     counts = np.stack([np.bincount(np.asarray(of_eye, np.intp), minlength=names) for of_eye in classes], axis=1)
     counts = np.vstack([counts, counts.sum(axis=0)])
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
@@ -272,7 +273,7 @@ def _pair(answer: FrameAnswer, study: Study) -> frame_figures.SlicePair:
     return frame_figures.SlicePair(look, measured, laid, study.slice.pixel_m)
 
 
-def _laid_on(section: Section, top_m: float, measured: NDArray[np.uint8], study: Study) -> NDArray[np.uint8]:
+def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> Bytes:
     """Draw a section shifted to where it covers a slice best, in steps of half a pixel; `top_m`: unloaded wall."""
     best, best_likeness = measured * 0, -1.0
     steps = 0.5 * study.slice.pixel_m * np.arange(-12, 13)

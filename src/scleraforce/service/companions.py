@@ -8,9 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from types import UnionType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from scleraforce.arrays import Floats
 from scleraforce.errors import MessageError
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
@@ -245,5 +243,5 @@ class Companions:
             child.end(within_s=30.0)
 
 
-def _rows(row: NDArray[np.float64]) -> tuple[float | None, ...]:
+def _rows(row: Floats) -> tuple[float | None, ...]:
     return tuple([None if value != value else round(value, 1) for value in row[::OUTLINE_STEP].tolist()])

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Counts
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
@@ -96,7 +96,7 @@ class FrameRing:
             ) from fault
         return cls(RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns))
 
-    def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    def put(self, number: int, pixels: Bytes | Counts) -> None:
         """Keep a frame (row, column) in place of the oldest one."""
         if pixels.shape != self.shape:  # NumPy would repeat a row
             raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
@@ -105,7 +105,7 @@ class FrameRing:
         written = os.pwrite(self.place.descriptor, counts.data, self._numbers.nbytes + slot * counts.nbytes)
         self._numbers[slot] = number if written == counts.nbytes else 0
 
-    def get(self, number: int) -> NDArray[np.uint16] | None:
+    def get(self, number: int) -> Counts | None:
         """Return a copy of a frame (row, column); None if it is gone or has not come yet."""
         slot = number % self.frames
         if number < 1 or self._numbers[slot] != number:

@@ -4,6 +4,8 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Bytes, Flags
+
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
 RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or right
@@ -69,7 +71,7 @@ class ShownPictures:
     def _slot(self, back: int) -> int:
         return (self._count - back) % self._most
 
-    def _bits(self, flags_brp: NDArray[np.bool_]) -> Words:
+    def _bits(self, flags_brp: Flags) -> Words:
         """Return the flags of a row as the lowest bits of a word, the first one lowest."""
         self._flags_brp[:, :, : RUN - 1] = flags_brp
         return np.packbits(self._flags_brp, axis=-1, bitorder="little").view("<u8")[..., 0]
@@ -82,18 +84,18 @@ class ShownPictures:
         last = self._slot(1)
         return bool(self._alike(rises_sb, differs_sb, self._rises_mb[last], self._differs_mb[last]).any())
 
-    def _alike(self, rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> NDArray[np.bool_]:
+    def _alike(self, rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> Flags:
         """Return for several pictures whether they are the same as one."""
         both_mb = differs_mb & differs_b
         told_mb = np.bitwise_count(both_mb)
         unlike_mb = np.bitwise_count(both_mb & (rises_mb ^ rises_b))
         told_m, unlike_m = told_mb.sum(axis=1, dtype=np.int64), unlike_mb.sum(axis=1, dtype=np.int64)
-        alike_m: NDArray[np.bool_] = 2 * unlike_m < (1 - WORTH_A_LOOK) * told_m
+        alike_m: Flags = 2 * unlike_m < (1 - WORTH_A_LOOK) * told_m
         if alike_m.any():
             alike_m[alike_m] = self._same(told_mb[alike_m], unlike_mb[alike_m])
         return alike_m
 
-    def _same(self, told_mb: NDArray[np.uint8], unlike_mb: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def _same(self, told_mb: Bytes, unlike_mb: Bytes) -> Flags:
         """Return for several pictures whether enough blocks agree, from pairs that differ in both and those unlike."""
         counted_mb = told_mb >= LEAST_PAIRS
         agreed_mb = np.where(counted_mb, 1.0 - 2.0 * unlike_mb / np.maximum(told_mb, 1), np.inf)
@@ -104,7 +106,7 @@ class ShownPictures:
         counted_mh = counted_mb @ self._parts_bh
         copied_mh = (counted_mb & (agreed_mb >= COPY)) @ self._parts_bh
         copy_mh = (copied_mh >= self._copies_h * counted_mh) & (counted_mh >= self._least_h)
-        same_m: NDArray[np.bool_] = (ghost_m & (blocks_m >= self._least_h[0])) | copy_mh.any(axis=1)
+        same_m: Flags = (ghost_m & (blocks_m >= self._least_h[0])) | copy_mh.any(axis=1)
         return same_m
 
     def _begin(self, shape: tuple[int, ...]) -> None:
