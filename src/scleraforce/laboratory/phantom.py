@@ -109,13 +109,17 @@ class PhantomFrame:
 
 @dataclass(frozen=True)
 class PhantomPlan:
-    """A virtual acquisition with everything drawn and nothing computed."""
+    """A virtual acquisition with everything drawn and nothing computed.
+
+    `tilt_rad`: between the force and the wall's normal, in the mechanics; a drawn needle presses with its normal part.
+    """
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
     path: pushes.NeedlePath
     sensor: pushes.ForceSensor
     seed: int
+    tilt_rad: float = 0.0
 
     @property
     def forces_n(self) -> list[float]:
@@ -131,15 +135,18 @@ class PhantomPlan:
         return [float(f"{one_n:.12g}") for one_n in force_n(np.array([frame.time_s for frame in self.frames]))]
 
     @property
-    def lean(self) -> tuple[float, float] | tuple[None, None]:
-        """The angle between the drawn needle and the wall's normal, and its direction; None without a needle."""
+    def lean(self) -> tuple[float | None, float | None]:
+        """The angle between needle and normal, and its direction in the plane; None: along the normal, not known."""
         needle = self.frames[0].optics.needle
-        return (None, None) if needle is None else needle.from_normal
+        if needle is None or self.tilt_rad:
+            return self.tilt_rad or None, None
+        return needle.from_normal
 
     @property
     def normal_n(self) -> list[float]:
-        """The part of the elastic force along the wall's normal at each frame's time, in N."""
-        return [float(f"{cos(self.lean[0] or 0.0) * elastic_n:.12g}") for elastic_n in self.elastic_n]
+        """The part of the elastic force that the wall's mechanics take, at each frame's time, in N."""
+        share = 1.0 if self.tilt_rad else cos(self.lean[0] or 0.0)
+        return [float(f"{share * elastic_n:.12g}") for elastic_n in self.elastic_n]
 
     @property
     def turns(self) -> list[EyeTurn]:
@@ -235,7 +242,7 @@ def _with_turns(
         turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
         frames = [replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)]
     sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
-    plan = PhantomPlan(eye, tuple(frames), path, sensor, seed)
+    plan = PhantomPlan(eye, tuple(frames), path, sensor, seed, study.needle.tilt_rad)
     pressed = (_pressed(frame, eye, force_n, study) for frame, force_n in zip(frames, plan.forces_n, strict=True))
     return replace(plan, frames=tuple(pressed))
 
