@@ -135,17 +135,18 @@ def main(
     drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
     if still:
         drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
-    everyone = [eye for eyes in drawn.values() for eye in eyes]
+    everyone = [one for eyes in drawn.values() for eye in eyes for one in dict.fromkeys((eye, eye.calibrating))]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, chosen, bar.update)
     for name in failed:
         click.echo(f"{name}: could not be computed, and is left out", err=True)
     if recordings_only:
         return
+    everyone = [eye for eye in everyone if eye.eye.id not in failed]
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
     given = {DEFAULT_READER: reader, "living": living_reader}
     if not declared_exactly:
-        folder = declare(folder, [eye for eyes in left.values() for eye in eyes])
+        folder = declare(folder, everyone)
     groups = [
         _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
     ]

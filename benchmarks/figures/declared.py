@@ -1,7 +1,7 @@
 """Recordings whose declared values have the errors of users' measurements.
 
-Pressure, thickness, gap, contact and direction have the noise of `[reader]` (`iop_noise_fraction` and the others), like
-the eyes that the intervals are measured on.
+Pressure, thickness, gap, contact, direction and lean have the noise of `[reader]` (`iop_noise_fraction` and the others;
+a lean that of the pole), like the eyes that the intervals are measured on.
 """
 
 import os
@@ -59,7 +59,7 @@ def as_declared(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generat
     assert eye.thickness_m is not None
     assert needle.polar_angle_rad is not None
     assert scanner.plane_direction_rad is not None
-    iop, thickness, gap, polar, direction = rng.standard_normal(5).tolist()
+    iop, thickness, gap, polar, direction, lean = rng.standard_normal(6).tolist()
     turned_rad = scanner.plane_direction_rad + reader.pole_noise_rad * direction
     return replace(
         info,
@@ -72,6 +72,7 @@ def as_declared(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generat
             needle,
             slice_gap_m=needle.slice_gap_m * (1.0 + reader.gap_noise_fraction * gap),
             polar_angle_rad=abs(needle.polar_angle_rad + reader.pole_noise_rad * polar),
+            lean_rad=None if needle.lean_rad is None else abs(needle.lean_rad + reader.pole_noise_rad * lean),
         ),
         oct=replace(scanner, plane_direction_rad=turned_rad),
     )

@@ -14,11 +14,11 @@ class FiguresFolder:
 
     def recording(self, eye: FigureEye) -> Path:
         """The eye's recording: raw frames, force log, truth.json. It appears last, and whole."""
-        return self.path / "recordings" / eye.eye.id
+        return self.path / "recordings" / eye.name
 
     def made(self, eye: FigureEye) -> Path:
         """The computed eye's own values, beside its recording."""
-        return self.path / "eyes" / f"{eye.eye.id}.npz"
+        return self.path / "eyes" / f"{eye.name}.npz"
 
     def work(self, name: str) -> Path:
         """A result that the commands leave: calibrations, answers, data set, models."""

@@ -11,7 +11,7 @@ from math import asin, log10, pi, radians
 import numpy as np
 from numpy.random import Generator
 
-from figures.eyes import FigureEye
+from figures.eyes import FigureEye, Lean
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import (
     CorneaStudy,
@@ -50,6 +50,7 @@ class Group:
         error_mn: goal for the force, or None.
         tell_globe: the recordings declare the globe.
         reader: name of the trained reader.
+        leans: draws the needle's lean, and that in the recording that calibrates the eye.
     """
 
     words: str
@@ -58,6 +59,7 @@ class Group:
     error_mn: float | None = None
     tell_globe: bool = True
     reader: str = DEFAULT_READER
+    leans: Callable[[Generator], tuple[Lean, Lean]] | None = None
 
 
 def _plain(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
@@ -138,6 +140,19 @@ def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return eye, replace(
         study, tissue=TissueStudy(relaxation=tuple((fixed(share), fixed(tau_s)) for share, tau_s in terms))
     )
+
+
+def _sticking(rng: Generator) -> tuple[Lean, Lean]:
+    """Draw two leans of up to 45 degrees, each to any side, of a needle that sticks to the wall."""
+    first, second = rng.uniform((0.0, -pi), (radians(45.0), pi), (2, 2)).tolist()
+    return Lean(*first), Lean(*second)
+
+
+def _sliding(rng: Generator) -> tuple[Lean, Lean]:
+    """Draw two leans of a needle that slides where friction, of 0 to 0.3, does not hold it."""
+    first, second = _sticking(rng)
+    friction = rng.uniform(0.0, 0.3)
+    return replace(first, friction=friction), replace(second, friction=friction)
 
 
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
@@ -288,6 +303,19 @@ GROUPS: Mapping[str, Group] = {
         own=_relaxing,
         error_mn=0.5,
     ),
+    "leaning": Group(
+        words="a needle that sticks, at 0 to 45 degrees, calibrated at another lean, both declared; globe open and "
+        "declared",
+        own=_plain,
+        error_mn=1.0,
+        leans=_sticking,
+    ),
+    "sliding": Group(
+        words="as leaning, with a friction of 0 to 0.3 between needle and wall; globe open and declared",
+        own=_plain,
+        error_mn=1.0,
+        leans=_sliding,
+    ),
 }
 
 
@@ -320,5 +348,6 @@ def _draw_eye(group: str, number: int, study: Study, draw: int) -> FigureEye:
     )
     shares = tuple(rng.uniform(0.0, 1.0, FRAMES).tolist())
     eye, own = GROUPS[group].own(plain, study, rng)
+    leans = GROUPS[group].leans
     seed = int(np.random.default_rng((*key, 1)).integers(2**31))
-    return FigureEye(group, eye, own, shares, seed, GROUPS[group].tell_globe)
+    return FigureEye(group, eye, own, shares, seed, GROUPS[group].tell_globe, *(leans(rng) if leans else ()))

@@ -144,7 +144,9 @@ def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
 
     The frames that any eye is calibrated on are left out, also where the method does not use that calibration.
     """
-    used = {(eye, frame.file) for eye, entry in calibrated_eyes(folder, eyes).items() for frame in entry.frames}
+    found = calibrated_eyes(folder, eyes)
+    own = [drawn.eye.id for drawn in eyes if drawn.calibrating is drawn]
+    used = {(eye, frame.file) for eye in own for frame in found[eye].frames}
     halves = _halves(eyes)
     frames: list[AnsweredFrame] = []
     for number, half in enumerate(halves):
@@ -153,8 +155,7 @@ def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
         command: list[str | Path] = ["evaluate", method.model, *_recordings(folder, half)]
         if method.calibrated:
             command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES)]
-        found = answers(out, command)
-        frames += _frames(folder, half, found["frames"])
+        frames += _frames(folder, half, answers(out, command)["frames"])
     return tuple(frame for frame in frames if (frame.eye, frame.file) not in used)
 
 
@@ -177,7 +178,8 @@ def _frames(
 def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> Path:
     """Return the calibration of eyes on the first frames of each, made where it is not there."""
     name = f"{eyes[0].eye.id}-to-{eyes[-1].eye.id}-{frames}-frames.json"
-    command: list[str | Path] = ["calibrate", *_recordings(folder, eyes), "--frames", str(frames)]
+    calibrating = [drawn.calibrating for drawn in eyes]
+    command: list[str | Path] = ["calibrate", *_recordings(folder, calibrating), "--frames", str(frames)]
     reader = GROUPS[eyes[0].group].reader
     if reader != DEFAULT_READER:
         command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -23,7 +23,9 @@ from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sections, write_phantom
 from scleraforce.mechanics.contact import Section
 from scleraforce.processes import work_units
+from scleraforce.recording.folder import read_info
 from scleraforce.study import Study
+from scleraforce.study.toml import format_record
 from scleraforce.whole_files import hash_sources, renamed_when_whole, write_whole, write_whole_folder
 
 
@@ -171,6 +173,10 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     recording.parent.mkdir(parents=True, exist_ok=True)
     remove(recording)
     write_phantom(recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe)
+    if drawn.lean is not None:
+        info = read_info(recording / "recording.toml")
+        info = replace(info, needle=replace(info.needle, lean_rad=drawn.lean.angle_rad))
+        write_whole(format_record(info), recording / "recording.toml")
     write_key(recording, recording_key(drawn))
 
 

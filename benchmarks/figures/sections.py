@@ -1,9 +1,9 @@
 """One virtual eye in three dimensions at finite strain: its load paths, and what the B-scan plane sees of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from figures.eyes import FigureEye
+from figures.eyes import FigureEye, Lean
 from scleraforce.laboratory.virtual_eye import (
     BentSections,
     PhantomEye,
@@ -12,7 +12,9 @@ from scleraforce.laboratory.virtual_eye import (
     farthest_turn_rad,
     turned_eyes,
 )
-from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.finite_strain import BentEye, FiniteWall, bend_eye
+from scleraforce.mechanics.graded import graded_eye
+from scleraforce.mechanics.loads import Needle, needle_at, tip_at
 from scleraforce.study import Study
 
 DEEPEST_M = 7e-3  # dents go no further: an eye that gives way before its largest force bears what it bears there
@@ -47,7 +49,10 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         SolverError: the eye cannot bear its pressure.
     """
     max_force_n = drawn.study.needle.max_force_n
-    bent = tuple(_bend(eye, study, max_force_n) for eye, study in turned_eyes(drawn.eye, drawn.study))
+    if drawn.lean is None:
+        bent = tuple(_bend(eye, study, max_force_n) for eye, study in turned_eyes(drawn.eye, drawn.study))
+    else:
+        bent = (bend_leaning(drawn.eye, drawn.study, drawn.lean, max_force_n),)
     reached_n = min(one.path.max_force_n for one in bent)
     return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM)))
 
@@ -63,3 +68,25 @@ def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> BentEye:
         max_tip_m=DEEPEST_M,
         as_far_as_found=True,  # the pressure runs away, or the wall has lost its symmetry
     )
+
+
+def bend_leaning(eye: PhantomEye, study: Study, lean: Lean, max_force_n: float) -> BentEye:
+    """Compute the path of a plain eye under a needle that leans; a sensor along the needle feels its forces.
+
+    The force is uniform over the needle's disc, seen along the needle, and keeps its direction (`Lean.push_rad`) and
+    its place on the wall; the dent is the tip's way along the normal.
+    """
+    contact = eye.plane.contact
+    axis, push = (contact.leaning_axis(angle, lean.direction_rad) for angle in (lean.angle_rad, lean.push_rad))
+    mesh = graded_eye(study, eye.thickness_m, contact)
+    along = needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis).load_nc @ axis
+    path = FiniteWall(mesh, study.eye.poisson_ratio).load_path(
+        Needle(along[:, None] * push, tip_at(mesh, contact, -contact.normal)),
+        youngs_modulus_pa=eye.youngs_modulus_pa,
+        iop_pa=eye.iop_pa,
+        density_kg_m3=study.eye.density_kg_m3,
+        max_force_n=max_force_n / lean.felt,
+        max_tip_m=DEEPEST_M,
+        as_far_as_found=True,
+    )
+    return BentEye(mesh, replace(path, forces_n=lean.felt * path.forces_n))

@@ -2,6 +2,7 @@ import json
 import math
 import multiprocessing
 from dataclasses import replace
+from math import cos, sin
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from workers import leave_a_mark_or_wait
 from figures import commands, readings, recordings
 from figures.commands import answers, made_by
 from figures.declared import as_declared, declare
+from figures.eyes import Lean
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
 from figures.page import BEGIN, END, insert_tables
@@ -18,7 +20,7 @@ from figures.picture import draw_forces
 from figures.readings import Method
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, score
-from figures.sections import compute_eye
+from figures.sections import bend_leaning, compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
 from figures.workers import in_processes
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
@@ -138,6 +140,27 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
         assert ("turn" in truth["frames"][0]) == (paths == 3)
 
 
+def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
+    for group in ("leaning", "sliding"):
+        for drawn in draw_eyes(group, 5, STUDY):
+            other = drawn.calibrating
+            assert (other.eye, other.lean, other.calibrating) == (drawn.eye, drawn.calibrated_at, other)
+            assert (other.name, drawn.name) == (f"{drawn.eye.id}-calibration", drawn.eye.id)
+            assert other.lean.angle_rad != drawn.lean.angle_rad
+            assert other.lean.friction == drawn.lean.friction
+            assert (drawn.lean.friction is None) == (group == "leaning")
+
+
+def test_a_dent_follows_the_part_of_the_force_along_the_normal():
+    """A needle that sticks pushes along itself; of one that slides, friction has a share in what it feels."""
+    drawn = draw_eyes("plain", 1, STUDY)[0]
+    study = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=6))
+    leans = {Lean(0.0, 0.0): 1.0, Lean(0.7, 1.0): cos(0.7), Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7))}
+    upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015).path for lean in leans)
+    for path, part in zip(leaning, list(leans.values())[1:], strict=True):
+        assert path.tip_m(0.01) == pytest.approx(upright.tip_m(0.01 * part), rel=0.05)
+
+
 def test_plain_and_harder_eyes_are_the_same_in_every_run():
     """Figures of commits stay comparable until eyes are drawn anew on purpose."""
     drawn = {group: draw_eyes(group, 1, STUDY)[0] for group in ("plain", "harder")}
@@ -167,6 +190,8 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
         assert [(entry.eye, entry.file) for entry in answered] == [
             (drawn.eye.id, file) for drawn in eyes for file in ("0001.png", "0005.png")
         ]
+    elsewhere = [replace(drawn, calibrated_at=Lean(0.1, 0.0)) for drawn in eyes]
+    assert len(readings.read_frames(FiguresFolder(tmp_path), elsewhere, method)) == 2 * len(files)
 
 
 def test_tables_and_picture_have_every_group(tmp_path):
@@ -284,7 +309,7 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(tmp_p
     info = RecordingInfo(
         eye=EyeInfo("eye", thickness_m=600e-6, iop_pa=300.0, globe="open"),
         oct=OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3, plane_direction_rad=0.3),
-        needle=NeedleInfo(gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6),
+        needle=NeedleInfo(gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6, lean_rad=0.4),
         force=ForceInfo("fz", -1),
     )
     drawn = draw_eyes("plain", 1, STUDY)[0]
@@ -311,6 +336,7 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(tmp_p
         (lambda each: each.eye.thickness_m, 600e-6, 600e-6 * reader.thickness_noise_fraction),
         (lambda each: each.needle.slice_gap_m, 0.5e-3, 0.5e-3 * reader.gap_noise_fraction),
         (lambda each: each.needle.polar_angle_rad, 0.6, reader.pole_noise_rad),
+        (lambda each: each.needle.lean_rad, 0.4, reader.pole_noise_rad),
         (lambda each: each.oct.plane_direction_rad, 0.3, reader.pole_noise_rad),
     ):
         off = np.array([value(each) for each in said]) - true
