@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.arrays import Flags, Floats, Places
-from scleraforce.compiled import compiled, compiled_part
+from scleraforce.compiled import compiled, compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
 from scleraforce.library.sealed import level_of
@@ -101,14 +101,11 @@ def scene_of(
             left[boundary, ring] = station
             share[boundary, ring] = (wanted - along[station]) / (along[station + 1] - along[station])
     _turn(stations, tables.angles, UP, about_needle)
-    at_m, outer, smoothing_m = places
-    cosines = np.cos(tables.angles)
-    return Scene(
-        tables, pressure, at_m, outer, smoothing_m, stations, about_needle, left, share, sines, cosines
-    )  # fmt: skip
+    (at_m, outer, smoothing_m), cosines = places, np.cos(tables.angles)
+    return Scene(tables, pressure, at_m, outer, smoothing_m, stations, about_needle, left, share, sines, cosines)
 
 
-@compiled_part
+@compiled_in_place
 def _before(nodes: Floats, place: float) -> int:
     """Return the last of increasing nodes below a place, which has a next one.
 
@@ -135,7 +132,7 @@ def empty_wall(scene: Scene) -> Wall:
     )  # fmt: skip
 
 
-@compiled_part
+@compiled_in_place
 def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vector:
     """Return thickness, pressure over E and tip in the library's own size, kept within its ranges."""
     size, (low, high) = np.exp(unknown[at.SIZE]), tables.thickness_ends_m
@@ -146,7 +143,7 @@ def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vecto
     return thickness, ratio, min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
 
 
-@compiled_part
+@compiled_in_place
 def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
     """Write the wall of unknowns up to `count` nodes."""
     state, axis = library_place(scene.tables, unknown, scene.pressure), _axis(unknown)
@@ -159,13 +156,13 @@ def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
         _move(scene, wall.meridian, wall.turned, axis, count, wall.moved, wall.motion)
 
 
-@compiled_part
+@compiled_in_place
 def _axis(unknown: Floats) -> Vector:
     """Return the eye's axis."""
     return unknown[ALONG], unknown[ACROSS], np.sqrt(max(1.0 - unknown[ALONG] ** 2 - unknown[ACROSS] ** 2, 0.0))
 
 
-@compiled_part
+@compiled_in_place
 def find_curve(tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int) -> None:
     """Write the first nodes of the curves of a state, of the outer boundary or of both."""
     state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
@@ -174,14 +171,15 @@ def find_curve(tables: SplineTables, state: Vector, count: int, wall: Wall, boun
         curves_at(tables.curves, wall.rows, wall.weights, first, curve)
 
 
-@compiled_part
+@compiled_in_place
 def _find_push(tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats) -> None:
     """Write the push of the base at a state (`base.base_push`)."""
     force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
-    pushed[:] = unknown[ALONG:] * (SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0])
+    share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
+    pushed[0], pushed[1] = unknown[ALONG] * share, unknown[ACROSS] * share
 
 
-@compiled_part
+@compiled_in_place
 def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
     """Write how the pressure alone moves a wall (boundary, node, [away from the axis, up])."""
     undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
@@ -192,7 +190,7 @@ def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
             way[node, 1] = scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
 
 
-@compiled_part
+@compiled_in_place
 def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
     """Write where stations lie about an axis (boundary, station, 5).
 
@@ -210,7 +208,7 @@ def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> Non
             turn[2], turn[3], turn[4] = x / norm, y / norm, z / norm
 
 
-@compiled_part
+@compiled_in_place
 def _move(
     scene: Scene, meridian: Floats, turned: Floats, axis: Vector, count: int, moved: Floats, motion: Floats
 ) -> None:
@@ -233,7 +231,7 @@ def _move(
                     motion[boundary, ring, part] = low + share * (high - low)
 
 
-@compiled_part
+@compiled_in_place
 def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
     """Return the motion along the meridian, away from its axis and up, at a station."""
     node, share = int(turn[0]), turn[1]
@@ -241,7 +239,7 @@ def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
     return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
 
 
-@compiled_part
+@compiled_in_place
 def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown: Floats, wall: Wall) -> None:
     """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
     nodes, squares, lateral, down, gap_m = len(curve), wall.steep, wall.lateral, wall.down, unknown[at.GAP]
@@ -269,7 +267,7 @@ def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown:
             down[place] = s * across + c * deep + unknown[at.DEPTH]
 
 
-@compiled_part
+@compiled_in_place
 def without_folds(lateral: Floats, down: Floats, length: int) -> int:
     """Move the points that lie ahead of all before to the front; return their number."""
     kept = 1
@@ -280,7 +278,7 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
     return kept
 
 
-@compiled_part
+@compiled_in_place
 def _read_depths(scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats) -> None:
     """Write depth and slope of a boundary's section at its places, under a Gaussian (`placement.curve_depths`)."""
     lateral, down, steep = wall.lateral, wall.down, wall.steep
@@ -299,7 +297,7 @@ def _read_depths(scene: Scene, boundary: int, length: int, wall: Wall, depth_m: 
             slope[place] += weight * steep[segment]
 
 
-@compiled_part
+@compiled_in_place
 def _ends(scene: Scene) -> tuple[float, float]:
     """Return the ends of a frame's places, m."""
     low, high, last = scene.at_m[0], scene.at_m[scene.outer - 1], len(scene.at_m) - 1
@@ -308,7 +306,7 @@ def _ends(scene: Scene) -> tuple[float, float]:
     return low - 2.0 * scene.smoothing_m, high + 2.0 * scene.smoothing_m
 
 
-@compiled_part
+@compiled_in_place
 def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     """Write the depths that a frame shows of the wall of unknowns; return the number of its nodes that are found."""
     tables, (low, high), nodes = scene.tables, _ends(scene), len(scene.share[0]) // 2
@@ -340,7 +338,7 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     return count
 
 
-@compiled_part
+@compiled_in_place
 def _shine(slope: float) -> float:
     return float(np.exp(-((slope / at.SHINING_SLOPE) ** 2)))
 
@@ -395,7 +393,7 @@ def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, d
             row[first + 1], row[first + 2] = ramp, 0.5 * ramp**2
 
 
-@compiled_part
+@compiled_in_place
 def _step(scene: Scene, unknown: Floats, place: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other way (`library.fit`)."""
     tables, size = scene.tables, np.exp(unknown[at.SIZE])
@@ -414,14 +412,14 @@ def _step(scene: Scene, unknown: Floats, place: int) -> float:
     return -step if leaves else step
 
 
-@compiled_part
+@compiled_in_place
 def _ramp(beyond_m: float) -> tuple[float, float]:
     """Return how far a place lies beyond a limbus, a smooth furrow, and its slope (`unknowns`)."""
     root = np.sqrt(beyond_m**2 + at.SOFT_M**2)
     return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
 
 
-@compiled_part
+@compiled_in_place
 def _form(unknown: Floats, from_contact_m: float, is_inner: float) -> tuple[float, float]:
     """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
     depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
@@ -433,17 +431,16 @@ def _form(unknown: Floats, from_contact_m: float, is_inner: float) -> tuple[floa
     return depth, slope
 
 
-@compiled_part
+@compiled_in_place
 def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -> None:
     """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2 node, [lateral, depth]), m."""
     count = section.shape[1] // 2
     _find_wall(scene, unknown, count, wall)
     for boundary in range(2):
         cut_wall(wall.curve[boundary], wall.motion[boundary], wall.pushed, count, unknown, wall)
-        section[boundary, :, 0] = wall.lateral
         for place in range(2 * count):
             formed, _ = _form(unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary))
-            section[boundary, place, 1] = wall.down[place] + formed
+            section[boundary, place, 0], section[boundary, place, 1] = wall.lateral[place], wall.down[place] + formed
 
 
 LEAST_SD = 3e-3  # relative, of the pressure that a globe's law gives: volumes of the library
@@ -464,7 +461,7 @@ class Law(NamedTuple):
     spread: float
 
 
-@compiled_part
+@compiled_in_place
 def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
     """Return how far level(P) is off its mean, and its standard deviation (`library.fit`)."""
     volume, pressure, resting = displaced(tables, law, unknown), np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
@@ -473,14 +470,14 @@ def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float,
     return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
 
 
-@compiled_part
+@compiled_in_place
 def displaced(tables: SplineTables, law: Law, unknown: Floats) -> float:
     """Return the volume that the dent displaces, m^3."""
     thickness, ratio, tip = library_place(tables, unknown, law.pressure)
     return float(np.exp(3.0 * unknown[at.SIZE]) * value_of(tables, tables.volumes, thickness, ratio, tip))
 
 
-@compiled_part
+@compiled_in_place
 def force_at(tables: SplineTables, law: Law, unknown: Floats) -> float:
     """Return the needle's force, N."""
     thickness, ratio, tip = library_place(tables, unknown, law.pressure)

@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.compiled import compiled_part
+from scleraforce.compiled import compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
 from scleraforce.library.sealed import VolumePaths, level_of, pressure_at_dent
 from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
 from scleraforce.library.states import value_of
+from scleraforce.segmentation.loops import nth
 
 DENTS = 14
 STARTS = 2
@@ -34,7 +35,7 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 class Surface(NamedTuple):
     """Some places of an outer boundary and their depth, m, the largest shift of a wall laid on it, and workspace.
 
-    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what is left of the depths.
+    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (2, place): what is left of the depths, twice.
     """
 
     lateral_m: Floats
@@ -52,7 +53,7 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
         place = count - 1 if point == POINTS - 1 else int(point * max(1.0, (count - 1) / (POINTS - 1)))
         some[0, point], some[1, point] = lateral_m[place], depth_m[place]
     reach = int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M)) + 1
-    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1]))
+    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape))
 
 
 @compiled_part
@@ -67,23 +68,27 @@ def _lay(problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work
     find_curve(tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1)
     wall.motion[0], wall.pushed[:] = 0.0, 0.0
     cut_wall(wall.curve[0], wall.motion[0], wall.pushed, nodes, posed, wall)
-    length, segment = without_folds(wall.lateral, wall.down, 2 * nodes), 0
-    lateral, down, grid_m, reach = wall.lateral, wall.down, surface.grid_m, len(surface.grid_m) // 2
+    length, segment, after = without_folds(wall.lateral, wall.down, 2 * nodes), 0, 0
+    lateral, down, grid_m, reach, steep = wall.lateral, wall.down, surface.grid_m, len(surface.grid_m) // 2, 0.0
     for place in range(len(grid_m)):
         along = min(max((place - reach) * GRID_M, lateral[0]), lateral[length - 1])
         while segment < length - 2 and lateral[segment + 1] <= along:
             segment += 1
-        steep = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment]) if length > 1 else 0.0
+        if after <= segment < length - 1:
+            after = segment + 1
+            steep = (down[after] - down[segment]) / (lateral[after] - lateral[segment])
         grid_m[place] = down[segment] + steep * (along - lateral[segment])
-    best, rest_m = np.inf, surface.rest_m
+    best, rest_m, moved_m, count = np.inf, surface.rest_m[0], surface.rest_m[1], len(surface.rest_m[0])
     for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
         shift, off = number * SHIFT_M - surface.farthest_m, 0.0
-        for place in range(len(rest_m)):
+        for place in range(count):
             cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
-            rest_m[place] = surface.depth_m[place] - grid_m[cell]
-        middle = float(np.median(rest_m))
-        for rest in rest_m:
-            off += min(np.abs(rest - middle), FAR_M) / len(rest_m)
+            rest_m[place] = moved_m[place] = surface.depth_m[place] - grid_m[cell]
+        upper = nth(moved_m, count, count // 2)
+        middle = 0.5 * (upper + (upper if count % 2 else moved_m[: count // 2].max()))  # its lower half lies there
+        for place in range(count):
+            if off < best:
+                off += min(np.abs(rest_m[place] - middle), FAR_M) / count
         if off < best:
             best, unknown[at.LATERAL], unknown[at.DEPTH] = off, shift, middle
     return best
@@ -127,7 +132,7 @@ def find_starts(problem: Problem, paths: VolumePaths, surface: Surface, work: Wo
     return count
 
 
-@compiled_part
+@compiled_in_place
 def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
     """Return the mean's thickness and pressure over E without the needle, in the library's size; that size, and E.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.compiled import compiled, compiled_part
+from scleraforce.compiled import compiled, compiled_in_place, compiled_part
 from scleraforce.library.responses import Library
 from scleraforce.library.splines import SUPPORT, first_place
 from scleraforce.library.states import SplineTables, spline_weights, value_of
@@ -173,13 +173,13 @@ def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats)
                 along[tension, column] += weights[number] * row[column]
 
 
-@compiled_part
+@compiled_in_place
 def level_of(pressure: float, is_logarithmic: bool) -> float:
     """Return the level of a pressure, which is linear in the volume (`mechanics.globe`)."""
     return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
 
 
-@compiled_part
+@compiled_in_place
 def pressure_of_level(level: float, is_logarithmic: bool) -> float:
     """Return the pressure of a level; never below 0."""
     return np.exp(level) if is_logarithmic else max(level, 0.0) ** 3

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.compiled import compiled_part
+from scleraforce.compiled import compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import Depths, Law, Scene, Wall, derive, empty_wall, off_the_law, show_wall
 from scleraforce.library.placement import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
@@ -23,7 +23,7 @@ HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit t
 # Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
 # farther goes to and fro.
 POLE_STRIDE = 0.05
-POLE = at.POLE.start
+POLE, FORM = at.POLE.start, at.FORM.start
 MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)  # the law's
 LENGTH_STEP_M, LOG_STEP = 1e-7, 1e-4
 NO_PIVOT = 1e-15  # of a diagonal: what is left of it is rounding
@@ -98,7 +98,7 @@ def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]
     return CAUCHY**2 * lost / problem.as_one + known, count
 
 
-@compiled_part
+@compiled_in_place
 def _square(matrix: Floats, vector: Floats) -> float:
     """Return a vector's squared length by a matrix."""
     length = 0.0
@@ -107,7 +107,7 @@ def _square(matrix: Floats, vector: Floats) -> float:
     return length
 
 
-@compiled_part
+@compiled_in_place
 def dot(first: Floats, second: Floats) -> float:
     """Return a product without an array between."""
     total = 0.0
@@ -116,7 +116,7 @@ def dot(first: Floats, second: Floats) -> float:
     return total
 
 
-@compiled_part
+@compiled_in_place
 def _add(values: Floats, times: float, others: Floats) -> None:
     for i in range(len(values)):
         values[i] += times * others[i]
@@ -180,7 +180,7 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
                     normal[i, j] += a * rows[0, j] + b * rows[1, j] + c * rows[2, j] + d * rows[3, j]
 
 
-@compiled_part
+@compiled_in_place
 def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
     unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
@@ -189,8 +189,11 @@ def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
     least, most = np.log(tables.tension_ends[0] * per_tension), np.log(tables.tension_ends[1] * per_tension)
     unknown[at.PRESSURE] = min(max(unknown[at.PRESSURE], least + modulus), most + modulus)
-    unknown[at.FORM] = np.minimum(np.maximum(unknown[at.FORM], at.FORM_ENDS[0]), at.FORM_ENDS[1])
-    unknown[POLE:] *= min(1.0, HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE))
+    for place in range(at.FORM_ENDS.shape[1]):
+        form, least, most = FORM + place, at.FORM_ENDS[0, place], at.FORM_ENDS[1, place]
+        unknown[form] = min(max(unknown[form], least), most)
+    farthest = min(1.0, HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE))
+    unknown[POLE], unknown[POLE + 1] = unknown[POLE] * farthest, unknown[POLE + 1] * farthest
 
 
 @compiled_part
@@ -236,7 +239,7 @@ def _find_step(work: Work, damping: float) -> None:
         step[POLE], step[POLE + 1] = along, across
 
 
-@compiled_part
+@compiled_in_place
 def factorise(matrix: Floats) -> None:
     """Write the Cholesky factor of a symmetric matrix into its lower half; what it does not determine becomes 0."""
     for i in range(len(matrix)):
@@ -246,7 +249,7 @@ def factorise(matrix: Floats) -> None:
         matrix[i, i] = np.sqrt(rest) if rest > NO_PIVOT * matrix[i, i] else np.inf
 
 
-@compiled_part
+@compiled_in_place
 def solve(lower: Floats, values: Floats) -> None:
     """Solve the equations of a factor's matrix for their right-hand side, in place."""
     for i in range(len(values)):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats, Places, Reals
-from scleraforce.compiled import compiled, compiled_part
+from scleraforce.compiled import compiled, compiled_in_place
 from scleraforce.library.splines import SUPPORT, Pieces
 
 
@@ -59,7 +59,7 @@ class Responses:
     force_ratio: Floats
 
 
-@compiled_part
+@compiled_in_place
 def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, float, float, float]]:
     """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
     interval, after = 0, len(pieces.start)
@@ -74,14 +74,14 @@ def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, floa
     return interval, (first, second, _power(powers, 2, share), _power(powers, 3, share))
 
 
-@compiled_part
+@compiled_in_place
 def _power(powers: Floats, number: int, share: float) -> float:
     return float(
         ((powers[3, number] * share + powers[2, number]) * share + powers[1, number]) * share + powers[0, number]
     )
 
 
-@compiled_part
+@compiled_in_place
 def state_weights(
     tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: Places, weights: Floats
 ) -> None:
@@ -103,7 +103,7 @@ def state_weights(
 Weights = tuple[float, float, float, float]
 
 
-@compiled_part
+@compiled_in_place
 def value_of(tables: SplineTables, values: Floats, thickness_m: float, iop_ratio: float, tip_m: float) -> float:
     """Return the value of a table (t p d,) at a state."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
@@ -117,20 +117,20 @@ def value_of(tables: SplineTables, values: Floats, thickness_m: float, iop_ratio
     return float(of_t[0] * first + of_t[1] * second + of_t[2] * third + of_t[3] * fourth)
 
 
-@compiled_part
+@compiled_in_place
 def _over_tensions(values: Floats, row: int, tips: int, of_p: Weights, of_d: Weights) -> float:
     first, second = _over_tips(values, row, of_d), _over_tips(values, row + tips, of_d)
     third, fourth = _over_tips(values, row + 2 * tips, of_d), _over_tips(values, row + 3 * tips, of_d)
     return of_p[0] * first + of_p[1] * second + of_p[2] * third + of_p[3] * fourth
 
 
-@compiled_part
+@compiled_in_place
 def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
     first, second = of_d[0] * values[row], of_d[1] * values[row + 1]
     return float(first + second + of_d[2] * values[row + 2] + of_d[3] * values[row + 3])
 
 
-@compiled_part
+@compiled_in_place
 def curves_at(curves: Curves, rows: Places, weights: Floats, first: int, found: Floats) -> None:
     """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
     found[:] = 0.0
@@ -143,7 +143,7 @@ def curves_at(curves: Curves, rows: Places, weights: Floats, first: int, found: 
         )  # fmt: skip
 
 
-@compiled_part
+@compiled_in_place
 def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
     """Write the wall without the needle (b n c,)."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
@@ -157,7 +157,7 @@ def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, foun
         )  # fmt: skip
 
 
-@compiled_part
+@compiled_in_place
 def _add_rows(
     found: Floats, a: float, of_a: Reals, b: float, of_b: Reals, c: float, of_c: Reals, d: float, of_d: Reals
 ) -> None:

@@ -53,7 +53,7 @@ def nth_count(counts: Counts, number: int, place: int) -> int:
 
 
 @compiled
-def nth(values: Float, number: int, place: int) -> np.float32:
+def nth(values: NDArray[np.floating[Any]], number: int, place: int) -> Any:
     """Return the value at a place of the first `number` ones in ascending order; they are moved.
 
     Hoare's FIND (1961): parts are exchanged about a middle one until the place alone is left.
