@@ -72,7 +72,7 @@ def draw_eye(rng: np.random.Generator) -> Eye:
     log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
     recording: Any = SimpleNamespace(forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0)))
     labels = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
-    found, known = with_elastic_forces(recording, labels, None)
+    found, known, _ = with_elastic_forces(recording, labels, None)
     true_n = path.elastic_n(frame_s)
     return Eye(tissue, known, float(found.force_n @ true_n / (true_n @ true_n)) * (1.0 + rng.normal(0.0, MODULUS_SD)))
 

@@ -24,6 +24,7 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.build import cached_library
+from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording
 from scleraforce.segmentation.observations import Boundaries
@@ -167,6 +168,43 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
         of_globe = [doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")]
         assert len(of_globe) == doubts
         assert all(" k 0.03" in doubt for doubt in of_globe)
+
+
+def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(library: Library, tmp_path: Path) -> None:
+    modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
+    highest_n = 0.8 * highest_force_n(library, modulus_pa, constants)
+    eye = PhantomEye(
+        id="leak", thickness_m=constants.thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=constants.iop_pa,
+        gap_m=constants.gap_m, polar_rad=constants.polar_rad,
+    )  # fmt: skip
+    plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
+    law, thickness = SEALED.globe(constants.globe.mean), np.array([constants.thickness_m])
+    clock_s = np.arange(0.0, plan.path.times_s[-1], 0.1)
+
+    def pressed(force_n: float, leaked_m3: float) -> float:
+        rest_pa = float(law.pressure(constants.iop_pa, -leaked_m3))
+        rest, force = np.array([[rest_pa], [force_n]]) / modulus_pa
+        return modulus_pa * float(iop_ratio_under_force(library, thickness, rest, force, law.over(modulus_pa))[0])
+
+    leaked_m3 = law.leaked_m3(constants.iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed)
+    at_frames_m3 = np.interp([frame.time_s for frame in plan.frames], clock_s, leaked_m3)
+
+    def sections(forces_n: Sequence[float]) -> list[Section]:
+        rests_pa = law.pressure(constants.iop_pa, -at_frames_m3).tolist()
+        states = [
+            replace(stated_wall(constants, modulus_pa, force_n, constants.polar_rad), iop_pa=rest_pa)
+            for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
+        ]
+        return [Section(outer, inner) for outer, inner in library_eye(SHARP, constants, library).curves(states)]
+
+    write_phantom(tmp_path / "leak", plan, sections, STUDY)
+    recording = read_recording(tmp_path / "leak")
+    found = []
+    for leak_time_s in (None, 60.0):
+        info = replace(recording.info, eye=replace(recording.info.eye, globe="sealed", leak_time_s=leak_time_s))
+        found.append(calibrate_recordings([replace(recording, info=info)], STUDY, "", library).eyes["leak"].globe.mean)
+    assert found[1] == pytest.approx(constants.globe.mean, rel=0.08)
+    assert found[0] < 0.85 * constants.globe.mean
 
 
 EYE = PhantomEye(

@@ -75,6 +75,7 @@ relaxation = [[0.12, 1.2], [0.15, { min = 5.0, max = 12.0 }]]
 kind = "sealed"
 rigidity_mmhg13_per_ul = 0.02
 rigidity_law = "logarithmic"
+leak_time_s = 20.0
 [supports]
 kind = "bed-and-straps"
 bed_stiffness_kpa_per_mm = 2.0

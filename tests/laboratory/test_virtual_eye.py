@@ -130,6 +130,19 @@ def test_the_phantom_of_a_sealed_eye_that_stiffens_tells_both_and_the_pressures(
     assert (eye.globe, eye.rigidity_pa13_per_m3) == ("sealed", None)  # as a laboratory knows it
 
 
+def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() -> None:
+    globe = st.GlobeStudy("sealed", 2.0 * st.GlobeStudy().rigidity_pa13_per_m3, leak_time_s=20.0)
+    own = replace(STUDY, globe=globe)
+    sections_at = study_sections(EYE, own)
+    sections, pressures_pa = sections_at.along(lambda time_s: np.where(time_s < 30.0, 0.012, 0.0), [0.0, 20.0, 40.0])
+    rest = BentSections(replace(EYE, iop_pa=pressures_pa[2]), replace(own, globe=replace(globe, leak_time_s=0.0)))
+    again_pa = rest.pressures_pa([0.012])[0]
+    assert pressures_pa[0] == pytest.approx(BentSections(EYE, own).pressures_pa([0.012])[0])
+    assert pressures_pa[2] < EYE.iop_pa < pressures_pa[1] < again_pa < pressures_pa[0]
+    here, there = (np.interp(1e-3, *section.outer.T) for section in (sections[2], rest([0.0])[0]))
+    assert here == pytest.approx(there, abs=1e-7)
+
+
 MOVING = st.PhantomStudy(eye_drift_rad=st.fixed(radians(3.0)), eye_saccade_rad=st.Range(min=0.0, max=radians(1.0)))
 TURNED_STUDY = st.Study(
     oct=st.OctStudy(columns=64, rows=48),

@@ -74,3 +74,17 @@ def test_no_such_law_and_no_rigidity_that_is_not_finite() -> None:
     for rigidity in (np.inf, np.nan):
         with pytest.raises(InputError, match=r"rigidity: (inf|nan); must be a finite number"):
             sealed_globe(rigidity)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_leaking_globe_loses_the_displaced_volume_with_its_time_constant(law: str) -> None:
+    globe, time_s = sealed_globe(0.02 * PER_UL, law), 0.5 * np.arange(200)
+    pushed = np.where(time_s < 40.0, 1.0, 0.0)
+
+    def pressed(push: float, leaked_m3: float) -> float:
+        return float(globe.pressure(300.0, 20.0 * UL * push - leaked_m3))
+
+    leaked = globe.leaked_m3(300.0, 60.0, pushed, pressed)
+    full = 1.0 - np.exp(-np.minimum(time_s, 40.0) / 30.0)
+    expected = 20.0 * full * np.exp(-np.maximum(time_s - 40.0, 0.0) / 30.0)
+    np.testing.assert_allclose(leaked / UL, expected, rtol=1e-9)

@@ -17,12 +17,13 @@ from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
 from scleraforce.calibration.registration import PoseBelief, first_belief
-from scleraforce.calibration.relaxation import with_elastic_forces
+from scleraforce.calibration.relaxation import STEP_S, with_elastic_forces
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library import Library
+from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
@@ -36,6 +37,7 @@ SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated on once it is found
 FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
+LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 SAME_MODULUS = 0.01  # relative; other stated values of the eye move the mean of a lognormal by less
 
 
@@ -76,7 +78,7 @@ class _Frames:
             return sha256, assimilation.Skipped(f"not usable: {found.reason}")
         return sha256, segmented_boundaries(found, scale)
 
-    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None]:
+    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
         study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
@@ -85,7 +87,7 @@ class _Frames:
         recording = replace(self.recording, forces=log.known(info.axis))
         forces = frame_forces(recording, trials)
         if self.settings.library is None:
-            return trials, forces, None
+            return trials, forces, None, np.empty(0)
         return trials, *with_elastic_forces(recording, forces, self.relaxation)
 
 
@@ -245,9 +247,48 @@ def _of_sought_tissue(
 def calibrate_eye(
     recording: Recording, settings: _Settings, frames: _Frames, earlier: EyeCalibration | None, count: _StepCount
 ) -> TissueTrial[EyeCalibration]:
-    """Calibrate an eye with the walls of one tissue."""
+    """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
+    found, library = _calibrate_eye(recording, settings, frames, earlier, count, None), settings.library
+    for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
+        if library is None or found.found.status != "ok":
+            break
+        rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
+        found = _calibrate_eye(recording, settings, frames, earlier, _StepCount(0, None), rests_pa)
+    return found
+
+
+def _rests_pa(recording: Recording, study: Study, library: Library, frames: _Frames, eye: EyeCalibration) -> Floats:
+    """Return the pressure at rest of a leaking eye at each frame (frame,), by its log, E and k."""
+    _, forces, _, elastic_n = frames.labelled()
+    iop_pa = eye_constants(recording, study).iop_pa
+    modulus_pa = dict(zip(eye.names, eye.means, strict=True))[assimilation.PARAMETERS["e"]]
+    law, leak_time_s = eye.globe.globe(eye.globe.mean), recording.info.eye.leak_time_s
+    if not law.is_sealed or leak_time_s is None:
+        return np.full(len(forces.force_n), iop_pa)
+    thickness = np.array([eye.stated_thickness_m])
+    ends = library.iop_ratio_ends(thickness)
+
+    def pressed(force_n: float, leaked_m3: float) -> float:
+        rest = np.clip(law.pressure(iop_pa, -leaked_m3) / modulus_pa, *ends)
+        force = np.array([force_n / modulus_pa])
+        return modulus_pa * float(iop_ratio_under_force(library, thickness, rest, force, law.over(modulus_pa))[0])
+
+    leaked_m3 = law.leaked_m3(iop_pa, leak_time_s / STEP_S, elastic_n, pressed)
+    at_m3 = np.interp(forces.since_start_s, STEP_S * np.arange(len(leaked_m3)), leaked_m3)
+    return law.pressure(iop_pa, -at_m3)
+
+
+def _calibrate_eye(
+    recording: Recording,
+    settings: _Settings,
+    frames: _Frames,
+    earlier: EyeCalibration | None,
+    count: _StepCount,
+    rests_pa: Floats | None,
+) -> TissueTrial[EyeCalibration]:
+    """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
     study, library = settings.study, settings.library
-    trials, forces, relaxation = frames.labelled()
+    trials, forces, relaxation, _ = frames.labelled()
     session = _begin(recording, settings, forces, earlier, frames.poses)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
@@ -255,7 +296,7 @@ def calibrate_eye(
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken, refused, path = dict[int, Boundaries](), 0, str(recording.path)
+    taken, rested, refused, path = dict[int, Boundaries](), list[float](), 0, str(recording.path)
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
@@ -264,11 +305,14 @@ def calibrate_eye(
                 found: assimilation.FrameStep | assimilation.Skipped | None = wall
             else:
                 shown[index] = dent(wall)
-                session = assimilation.step(session, wall, force_n, float(forces.since_start_s[index]))
+                now = session if rests_pa is None else assimilation.at_rest(session, float(rests_pa[index]))
+                now = assimilation.step(now, wall, force_n, float(forces.since_start_s[index]))
+                session = replace(now, filter=session.filter)
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
                 if isinstance(found, assimilation.FrameStep):
                     taken[len(records)] = wall
+                    rested += [] if rests_pa is None else [float(rests_pa[index])]
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
@@ -311,7 +355,7 @@ def calibrate_eye(
     )
     if library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
-    return _settled(eye, assimilation.known_after(session), taken, refused, library, study)
+    return _settled(eye, assimilation.known_after(session), taken, refused, library, study, rested)
 
 
 def frame_order(
@@ -447,13 +491,19 @@ def _recordings(
 
 
 def _settled(
-    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], refused: int, library: Library, study: Study
+    eye: EyeCalibration,
+    known: Known,
+    taken: Mapping[int, Boundaries],
+    refused: int,
+    library: Library,
+    study: Study,
+    rested: Sequence[float],
 ) -> TissueTrial[EyeCalibration]:
-    """Return a calibration after its frames are read again."""
+    """Return a calibration after its frames are read again; `rested`: their resting pressures, Pa, if it leaks."""
     frames = list(eye.frames)
     asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
-    after = settled(known, asked, earlier, library, study)
+    after = settled(known, asked, earlier, library, study, rested or None)
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
     modulus, globe = own(after.known)

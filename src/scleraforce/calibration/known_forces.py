@@ -245,11 +245,12 @@ def settled(
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
+    rests_pa: Sequence[float] | None = None,
 ) -> Settled:
-    """Return the known eye after its frames are read again."""
+    """Return the known eye after its frames are read again, at their own resting pressures if the globe leaks."""
 
     def read_with(now: Known) -> Again:
-        again = read_again(frames, now, library, study)
+        again = read_again(frames, now, library, study, rests_pa)
         read = [*earlier, *(frame for frame in again if frame is not None)]
         return again, read, regression(read, known, place_of(now))
 
@@ -267,7 +268,11 @@ def settled(
 
 
 def read_again(
-    frames: Sequence[tuple[Boundaries, float]], known: Known, library: Library, study: Study
+    frames: Sequence[tuple[Boundaries, float]],
+    known: Known,
+    library: Library,
+    study: Study,
+    rests_pa: Sequence[float] | None = None,
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
@@ -278,9 +283,9 @@ def read_again(
     certain = [_certain(known), _certain(known, modulus_step)]
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
-    priors = [prior_of(each, study.reader) for each in certain]
-    found = list[KnownForce | None]()
-    for seen, force_n in frames:
+    found, rests = list[KnownForce | None](), [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
+    for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
+        priors = [prior_of(replace(each, iop_pa=rest_pa), study.reader) for each in certain]
         at, smoothing_m = (near, seen.lateral_m, seen.depth_m), study.calibration.surface_smoothing_m
         fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
         if fit is None or not _read(fit):

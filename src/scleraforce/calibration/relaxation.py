@@ -40,10 +40,10 @@ ONE_FRAME_SD = 0.1  # of held, of one frame
 
 def with_elastic_forces(
     recording: Recording, forces: FrameForces, known: KnownRelaxation | None
-) -> tuple[FrameForces, KnownRelaxation]:
+) -> tuple[FrameForces, KnownRelaxation, Floats]:
     """Return the forces of labelled frames as elastic ones, and how the tissue relaxes, unless that is known already.
 
-    The recording has a force log without gaps.
+    The recording has a force log without gaps. Its elastic force, every `STEP_S` from its beginning, is the third.
     """
     log, info = recording.forces, recording.info.force
     assert log is not None
@@ -55,14 +55,14 @@ def with_elastic_forces(
     if known is None:
         known = _found(felt_n, time_s, contact)
     if not known.shares:
-        return forces, known
+        return forces, known, np.where(contact, felt_n, 0.0)
     shares = np.array(known.shares)
     elastic_n, memories_n = (found[0] for found in driven_back(felt_n, time_s, contact, shares[None], known.times_s))
     frames = np.clip(np.searchsorted(time_s, forces.since_start_s), 0, len(time_s) - 1)
     lag_n = np.where(contact[frames], memories_n[frames] @ shares, 0.0)
     force_n = forces.force_n + lag_n
     known = _with_histories(known, forces.since_start_s, np.nan_to_num(force_n), time_s, elastic_n, memories_n)
-    return replace(forces, force_n=force_n), known
+    return replace(forces, force_n=force_n), known, elastic_n
 
 
 def _with_histories(

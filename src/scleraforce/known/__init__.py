@@ -202,10 +202,10 @@ class Known:
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
     b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus. Tissue whose
-    `relaxation` is not known is read as elastic. `lean_rad` has the ends of the angle between the needle and the wall's
-    normal, `lean_azimuth_rad` its direction on its way up, from the plane's lateral axis. An eye's own modulus is of
-    forces along the normal if its calibration knew the lean, `calibrated_lean_rad`; otherwise of forces along the
-    needle of its calibration.
+    `relaxation` is not known is read as elastic; a globe without `leak_time_s` does not leak. `lean_rad` has the ends
+    of the angle between the needle and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
+    plane's lateral axis. An eye's own modulus is of forces along the normal if its calibration knew the lean,
+    `calibrated_lean_rad`; otherwise of forces along the needle of its calibration.
     """
 
     modulus: Modulus | None = None
@@ -221,6 +221,7 @@ class Known:
     lean_rad: tuple[float, float] | None = None
     lean_azimuth_rad: float | None = None
     calibrated_lean_rad: float | None = None
+    leak_time_s: float | None = None
 
     @property
     def has_own_modulus(self) -> bool:
@@ -248,6 +249,7 @@ def known_of_recording(info: RecordingInfo) -> Known:
         relaxation=None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation),
         lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
         lean_azimuth_rad=info.needle.lean_azimuth_rad,
+        leak_time_s=info.eye.leak_time_s,
     )
 
 
@@ -270,7 +272,8 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
     if globe.kind == "open":
         return replace(stated, globe="open")
     rigidity = globe.mean if globe.rigidity_told and not globe.calibrated else None
-    return replace(stated, globe="sealed", rigidity_pa13_per_m3=rigidity, rigidity_law=globe.law)
+    stated = replace(stated, globe="sealed", leak_time_s=known.leak_time_s)
+    return replace(stated, rigidity_pa13_per_m3=rigidity, rigidity_law=globe.law)
 
 
 def open_doubts(globe: str | None) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Pose, Press, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.virtual_eye import (
     EyeTurn,
+    LeakingSections,
     PhantomEye,
     SectionsAt,
     TurnedSections,
@@ -142,11 +143,14 @@ class PhantomPlan:
             return self.tilt_rad or None, None
         return needle.from_normal
 
+    def normal_at(self, time_s: Times) -> Times:
+        """Return the part of the elastic force that the wall's mechanics take, in N, shape of `time_s`."""
+        return (1.0 if self.tilt_rad else cos(self.lean[0] or 0.0)) * self.path.elastic_n(time_s)
+
     @property
     def normal_n(self) -> list[float]:
-        """The part of the elastic force that the wall's mechanics take, at each frame's time, in N."""
-        share = 1.0 if self.tilt_rad else cos(self.lean[0] or 0.0)
-        return [float(f"{share * elastic_n:.12g}") for elastic_n in self.elastic_n]
+        """The same at each frame's time."""
+        return self._at_frames(self.normal_at)
 
     @property
     def turns(self) -> list[EyeTurn]:
@@ -265,11 +269,17 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
 
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
     """Return the section in each frame of a plan; raise a RecordingError if the eye turns and the sections cannot."""
+    if isinstance(sections_at, LeakingSections):
+        return _leaking(plan, sections_at)[0]
     if not plan.turns:
         return sections_at(plan.normal_n)
     if not isinstance(sections_at, TurnedSections):
         raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections have one contact")
     return sections_at.turned(plan.normal_n, plan.turns)
+
+
+def _leaking(plan: PhantomPlan, sections_at: LeakingSections) -> tuple[Sequence[Section], Sequence[float]]:
+    return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -297,14 +307,18 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            found_pa = pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
+            if isinstance(sections_at, LeakingSections):
+                sections, found_pa = _leaking(plan, sections_at)
+            else:
+                found_pa = pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
+                sections = plan_sections(plan, sections_at)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
             stop_s = plan.path.times_s[-1] + TAIL_S
             log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
             (partial / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
             truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
             (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
-            for frame, section in zip(plan.frames, plan_sections(plan, sections_at), strict=True):
+            for frame, section in zip(plan.frames, sections, strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
                 if progress is not None:
                     progress(1)
@@ -317,9 +331,10 @@ def write_phantom(
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     eye, globe = plan.eye, study.globe.kind if tell_globe else None
+    leak_time_s = study.globe.leak_time_s if globe and study.globe.leak_time_s else None
     average_s = MOVING_AVERAGE_S if plan.frames[0].push is None else HELD_AVERAGE_S
     return RecordingInfo(
-        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe),
+        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe, leak_time_s=leak_time_s),
         OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad),
         NeedleInfo(
             gauge=nearest_gauge(study.needle.outer_diameter_m),

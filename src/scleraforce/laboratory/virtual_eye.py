@@ -14,6 +14,7 @@ from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
 from scleraforce.mechanics.continuation import Progress
 from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.globe import study_globe
 from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
@@ -161,8 +162,11 @@ class PhantomEye:
 def study_sections(eye: PhantomEye, study: Study, progress: Progress | None = None) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
 
-    For an eye that turns it is a `TurnedSections`. `progress` is called with the finished share of the load paths.
+    For an eye that turns it is a `TurnedSections`, of one that leaks `LeakingSections`. `progress` is called with the
+    finished share of the load paths.
     """
+    if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
+        return LeakingSections(eye, study, progress)
     eyes, report, knots = turned_eyes(eye, study), progress or (lambda _: None), []
     for number, (turned, own) in enumerate(eyes):
         if study.mechanics.kind == "linear":
@@ -228,6 +232,47 @@ class BentSections:
                 progress=self._progress,
             )
         return self._bent
+
+
+LEAK_STEP_S, LEAK_FORCES = 0.05, 64  # of a leak's clock; at which the pressures of its knots are taken
+LEAK_KNOTS, LEAK_REACH = 3, 1.25  # leaked volumes; the largest one over that of an eye whose dents do not grow
+LEAST_LEAK_M3 = 1e-12
+
+
+class LeakingSections(BentSections):
+    """A leaking eye's sections and pressures, interpolated between load paths after a few leaked volumes, the knots."""
+
+    def along(
+        self, force_n: Callable[[Floats], Floats], times_s: Sequence[float]
+    ) -> tuple[Sequence[Section], list[float]]:
+        """Return sections, and pressures in Pa, at times; `force_n`: elastic force at times from 0 on."""
+        if farthest_turn_rad(self._study.phantom):
+            raise StudyError("globe.leak_time_s: of an eye that keeps still; leave out eye_drift_deg, eye_saccade_deg")
+        law, clock_s = study_globe(self._study.globe), np.arange(0.0, times_s[-1] + LEAK_STEP_S, LEAK_STEP_S)
+        driven_n, at_n = force_n(clock_s), force_n(np.array(times_s)).tolist()
+        grid_n = np.linspace(0.0, max([*driven_n, *at_n]), LEAK_FORCES)
+        leaked = partial(law.leaked_m3, self.eye.iop_pa, self._study.globe.leak_time_s / LEAK_STEP_S, driven_n)
+        dents_m3 = law.displaced_m3(self.eye.iop_pa, np.array(self.pressures_pa(grid_n.tolist())))
+        alike_m3 = leaked(lambda at, left: float(law.pressure(self.eye.iop_pa, np.interp(at, grid_n, dents_m3) - left)))
+        knots_m3 = np.linspace(0.0, LEAK_REACH * alike_m3.max(), LEAK_KNOTS)
+        rests_pa = law.pressure(self.eye.iop_pa, -knots_m3).tolist()
+        knots = [self, *(BentSections(replace(self.eye, iop_pa=rest_pa), self._study) for rest_pa in rests_pa[1:])]
+        grids_pa = np.array([knot.pressures_pa(grid_n.tolist()) for knot in knots])
+        parabolas = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, LEAK_KNOTS), increasing=True)).T
+        largest_m3 = max(knots_m3[-1], LEAST_LEAK_M3)
+
+        def weights(leaked_m3: float) -> Floats:
+            return parabolas @ (leaked_m3 / largest_m3) ** np.arange(LEAK_KNOTS)
+
+        def pressed(at_n: float, leaked_m3: float) -> float:
+            return float(weights(leaked_m3) @ [np.interp(at_n, grid_n, grid_pa) for grid_pa in grids_pa])
+
+        left_m3 = np.interp(times_s, clock_s, leaked(pressed)).tolist()
+        blended = []
+        for left, *sections in zip(left_m3, *(knot(at_n) for knot in knots), strict=True):
+            curves = ([section.outer for section in sections], [section.inner for section in sections])
+            blended.append(Section(*(_blend_curves(each, weights(left)) for each in curves)))
+        return blended, [pressed(force, left) for force, left in zip(at_n, left_m3, strict=True)]
 
 
 def pressures_pa(

@@ -8,8 +8,12 @@ the whole shell. With dV the volume between the undented wall and the dented one
 
 The rigidity is k for both laws: for a logarithmic one, the k with the same slope at 15 mmHg, K = 3 k / (15 mmHg)^(1/3);
 0.0215 per ul is 0.041.
+
+From a globe that leaks a volume W comes out, dW/dt = (dV - W) / tau, and dV - W raises the pressure. At any time it is
+a globe that does not leak, with a resting pressure that W has lowered.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,6 +79,19 @@ class Globe:
     def stiffness(self, pressure: Values) -> Floats:
         """Return dP/dV at a pressure, in its unit over m^3."""
         return np.asarray(self.rate / self.level_slope(pressure))
+
+    def leaked_m3(
+        self, resting: float, leak_steps: float, forces_n: Floats, pressed: Callable[[float, float], float]
+    ) -> Floats:
+        """Return the volume that has leaked under forces of an even clock, (sample,); a sealed globe's.
+
+        `leak_steps`: time constant over the step. `pressed` gives the pressure under a force after a leak, m^3.
+        """
+        leaked_m3, share = [0.0], -float(np.expm1(-1.0 / leak_steps))
+        for force_n in forces_n[:-1].tolist():
+            raising_m3 = self.displaced_m3(resting, pressed(force_n, leaked_m3[-1]))
+            leaked_m3.append(leaked_m3[-1] + share * float(raising_m3))
+        return np.array(leaked_m3)
 
     def displaced_m3(self, resting: Values, pressure: Values) -> Floats:
         """Return the volume whose displacement brings the resting pressure to another; in sealed globes only."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import nan
 from os import PathLike
 from pathlib import Path
@@ -20,6 +20,7 @@ from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
+from scleraforce.reader.leak import Leak
 from scleraforce.reader.model import suited
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
@@ -325,10 +326,10 @@ class _Session:
     def read(self, progress: Progress) -> Iterator[tuple[str, Trial, Answer, bool]]:
         """Yield name, label and answer of each frame, and whether Young's modulus was fitted on it."""
         scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
-        history = History.unknown(self.known, study.needle.max_force_n)
+        history, leak = History.unknown(self.known, study.needle.max_force_n), Leak(self.known)
         for entry, trial in zip(self.recording.frames, self.trials, strict=True):
             pixels = self.recording.frame(entry)
-            elastic = self.reader.read(pixels, scale, self.known)
+            elastic, leak = leak.read(partial(self.reader.read, pixels, scale), entry.time_s, entry.held_s)
             answer, history = history.read(elastic, study.classes.bounds_n, entry.time_s, entry.held_s)
             yield entry.file, trial, answer, self.summary is not None and frame_digest(pixels) in self.summary.digests
             if progress:

@@ -35,8 +35,8 @@ class EyeInfo:
     """The eye: a name, and its known properties (None: unknown).
 
     `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or "sealed"; a sealed one may have a
-    measured rigidity and its law (`mechanics.globe`). `relaxation`: terms of a share and a time constant, s
-    (`mechanics.relaxation`); none: the tissue is elastic.
+    measured rigidity and its law, and a time constant in which it leaks (`mechanics.globe`). `relaxation`: terms of a
+    share and a time constant, s (`mechanics.relaxation`); none: the tissue is elastic.
     """
 
     id: str
@@ -48,6 +48,7 @@ class EyeInfo:
         None, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
     )
     rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
+    leak_time_s: float | None = quantity(None, None, 1.0, 1e6)
     relaxation: tuple[tuple[float, ...], ...] | None = quantity(None, None, 0.0, 1e5)
 
     def __post_init__(self) -> None:
@@ -57,6 +58,7 @@ class EyeInfo:
         if fault:
             raise StudyError(f"id: {fault}")
         of_sealed = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
+        of_sealed["leak_time_s"] = self.leak_time_s
         for key, value in of_sealed.items():
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'

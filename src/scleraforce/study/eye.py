@@ -146,12 +146,13 @@ class GlobeStudy(Section):
     """An open globe (infused or vented), as in the paper, or a sealed one, whose pressure rises with the dent.
 
     `rigidity_pa13_per_m3` is k of `rigidity_law` (`mechanics.globe`); the default is that of enucleated human eyes
-    (van der Werff 1981).
+    (van der Werff 1981). `leak_time_s`: of the displaced volume that has left a sealed globe; 0: it does not leak.
     """
 
     kind: str = option("open", *GLOBES)
     rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high)
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
+    leak_time_s: float = quantity(0.0, None, 0.0, 1e6)
 
     def with_known(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
         """Return the globe with its known kind and rigidity; None: unknown."""

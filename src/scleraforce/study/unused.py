@@ -8,10 +8,11 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import field_key
 from scleraforce.study.records import Study
 
+LEAK = ("globe.leak_time_s",)  # of a globe in time
 FINITE_STRAIN_ONLY = (
     "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
     "mechanics.follower", "tissue.stiffening", "tissue.softer_through", "tissue.stiffer_around", "globe.kind",
-    "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
+    "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law", *LEAK,
 )  # fmt: skip
 SUPPORTS = (
     "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
@@ -25,7 +26,7 @@ LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the n
 # `phantom`'s: elsewhere a force makes its dent at once, or the log shows how it falls; only `reproduce` refuses it.
 UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
     ("simulate", "linear"): FINITE_STRAIN_ONLY,
-    ("simulate", "finite-strain"): (),
+    ("simulate", "finite-strain"): LEAK,
     ("phantom", "linear"): FINITE_STRAIN_ONLY,
     ("phantom", "finite-strain"): (),
     ("generate", "linear"): SHARED_WALL,
@@ -80,3 +81,4 @@ def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
     if study.globe.kind == "open":
         yield "globe.rigidity_mmhg13_per_ul", 'globe.kind = "open"', '"sealed"'
         yield "globe.rigidity_law", 'globe.kind = "open"', '"sealed"'
+        yield LEAK[0], 'globe.kind = "open"', '"sealed"'
