@@ -19,12 +19,11 @@ CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
 def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
     """Return a load of 1 N, (node, 3), integrated over the outer surface."""
-    points = surface_points(mesh, mesh.outer_qn, 8)
-    positions_qpc = points.values_pn @ mesh.points_nc[mesh.outer_qn]
+    values_pn, areas_qpc = surface_points(mesh, mesh.outer_qn, 8)
+    positions_qpc = values_pn @ mesh.points_nc[mesh.outer_qn]
     away_qp = np.sum((positions_qpc - mesh.radius_m * contact.normal) ** 2, axis=-1)
-    load_qp = np.exp(-away_qp / (2 * spread_m**2)) * np.linalg.norm(points.areas_qpc, axis=-1)
-    nodal_n = np.bincount(
-        mesh.outer_qn.ravel(), (load_qp @ points.values_pn).ravel() / load_qp.sum(), minlength=len(mesh.points_nc)
-    )
+    load_qp = np.exp(-away_qp / (2 * spread_m**2)) * np.linalg.norm(areas_qpc, axis=-1)
+    weights = (load_qp @ values_pn).ravel() / load_qp.sum()
+    nodal_n = np.bincount(mesh.outer_qn.ravel(), weights, minlength=len(mesh.points_nc))
     load_nc: NDArray[np.float64] = -nodal_n[:, None] * contact.normal
     return load_nc

@@ -147,21 +147,16 @@ class _Walk:
             try:
                 x, factors = solve_balance(self.control, self._extrapolated(tip_m))
             except SolverError as fault:
-                self._shorten(tip_m, fault)
-                easy = 1.0
-                continue
+                easy, self.step_m = 1.0, 0.5 * (tip_m - self.tip_m)
+                if self.step_m >= self.shortest_m:
+                    continue
+                ratio = f"F/E = {from_si(self.history[-1][1], 'mm2'):.4g} mm^2"
+                reached = f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio}; {self.control.remedy}"
+                raise SolverError(f"load path: no equilibrium found beyond {reached}") from fault
             self.step_m = min(self.largest_m, self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5))
             self.control.largest_force = max(self.control.largest_force, abs(float(x[self.control.count])))
             self.history = [*self.history[1 - STATES :], (tip_m, float(x[self.control.count]), x)]
             return
-
-    def _shorten(self, tip_m: float, fault: SolverError) -> None:
-        self.step_m = 0.5 * (tip_m - self.tip_m)
-        if self.step_m < self.shortest_m:
-            reached = (
-                f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, F/E = {from_si(self.history[-1][1], 'mm2'):.4g} mm^2"
-            )
-            raise SolverError(f"load path: no equilibrium found beyond {reached}; {self.control.remedy}") from fault
 
     def _extrapolated(self, tip_m: float) -> Floats:
         """Lagrange's polynomial through the last states."""

@@ -24,18 +24,6 @@ class VolumePoints:
     volumes_ep: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Gauss points on surface quads.
-
-    `values_pn` (point, node of a quad); `areas_qpc` (quad, point, 3): area that belongs to the point times the normal
-    (seen from where the quads are counter-clockwise) in m^2.
-    """
-
-    values_pn: Floats
-    areas_qpc: Floats
-
-
 @cache
 def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
     """Return Gauss-Legendre points on [-1, 1]^d (point, d) and weights (point,), `count` along each direction."""
@@ -59,14 +47,18 @@ def volume_points(mesh: HexMesh) -> VolumePoints:
     return VolumePoints(shape_values(places, nodes), gradients, determinant_ep * weights)
 
 
-def surface_points(mesh: HexMesh, quads_qn: Integers, count: int) -> SurfacePoints:
-    """Return Gauss points of the quads `quads_qn` (quad, 4, 8 or 9), `count` along each direction."""
+def surface_points(mesh: HexMesh, quads_qn: Integers, count: int) -> tuple[Floats, Floats]:
+    """Return shape functions and areas at Gauss points of quads (quad, 4, 8 or 9), `count` along each direction.
+
+    values_pn (point, node of a quad); areas_qpc (quad, point, 3): area that belongs to the point times the normal (seen
+    from where the quads are counter-clockwise) in m^2.
+    """
     places, weights = gauss_points(2, count)
     nodes = quads_qn.shape[1]
     values_pn, slopes_pnk = shape_values(places, nodes), shape_gradients(places, nodes)
     tangents_qpck = np.einsum("qnc,pnk->qpck", mesh.points_nc[quads_qn], slopes_pnk, optimize=True)
     normals = np.cross(tangents_qpck[..., 0], tangents_qpck[..., 1])
-    return SurfacePoints(values_pn, normals * weights[:, None])
+    return values_pn, normals * weights[:, None]
 
 
 ELEMENTS_AT_ONCE = 64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache

@@ -24,8 +24,8 @@ DISC_ANGLES = 24
 
 def pressure_load(mesh: HexMesh) -> Floats:
     """Return nodal forces of a unit pressure inside, normal to the inner surface, outward: (node, 3) in N/Pa."""
-    points = surface_points(mesh, mesh.inner_qn, PRESSURE_POINTS)
-    return sum_at(mesh.inner_qn, np.einsum("pn,qpc->qnc", points.values_pn, points.areas_qpc), len(mesh.points_nc))
+    values_pn, areas_qpc = surface_points(mesh, mesh.inner_qn, PRESSURE_POINTS)
+    return sum_at(mesh.inner_qn, np.einsum("pn,qpc->qnc", values_pn, areas_qpc), len(mesh.points_nc))
 
 
 def gravity_load(mesh: HexMesh, points: VolumePoints) -> Floats:

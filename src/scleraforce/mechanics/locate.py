@@ -128,10 +128,9 @@ def _frames(middle_qc: Floats, along_qc: Floats) -> Floats:
 
 def _polynomials(nodes_qnc: Floats, frames_qkc: Floats) -> Floats:
     """Each quad's surface in its frame as polynomial coefficients, shape (power of x, power of y, axis, quad)."""
-    shape = shape_monomials(2, nodes_qnc.shape[1])
+    exponents_md, coefficients_mn = shape_monomials(2, nodes_qnc.shape[1])
     table = np.zeros((3, 3, 3, len(nodes_qnc)))
-    powers = shape.exponents_md
-    table[powers[:, 0], powers[:, 1]] = np.einsum("mn,qnc,qkc->mkq", shape.coefficients_mn, nodes_qnc, frames_qkc)
+    table[*exponents_md.T] = np.einsum("mn,qnc,qkc->mkq", coefficients_mn, nodes_qnc, frames_qkc)
     return table
 
 

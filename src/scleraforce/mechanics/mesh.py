@@ -110,7 +110,7 @@ COLUMN_NODES = (
 )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class HexMesh:
     """A wall of hexahedra between two spheres, SI units: the half above the base plane z = 0, or all of it.
 
@@ -181,16 +181,7 @@ def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, l
     cells = _extrude(quads, len(directions), layers, order)
     inner = quads + (sheets - 1) * len(directions)
     base = np.flatnonzero(points[:, 2] == 0.0) if surface.edges[2].any() else np.empty(0, dtype=np.int64)
-    return HexMesh(
-        points_nc=points,
-        cells_en=cells,
-        outer_qn=quads,
-        inner_qn=inner,
-        base_nodes=base,
-        radius_m=radius_m,
-        thickness_m=thickness_m,
-        order=order,
-    )
+    return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
 
 
 def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:

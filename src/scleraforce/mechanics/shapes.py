@@ -5,7 +5,6 @@ VTK's order the nodes of a smaller element are the first ones of the larger (cor
 one table of node positions serves a family. Source: Hughes, The Finite Element Method, sec. 3.4-3.7.
 """
 
-from dataclasses import dataclass
 from functools import cache
 from itertools import product
 
@@ -23,14 +22,6 @@ HEX_NODES = (
 )
 
 
-@dataclass(frozen=True)
-class Monomials:
-    """Shape functions as polynomials: N_n = sum over m of coefficients_mn[m, n] prod_d x_d ** exponents_md[m, d]."""
-
-    exponents_md: Integers
-    coefficients_mn: Floats
-
-
 def node_positions(dimension: int, nodes: int) -> Floats:
     """Return the nodes' places on [-1, 1]^d, shape (node, d).
 
@@ -41,8 +32,11 @@ def node_positions(dimension: int, nodes: int) -> Floats:
 
 
 @cache
-def shape_monomials(dimension: int, nodes: int) -> Monomials:
-    """Return the polynomials of an element with `nodes` nodes in `dimension` 2 or 3."""
+def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
+    """Return exponents_md and coefficients_mn of the shape functions of `nodes` nodes in `dimension` 2 or 3.
+
+    N_n = sum over m of coefficients_mn[m, n] prod_d x_d ** exponents_md[m, d].
+    """
     if nodes not in {2: (4, 8, 9), 3: (8, 20, 27)}.get(dimension, ()):
         raise ValueError(f"no element with {nodes} nodes in {dimension} dimensions")
     order = 1 if nodes == 2**dimension else 2
@@ -53,7 +47,7 @@ def shape_monomials(dimension: int, nodes: int) -> Monomials:
     places = node_positions(dimension, nodes)
     vandermonde_nm = np.prod(places[:, None, :] ** exponents_md, axis=-1)
     # The coefficients are multiples of 1/8: rounding makes them exact.
-    return Monomials(exponents_md, np.round(np.linalg.inv(vandermonde_nm) * 8.0) / 8.0)
+    return exponents_md, np.round(np.linalg.inv(vandermonde_nm) * 8.0) / 8.0
 
 
 def shape_values(local_pd: Floats, nodes: int) -> Floats:
@@ -62,21 +56,21 @@ def shape_values(local_pd: Floats, nodes: int) -> Floats:
     >>> shape_values(np.zeros((1, 2)), 4)
     array([[0.25, 0.25, 0.25, 0.25]])
     """
-    shape = shape_monomials(local_pd.shape[1], nodes)
+    exponents_md, coefficients_mn = shape_monomials(local_pd.shape[1], nodes)
     powers = _powers(local_pd)
-    value_mp = _product([powers[shape.exponents_md[:, d], :, d] for d in range(local_pd.shape[1])])
-    return value_mp.T @ shape.coefficients_mn
+    value_mp = _product([powers[exponents_md[:, d], :, d] for d in range(local_pd.shape[1])])
+    return value_mp.T @ coefficients_mn
 
 
 def shape_gradients(local_pd: Floats, nodes: int) -> Floats:
     """Return the derivatives of the shape functions by the local coordinates, shape (point, node, d)."""
     dimension = local_pd.shape[1]
-    shape = shape_monomials(dimension, nodes)
+    exponents_md, coefficients_mn = shape_monomials(dimension, nodes)
     powers = _powers(local_pd)
     slopes = np.stack([np.zeros_like(local_pd), np.ones_like(local_pd), 2.0 * local_pd])
     gradients = [
-        _product([(slopes if d == k else powers)[shape.exponents_md[:, d], :, d] for d in range(dimension)]).T
-        @ shape.coefficients_mn
+        _product([(slopes if d == k else powers)[exponents_md[:, d], :, d] for d in range(dimension)]).T
+        @ coefficients_mn
         for k in range(dimension)
     ]
     return np.stack(gradients, axis=-1)

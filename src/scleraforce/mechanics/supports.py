@@ -93,13 +93,12 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
     quads = mesh.outer_qn[np.any(heights_qp < 0.0, axis=1)]
     if not len(quads):
         raise InputError("bed: this wall has no lower half to lie on it; use a whole globe")
-    points = surface_points(mesh, quads, BED_POINTS)
-    amounts_qp = np.linalg.norm(points.areas_qpc, axis=-1)
-    normals_qpc = points.areas_qpc / amounts_qp[..., None]
+    values_pn, areas_qpc = surface_points(mesh, quads, BED_POINTS)
+    amounts_qp = np.linalg.norm(areas_qpc, axis=-1)
+    normals_qpc = areas_qpc / amounts_qp[..., None]
     outer_qpii = normals_qpc[..., :, None] * normals_qpc[..., None, :]
     stiffness_qpii = shear_stiffness_pa_m * np.eye(3) + (stiffness_pa_m - shear_stiffness_pa_m) * outer_qpii
     stiffness_qpii *= (amounts_qp * (heights_qp[np.any(heights_qp < 0.0, axis=1)] < 0.0))[..., None, None]
-    values_pn = points.values_pn
     return Springs(quads, np.einsum("pn,pm,qpij->qnmij", values_pn, values_pn, stiffness_qpii, optimize=True))
 
 

@@ -13,7 +13,7 @@ from scleraforce.errors import InputError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.scan import check_bytes, package_for
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.study import ClassesStudy
@@ -207,25 +207,14 @@ def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store:
         stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, SECOND_NS))
         header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="oct")
         if topic == IMAGE_TOPIC:
-            yield time_ns, topic, _image(recording.frame(recording.frames[nth]), header, store)
+            pixels = np.ascontiguousarray(recording.frame(recording.frames[nth]), dtype="<u2")
+            height, width = pixels.shape
+            data = pixels.view(np.uint8).ravel()
+            yield time_ns, topic, store.types[IMAGE](header, height, width, "mono16", 0, 2 * width, data)
         elif topic == ANSWER_TOPIC:
             yield time_ns, topic, _answer(rows[nth], header, store)
         elif log is not None:
             yield time_ns, topic, _wrench(log, nth, header, store)
-
-
-def _image(frame: Pixels, header: Any, store: Any) -> Any:
-    pixels = np.ascontiguousarray(frame, dtype="<u2")
-    rows, columns = pixels.shape
-    return store.types[IMAGE](
-        header=header,
-        height=rows,
-        width=columns,
-        encoding="mono16",
-        is_bigendian=0,
-        step=2 * columns,
-        data=pixels.view(np.uint8).ravel(),
-    )
 
 
 def _wrench(log: ForceLog, nth: int, header: Any, store: Any) -> Any:

@@ -82,13 +82,9 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
     if recording.forces is None:
         return ()
     without = [trial for trial in trials if trial.measured_force_n is None]
-    if not without:
-        return recording.forces.notes
-    reason = f"{without[0].file}: {without[0].excluded}"
-    return (
-        *recording.forces.notes,
-        f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})",
-    )
+    lost = [f"{each.file}: {each.excluded}" for each in without[:1]]
+    said = (f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})" for reason in lost)
+    return *recording.forces.notes, *said
 
 
 def unit_fault(recording: Recording, labels: Sequence[float | str] | None, classes: ClassesStudy) -> str | None:
