@@ -57,7 +57,7 @@ class SurfaceLocator:
         self._located += len(quads)
         if self._located >= MANY:
             # Imported here: Numba takes longer than a few directions do.
-            from scleraforce.mechanics.locate_loops import cross_quads
+            from scleraforce.mechanics.loops import cross_quads
 
             local, found = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, quads, directions_dc)
             if not found:

@@ -61,7 +61,7 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
 def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> Bytes:
     """Draw sections of equally many points in windows of one size as `fill_section` does, (section, rows, columns)."""
     # Imported here: Numba takes longer than a single section does.
-    from scleraforce.mechanics.slice_loops import draw_contours
+    from scleraforce.mechanics.loops import draw_contours
 
     contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])
     return draw_contours(np.ascontiguousarray(contours), windows[0].rows, windows[0].columns)
