@@ -36,6 +36,7 @@ from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.recording.low_pass import smoothed
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study
 from scleraforce.units import from_si, to_si
 
@@ -165,6 +166,7 @@ def compile_loops() -> None:
     smoothed(np.zeros(9), 0.1, 3)
     tables, paths = library.tables, volume_paths(library)
     pressures_at_dents(tables, paths, walls[0], np.zeros(1), np.zeros(1), False, walls[1].copy())
+    ShownPictures(1)
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):

@@ -4,7 +4,10 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Flags
+from scleraforce.arrays import Bytes, Counts, Flags, Integers
+from scleraforce.compiled import compiled
+from scleraforce.recording.pixels import Pixels
+from scleraforce.segmentation.grid import counts_of
 
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
@@ -19,10 +22,10 @@ GHOST_SHARE, GHOST = 1 / 3, 0.25  # the mean of the worst third of the blocks
 COPY = 0.85  # a block that agrees as in a copy, and the share of them
 COPIES, COPIES_OF_A_PART = 0.6, 0.8  # in the whole picture; in its left, right, upper, lower or middle half
 
-_WORD = np.uint64(2**PAIRS - 1)
-_SHIFTS = np.arange(3, dtype=np.uint64)
+SHIFTS, UNMOVED = 3, 4  # rows and columns that a picture may have moved by; of their pairs, the one without a move
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+_WORD, _NONE = np.uint64(2**PAIRS - 1), np.uint64(0)
+
 Words = NDArray[np.uint64]
 
 
@@ -39,23 +42,22 @@ class ShownPictures:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._shape: tuple[int, ...] | None = None
+        self._begin((GRID, GRID * RUN))
+        self.back(np.random.default_rng(0).integers(0, GRID * RUN, (GRID, GRID * RUN), np.uint16))  # loads the loops
+        self._shape: tuple[int, ...] = ()
 
     def back(self, pixels: Pixels) -> int:
         """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new."""
         if self._shape != pixels.shape:
             self._begin(pixels.shape)
-        runs_brp = pixels.reshape(-1).take(self._places_brp)
-        rises_br = self._bits(runs_brp[:, :, 1:] > runs_brp[:, :, :-1])
-        differs_br = self._bits(runs_brp[:, :, 1:] != runs_brp[:, :, :-1])
-        rises_b, differs_b = (rises_br[:, 1] >> _SHIFTS[1]) & _WORD, (differs_br[:, 1] >> _SHIFTS[1]) & _WORD
-        steps_p = np.diff(runs_brp[:, 1, 1:-1].astype(np.int32), axis=1).reshape(-1)
-        counted_b = np.bitwise_count(differs_b) >= LEAST_PAIRS
+        rises_sb, differs_sb, steps_p = self._signs
+        blocks = _read_signs(counts_of(pixels).reshape(-1), self._places_brp, rises_sb, differs_sb, steps_p)
+        rises_b, differs_b, last = rises_sb[UNMOVED], differs_sb[UNMOVED], self._slot(1)
         checksum: int | None = None
-        if counted_b.sum() >= self._least_h[0]:
+        if blocks >= self._least_h[0]:
             found_m = self._alike(self._rises_mb, self._differs_mb, rises_b, differs_b)
-            if not found_m[self._slot(1)]:
-                found_m[self._slot(1)] = self._shifted(rises_br, differs_br)
+            if not found_m[last]:  # it may be the one before, moved by a row or a column or both
+                found_m[last] = self._alike(rises_sb, differs_sb, self._rises_mb[last], self._differs_mb[last]).any()
         elif (told := np.count_nonzero(steps_p)) >= LEAST_TOLD:
             found_m = ((self._steps_mp == steps_p) & (steps_p != 0)).sum(axis=1) >= SAME_SHARE * told
         else:
@@ -71,28 +73,13 @@ class ShownPictures:
     def _slot(self, back: int) -> int:
         return (self._count - back) % self._most
 
-    def _bits(self, flags_brp: Flags) -> Words:
-        """Return the flags of a row as the lowest bits of a word, the first one lowest."""
-        self._flags_brp[:, :, : RUN - 1] = flags_brp
-        return np.packbits(self._flags_brp, axis=-1, bitorder="little").view("<u8")[..., 0]
-
-    def _shifted(self, rises_br: Words, differs_br: Words) -> bool:
-        """Return whether the picture is the one before it, moved by a row or a column or both."""
-        rises_sb, differs_sb = (
-            ((words_br.T[:, None] >> _SHIFTS[:, None]) & _WORD).reshape(9, -1) for words_br in (rises_br, differs_br)
-        )
-        last = self._slot(1)
-        return bool(self._alike(rises_sb, differs_sb, self._rises_mb[last], self._differs_mb[last]).any())
-
     def _alike(self, rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> Flags:
         """Return for several pictures whether they are the same as one."""
-        both_mb = differs_mb & differs_b
-        told_mb = np.bitwise_count(both_mb)
-        unlike_mb = np.bitwise_count(both_mb & (rises_mb ^ rises_b))
-        told_m, unlike_m = told_mb.sum(axis=1, dtype=np.int64), unlike_mb.sum(axis=1, dtype=np.int64)
-        alike_m: Flags = 2 * unlike_m < (1 - WORTH_A_LOOK) * told_m
+        alike_m = _worth_a_look(rises_mb, differs_mb, rises_b, differs_b)
         if alike_m.any():
-            alike_m[alike_m] = self._same(told_mb[alike_m], unlike_mb[alike_m])
+            both_mb = differs_mb[alike_m] & differs_b
+            unlike_mb = np.bitwise_count(both_mb & (rises_mb[alike_m] ^ rises_b))
+            alike_m[alike_m] = self._same(np.bitwise_count(both_mb), unlike_mb)
         return alike_m
 
     def _same(self, told_mb: Bytes, unlike_mb: Bytes) -> Flags:
@@ -126,9 +113,58 @@ class ShownPictures:
         self._parts_bh = np.stack([np.ones(len(row_b)), *halves], axis=1).astype(np.float64)
         self._copies_h = np.array([COPIES] + [COPIES_OF_A_PART] * len(halves))
         self._least_h = np.maximum(LEAST_BLOCKS, LEAST_SHARE * self._parts_bh.sum(axis=0))
-        self._flags_brp = np.zeros((len(row_b), 3, 64), np.bool_)
+        signs_sb = np.zeros((2, SHIFTS**2, len(row_b)), np.uint64)
+        self._signs = signs_sb[0], signs_sb[1], np.zeros(len(row_b) * PAIRS, np.int32)
         self._rises_mb = np.zeros((self._most, len(row_b)), np.uint64)
         self._differs_mb = np.zeros_like(self._rises_mb)
         self._steps_mp = np.zeros((self._most, len(row_b) * PAIRS), np.int32)
         self._checksums: list[int | None] = [None] * self._most
         self._shape, self._count = shape, 0
+
+
+@compiled
+def _read_signs(
+    counts: Counts, places_brp: Integers, rises_sb: Words, differs_sb: Words, steps_p: NDArray[np.int32]
+) -> int:
+    """Write the signs of the differences in each block, moved by a row and a column, the lowest bit first.
+
+    `steps_p`: the differences themselves where nothing is moved. Returns the number of blocks that count.
+    """
+    blocks = 0
+    for block in range(len(places_brp)):
+        for row in range(SHIFTS):
+            rises, differs = _NONE, _NONE
+            for pair in range(RUN - 1):
+                left, right = counts[places_brp[block, row, pair]], counts[places_brp[block, row, pair + 1]]
+                rises |= np.uint64(right > left) << np.uint64(pair)
+                differs |= np.uint64(right != left) << np.uint64(pair)
+                if row == 1 and 1 <= pair <= PAIRS:
+                    steps_p[PAIRS * block + pair - 1] = np.int32(right) - np.int32(left)
+            for shift in range(SHIFTS):
+                rises_sb[SHIFTS * row + shift, block] = (rises >> np.uint64(shift)) & _WORD
+                differs_sb[SHIFTS * row + shift, block] = (differs >> np.uint64(shift)) & _WORD
+        blocks += int(_ones(differs_sb[UNMOVED, block]) >= LEAST_PAIRS)
+    return blocks
+
+
+@compiled
+def _ones(word: np.uint64) -> np.uint64:
+    """Return the number of ones in a word of 32 bits."""
+    word -= (word >> np.uint64(1)) & np.uint64(0x55555555)
+    word = (word & np.uint64(0x33333333)) + ((word >> np.uint64(2)) & np.uint64(0x33333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F)
+    return ((word * np.uint64(0x01010101)) >> np.uint64(24)) & np.uint64(0xFF)
+
+
+@compiled
+def _worth_a_look(rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> Flags:
+    """Return for several pictures whether most of their pairs rise and fall as in one."""
+    worth_m = np.empty(len(rises_mb), np.bool_)
+    for picture in range(len(rises_mb)):
+        told, unlike = _NONE, _NONE
+        for block in range(len(rises_b)):
+            both = differs_mb[picture, block] & differs_b[block]
+            told += _ones(both)
+            unlike += _ones(both & (rises_mb[picture, block] ^ rises_b[block]))
+        worth_m[picture] = 2.0 * unlike < (1 - WORTH_A_LOOK) * told
+    return worth_m
