@@ -36,6 +36,7 @@ from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAME
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.reader.answer import Answer
+from scleraforce.reader.felt import History
 from scleraforce.reader.kinds import ForceReader, TrainedModel
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
@@ -191,26 +192,37 @@ def in_json(answer: Answer) -> dict[str, object]:
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "usable": answer.usable,
         "reason": answer.reason,
+        "lean_deg": answer.as_json()["lean_deg"],
+        "elastic_force_mn": from_si(answer.elastic_force_n, "mn"),
     }
 
 
-def test_all_readings_of_a_frame_are_one(small_recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("remembers", [False, True])
+def test_all_readings_of_a_frame_are_one(
+    small_recording: Path, capsys: pytest.CaptureFixture[str], remembers: bool
+) -> None:
+    if remembers:
+        toml = small_recording / "recording.toml"
+        text = toml.read_text().replace("[eye]", "[eye]\nrelaxation = [[0.2, 3.0]]")
+        toml.write_text(text.replace("[needle]", "[needle]\nlean_rad = 0.4"))
+        rows = [f"{file},{n}e-1\n" for n, file in enumerate(FILES)]
+        (small_recording / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
     model, paths = sf.load_model("default"), [small_recording / "frames" / file for file in FILES]
     answers = [sf.read(model, path) for path in paths]
     assert [answer.usable for answer in answers] == [True, True, True, False]
     info = read_recording(small_recording).info
     known, scale = known_of_recording(info), PixelScale.of(info.oct)
-    for answer, path in zip(answers, paths, strict=True):
-        opinion = model.read(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known)  # as the second opinion does
-        assert opinion.verdict == answer.verdict
-    evaluated = sf.evaluate(model, small_recording).frames
-    for command in (("read", "default", *paths), ("evaluate", "default", small_recording)):
-        for answer, entry in zip(answers, frames_of(capsys, *command), strict=True):
-            expected = in_json(answer)
-            assert {key: entry[key] for key in expected} == expected
-    for answer, other, path in zip(answers, evaluated, paths, strict=True):
-        assert (other.answer.force_n, other.answer.interval_n) == (answer.force_n, answer.interval_n)
+    evaluated, history = sf.evaluate(model, small_recording).frames, History.unknown(known, 60e-3)
+    for n, (answer, other, path) in enumerate(zip(answers, evaluated, paths, strict=True)):
+        elastic = model.read(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known)  # as the second opinion does
+        opinion, history = history.read(elastic, model.study.classes.bounds_n, n * 0.1 if remembers else float(n))
+        assert opinion.verdict == other.answer.verdict
+        assert (other.answer.verdict == answer.verdict) == (not (remembers and answer.usable))
         for wall in (answer.segmentation, sf.segment(path)):
             np.testing.assert_array_equal(wall.outer_row, other.answer.segmentation.outer_row)
             np.testing.assert_array_equal(wall.inner_row, other.answer.segmentation.inner_row)
             assert (wall.usable, wall.reason) == (other.answer.segmentation.usable, other.answer.segmentation.reason)
+    read, sequence = ["read", "default", *paths], ["evaluate", "default", small_recording]
+    for command, expected in ((read, answers), (sequence, [frame.answer for frame in evaluated])):
+        for answer, entry in zip(expected, frames_of(capsys, *command), strict=True):
+            assert {key: entry[key] for key in in_json(answer)} == in_json(answer)
