@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
 
-from scleraforce.known import Known, Modulus
+from scleraforce.known import NINETY_PERCENT, Known, Modulus
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
 from scleraforce.reader.answer import Reading, unusable
-from scleraforce.reader.felt import DENSE_S, History, Lean
+from scleraforce.reader.felt import DENSE_S, LEAN_SD, History, Lean
 
 MOST_N = 60e-3
 DECLARED = KnownRelaxation.declared(TISSUE.terms)
@@ -186,36 +186,49 @@ def test_a_reading_of_nan_does_not_enter_the_history() -> None:
 
 OWN = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
 DEG = np.pi / 180.0
-# Known inputs of an eye, and the factors of its force along the needle: least, likeliest, most.
+# Known inputs of an eye; the factors of its force along the needle: least, likeliest, most; leans that differ, if any.
 LEANS = {
-    "nothing is said": (Known(), (1.0, 1.0, 1.0)),
-    "declared": (Known(lean_rad=(0.5, 0.5)), (1 / np.cos(0.5),) * 3),
-    "not known": (Known(lean_rad=(0.0, 45 * DEG)), (1.0, 1 / np.cos(22.5 * DEG), np.sqrt(2.0))),
-    "as in the calibration": (Known(modulus=OWN, calibrated_lean_rad=0.3), (1 / np.cos(0.3),) * 3),
-    "another one": (Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.6, 0.6)), (1 / np.cos(0.6),) * 3),
-    "absorbed": (Known(modulus=OWN), (1.0, 1.0, 1.0)),
-    "not in the calibration": (Known(modulus=OWN, lean_rad=(0.0, 0.0)), (np.sqrt(0.5), 1.0, 1.0)),
+    "nothing is said": (Known(), (1.0, 1.0, 1.0), ()),
+    "declared": (Known(lean_rad=(0.5, 0.5)), (np.cos(0.5), 1 / np.cos(0.5), 1 / np.cos(0.5)), (0.5,)),
+    "not known": (Known(lean_rad=(0.0, 45 * DEG)), (np.sqrt(0.5), 1 / np.cos(22.5 * DEG), np.sqrt(2.0)), (22.5 * DEG,)),
+    "as in the calibration": (Known(modulus=OWN, calibrated_lean_rad=0.3), (1 / np.cos(0.3),) * 3, ()),
+    "declared again": (Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.3, 0.3)), (1 / np.cos(0.3),) * 3, ()),
+    "another one": (
+        Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.6, 0.6)),
+        (np.cos(0.6) / np.cos(0.3) ** 2, 1 / np.cos(0.6), 1 / np.cos(0.6)), (0.3, 0.6),
+    ),
+    "upright after a lean": (
+        Known(modulus=OWN, calibrated_lean_rad=0.6, lean_rad=(0.0, 0.0)), (1.0, 1.0, 1 / np.cos(0.6) ** 2), (0.6,),
+    ),
+    "absorbed": (Known(modulus=OWN), (1.0, 1.0, 1.0), ()),
+    "not in the calibration": (
+        Known(modulus=OWN, lean_rad=(0.0, 0.0)), (np.sqrt(0.5), 1.0, np.sqrt(2.0)), (22.5 * DEG,),
+    ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", LEANS)
 @pytest.mark.parametrize("relaxation", [None, DECLARED])
 def test_a_needle_that_leans_feels_the_force_along_it(case: str, relaxation: KnownRelaxation | None) -> None:
-    known, (least, factor, most) = LEANS[case]
+    known, (least, factor, most), others = LEANS[case]
     elastic = read_as(0.02)
     upright, _ = History.unknown(Known(relaxation=relaxation), MOST_N).read(elastic, BOUNDS_N)
     leaning, _ = History.unknown(replace(known, relaxation=relaxation), MOST_N).read(elastic, BOUNDS_N)
     (low_n, high_n), force_n = upright.interval_n, upright.force_n
     assert leaning.force_n == pytest.approx(factor * force_n)
-    ends_n = factor * low_n - (factor - least) * force_n, factor * high_n + (most - factor) * force_n
-    assert leaning.interval_n == pytest.approx(ends_n)
+    if not others:
+        assert leaning.interval_n == pytest.approx((factor * low_n, factor * high_n))
+    elif relaxation is None:
+        sd_n = LEAN_SD * np.sqrt(sum(np.tan(other) ** 2 for other in others)) * force_n
+        low_n, high_n = (factor * np.hypot(end_n - force_n, NINETY_PERCENT * sd_n) for end_n in (low_n, high_n))
+        assert leaning.interval_n == pytest.approx((max(least * force_n - low_n, 0.0), most * force_n + high_n))
     assert (leaning.lean_rad is None) == (case in ("nothing is said", "absorbed"))
     assert bool(leaning.warnings) == (case == "not in the calibration")
 
 
 def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it() -> None:
     seen = 30 * DEG
-    assert Lean.of(Known(), -seen).factors == pytest.approx((1 / np.cos(seen),) * 3)
+    assert Lean.of(Known(), -seen) == Lean.of(Known(lean_rad=(seen, seen)), None)
     assert Lean.of(Known(modulus=OWN), seen) == Lean((seen, seen))
     steeper = replace(Known(), lean_rad=(45 * DEG, 45 * DEG))  # it may lean out of the picture, too
     for known, contradicts in (
