@@ -374,13 +374,9 @@ def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> DrawnFrame
     """Return frames of the wall that are drawn reduced."""
     outer = surface(WINDOW.laterals_m)
     depth = np.repeat(np.stack([outer, outer + THICKNESS_M])[None], count, axis=0)
-    cells = replace(
-        scanner,
-        width_m=WINDOW.columns * WINDOW.column_m,
-        depth_m=WINDOW.rows * WINDOW.row_m,
-        columns=WINDOW.columns,
-        rows=WINDOW.rows,
-    )
+    rows, columns = WINDOW.rows, WINDOW.columns
+    size_m = {"width_m": columns * WINDOW.column_m, "depth_m": rows * WINDOW.row_m}
+    cells = replace(scanner, **size_m, columns=columns, rows=rows)
     tip = np.array([0.0, surface(np.zeros(1))[0]])
     shafts = [draw_shaft(of.needle, tip, 0.0, cells)] * count if of.needle else []
     return draw_reduced(depth, [of] * count, scanner, WINDOW, np.random.default_rng(7), shafts)

@@ -16,48 +16,39 @@ from scleraforce.study.fields import Choice, field_unit, fixed
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
 
 
+STUDY = st.ScenesStudy()
+
+
+def varied(record: Any, **values: Any) -> Any:
+    """The record with other values, a number for a range's only one."""
+    ranges = {name for name in values if not isinstance(getattr(record, name), float)}
+    numbers = {name: fixed(values[name]) for name in ranges if isinstance(values[name], int | float)}
+    return replace(record, **(values | numbers))
+
+
 def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
     """A record with the same share of everything, and the same count, but for the values given."""
     given = {item.name: getattr(record, item.name) for item in fields(record)}
     same = {name: share for name, value in given.items() if name.endswith("_share") and isinstance(value, float)}
-    same |= {name: fixed(count) for name in given if name.endswith("_count")}
-    return replace(record, **(same | values))
+    return varied(record, **(same | {name: count for name in given if name.endswith("_count")} | values))
 
 
 PLAIN = st.ScenesStudy(
     window=only(
-        st.SceneWindowStudy(),
-        rows=fixed(200),
-        columns=fixed(160),
-        width_m=fixed(10e-3),
-        depth_share=fixed(0.4),
-        view_m=fixed(0.0),
-        tilt_rad=fixed(0.0),
-        surface_share=fixed(0.1),
+        STUDY.window, rows=200, columns=160, width_m=10e-3, depth_share=0.4, view_m=0.0, tilt_rad=0.0, surface_share=0.1
     ),
-    eye=only(
-        st.SceneEyeStudy(),
-        half_sphere_share=1.0,
-        sclera_radius_m=fixed(12e-3),
-        sclera_thickness_m=fixed(0.6e-3),
-        wave_m=fixed(0.0),
-    ),
-    tissue=only(st.SceneTissueStudy(), corrected_share=1.0, snr_db=fixed(30.0), attenuation_per_m=fixed(0.3e3)),
-    over=only(st.SceneOverStudy()),
+    eye=only(STUDY.eye, half_sphere_share=1.0, sclera_radius_m=12e-3, sclera_thickness_m=0.6e-3, wave_m=0.0),
+    tissue=only(STUDY.tissue, corrected_share=1.0, snr_db=30.0, attenuation_per_m=0.3e3),
+    over=only(STUDY.over),
     scanner=only(
-        st.SceneScannerStudy(),
-        rolloff_db=fixed(0.0),
-        looks=fixed(10.0),
-        display_floor_db=fixed(3.0),
-        speckle_rows=fixed(0.5),
-        speckle_columns=fixed(0.5),
+        STUDY.scanner, rolloff_db=0.0, looks=10.0, display_floor_db=3.0, speckle_rows=0.5, speckle_columns=0.5
     ),
 )
 
 
 def plain(**parts: dict[str, Any]) -> st.ScenesStudy:
     """The plain study with other values in some of its parts."""
-    return replace(PLAIN, **{name: replace(getattr(PLAIN, name), **values) for name, values in parts.items()})
+    return replace(PLAIN, **{name: varied(getattr(PLAIN, name), **values) for name, values in parts.items()})
 
 
 def rows_m(scene: Scene, rows: np.ndarray) -> np.ndarray:
@@ -77,7 +68,7 @@ def lit(scene: Scene) -> np.ndarray:
 
 
 def test_the_same_number_draws_the_same_scene_and_another_one_another() -> None:
-    first, again, other = (draw_scene(st.ScenesStudy(), number) for number in (7, 7, 8))
+    first, again, other = (draw_scene(STUDY, number) for number in (7, 7, 8))
     assert np.array_equal(first.frame, again.frame)
     assert np.array_equal(first.outer_row, again.outer_row, equal_nan=True)
     assert first.frame.shape != other.frame.shape or not np.array_equal(first.frame, other.frame)
@@ -103,8 +94,8 @@ def test_what_is_bright_is_what_the_truth_calls_wall() -> None:
 
 
 def test_a_flat_wall_is_stretched_by_its_refractive_index() -> None:
-    uncorrected = {"corrected_share": 0.0, "refractive_index": fixed(1.4)}
-    flat = {"sclera_radius_m": fixed(50e-3)}
+    uncorrected = {"corrected_share": 0.0, "refractive_index": 1.4}
+    flat = {"sclera_radius_m": 50e-3}
     scene = draw_scene(plain(tissue=uncorrected, eye=flat), 0)
     middle = scene.frame.shape[1] // 2
     thickness = rows_m(scene, scene.inner_row)[middle] - rows_m(scene, scene.outer_row)[middle]
@@ -114,9 +105,9 @@ def test_a_flat_wall_is_stretched_by_its_refractive_index() -> None:
 
 def test_a_tilted_wall_is_seen_along_rays_that_snells_law_bends() -> None:
     tilt, index = 0.5, 1.4
-    tilted = {"tilt_rad": fixed(tilt), "facing": fixed(0.0), "surface_share": fixed(0.1)}
-    uncorrected = {"corrected_share": 0.0, "refractive_index": fixed(index)}
-    scene = draw_scene(plain(window=tilted, tissue=uncorrected, eye={"sclera_radius_m": fixed(50e-3)}), 0)
+    tilted = {"tilt_rad": tilt, "facing": 0.0, "surface_share": 0.1}
+    uncorrected = {"corrected_share": 0.0, "refractive_index": index}
+    scene = draw_scene(plain(window=tilted, tissue=uncorrected, eye={"sclera_radius_m": 50e-3}), 0)
     middle = scene.frame.shape[1] // 2
     seen = rows_m(scene, scene.inner_row)[middle] - rows_m(scene, scene.outer_row)[middle]
     in_tissue = np.arcsin(np.sin(tilt) / index)
@@ -124,7 +115,7 @@ def test_a_tilted_wall_is_seen_along_rays_that_snells_law_bends() -> None:
 
 
 def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
-    covered = {"conjunctiva_share": 1.0, "conjunctiva_m": fixed(200e-6), "conjunctiva_db": fixed(0.0)}
+    covered = {"conjunctiva_share": 1.0, "conjunctiva_m": 200e-6, "conjunctiva_db": 0.0}
     scene, bare = draw_scene(plain(tissue=covered), 0), draw_scene(PLAIN, 0)
     middle = scene.frame.shape[1] // 2
     bright = np.flatnonzero(lit(scene)[:, middle])[0]
@@ -136,14 +127,12 @@ def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
 
 def test_an_invisible_wall_does_not_exist_or_is_not_judged() -> None:
     """It does not exist in noise; behind a lid it is not judged."""
-    dark = {"attenuation_per_m": fixed(20e3), "snr_db": fixed(0.0), "reflection_db": fixed(-30.0)}
-    weak = draw_scene(plain(tissue=dark, scanner={"display_floor_db": fixed(-3.0), "looks": fixed(1.0)}), 0)
+    dark = {"attenuation_per_m": 20e3, "snr_db": 0.0, "reflection_db": -30.0}
+    weak = draw_scene(plain(tissue=dark, scanner={"display_floor_db": -3.0, "looks": 1.0}), 0)
     assert not weak.mask.any()
     assert weak.judged.all()
-    lid = {"lid_share": 1.0, "lid_reach": fixed(0.35), "lid_m": fixed(2.5e-3), "lid_gap_m": fixed(0.8e-3)}
-    covered = draw_scene(
-        plain(over={**lid, "lid_attenuation_per_m": fixed(9e3)}, window={"surface_share": fixed(0.4)}), 0
-    )
+    lid = {"lid_share": 1.0, "lid_reach": 0.35, "lid_m": 2.5e-3, "lid_gap_m": 0.8e-3}
+    covered = draw_scene(plain(over={**lid, "lid_attenuation_per_m": 9e3}, window={"surface_share": 0.4}), 0)
     hidden = ~covered.judged
     assert 0.2 < hidden.mean() < 0.4
     assert np.isnan(covered.outer_row[hidden]).all()
@@ -151,7 +140,7 @@ def test_an_invisible_wall_does_not_exist_or_is_not_judged() -> None:
 
 
 def test_a_steel_needle_shades_the_wall_that_continues_below_it() -> None:
-    upright = {"needle_angle_rad": fixed(0.0), "needle_m": fixed(0.7e-3), "tip_gap_m": fixed(0.05e-3)}
+    upright = {"needle_angle_rad": 0.0, "needle_m": 0.7e-3, "tip_gap_m": 0.05e-3}
     scene = draw_scene(plain(over={"needle_share": 1.0, **upright}), 3)
     wall = np.where(scene.mask > 0, scene.frame / scene.frame.max(), np.nan)
     level = np.nanmean(wall, axis=0)
@@ -161,7 +150,7 @@ def test_a_steel_needle_shades_the_wall_that_continues_below_it() -> None:
 
 
 def test_a_wall_above_the_zero_delay_is_mirrored_into_the_frame() -> None:
-    above = {"surface_share": fixed(-0.15)}
+    above = {"surface_share": -0.15}
     there = draw_scene(plain(window=above, scanner={"mirrored_share": 1.0}), 0)
     middle = there.frame.shape[1] // 2
     assert there.inner_row[middle] < 1.0 or np.isnan(there.inner_row[middle])
@@ -172,7 +161,7 @@ def test_a_wall_above_the_zero_delay_is_mirrored_into_the_frame() -> None:
 
 
 def test_black_bands_show_no_wall() -> None:
-    scene = draw_scene(plain(scanner={"band_share": 1.0, "band_fraction": fixed(0.1)}), 0)
+    scene = draw_scene(plain(scanner={"band_share": 1.0, "band_fraction": 0.1}), 0)
     band = round(0.1 * scene.frame.shape[1])
     assert not scene.frame[:, :band].any()
     assert np.isnan(scene.outer_row[:band]).all()
@@ -180,7 +169,7 @@ def test_black_bands_show_no_wall() -> None:
 
 
 def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
-    low = draw_scene(plain(window={"surface_share": fixed(0.8)}), 0)
+    low = draw_scene(plain(window={"surface_share": 0.8}), 0)
     gone = np.isnan(low.outer_row)
     assert gone[0]
     assert gone[-1]
@@ -189,26 +178,21 @@ def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
 
 
 # A study in which everything is there: what each range does can be seen.
+PIXELS = st.Range(min=1e-6, max=200e-6)
 FULL = st.ScenesStudy(
-    window=replace(
-        st.SceneWindowStudy(),
-        rows=fixed(64),
-        columns=fixed(72),
-        pixel_m=st.Range(min=1e-6, max=200e-6),
-        width_m=fixed(15e-3),
-        depth_share=fixed(0.45),
-        centred_share=1.0,
+    window=varied(
+        STUDY.window, rows=64, columns=72, pixel_m=PIXELS, width_m=15e-3, depth_share=0.45, centred_share=1.0
     ),
-    eye=only(st.SceneEyeStudy(), 1.0, half_sphere_share=0.0),
-    tissue=only(st.SceneTissueStudy(), 1.0, 2, corrected_share=0.0),
-    over=only(st.SceneOverStudy(), 1.0, 2, speck_count=fixed(100), vessel_count=fixed(3), glass_share=0.0),
-    scanner=only(st.SceneScannerStudy(), 1.0, 2, linear_share=0.0, root_share=0.0),
+    eye=only(STUDY.eye, 1.0, half_sphere_share=0.0),
+    tissue=only(STUDY.tissue, 1.0, 2, corrected_share=0.0),
+    over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
+    scanner=only(STUDY.scanner, 1.0, 2, linear_share=0.0, root_share=0.0),
 )
 
 
 def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
-    record, default = getattr(FULL, part), getattr(getattr(st.ScenesStudy(), part), name)
+    record, default = getattr(FULL, part), getattr(getattr(STUDY, part), name)
     glass = {"glass_share": 1.0} if name.startswith("glass_pass") else {}
     if isinstance(default, float):
         values: list[Any] = [0.0, 1.0]
@@ -217,10 +201,10 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
         kind = fixed if isinstance(default, Choice) else lambda value: st.Range(min=value, max=value)
         values = [kind(low), kind(high)]
     if name == "pixel_m":
-        values = [st.Range(min=1e-6, max=200e-6), st.Range(min=1e-6, max=50e-6)]
+        values = [PIXELS, st.Range(min=1e-6, max=50e-6)]
     # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only small frames tell.
-    near = {"line_m": {}, "gap_m": {"view_m": fixed(9e-3), "centred_share": 0.0}}
-    window = {"window": replace(FULL.window, width_m=fixed(4e-3), **near[name])} if name in near else {}
+    near = {"line_m": {}, "gap_m": {"view_m": 9e-3, "centred_share": 0.0}}
+    window = {"window": varied(FULL.window, width_m=4e-3, **near[name])} if name in near else {}
     for value in values:
         yield replace(FULL, **window, **{part: replace(record, **glass, **{name: value})})
 

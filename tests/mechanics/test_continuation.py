@@ -14,6 +14,7 @@ from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 HALF_SPAN, HEIGHT = 1.0, 0.2
+SOFT, FAR = 0.01, {"max_tip_m": 2.0, "largest_step_m": 0.02}  # softer than the truss's steepest descent
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,26 +76,22 @@ def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() 
 
 
 def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
-    soft = 0.01  # softer than the truss's steepest descent: the tip itself must go back
-    with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):
-        trace(Truss(soft), np.zeros(2), 0.0, max_tip_m=2.0, largest_step_m=0.02)
+    with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):  # the tip itself must go back
+        trace(Truss(SOFT), np.zeros(2), 0.0, **FAR)
 
 
 def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
-    soft = 0.01
-    ends = {"max_tip_m": 2.0, "largest_step_m": 0.02}
-    path = trace(Truss(soft), np.zeros(2), 0.0, as_far_as_found=True, **ends)
-    assert_on_truss(soft, path.tip_m, path.force)
+    path = trace(Truss(SOFT), np.zeros(2), 0.0, as_far_as_found=True, **FAR)
+    assert_on_truss(SOFT, path.tip_m, path.force)
     peak = truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
     assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
 
 
 def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer() -> None:
-    soft, largest_m = 0.01, 0.05
+    largest_m = 0.05
     apex = HEIGHT * (1.0 - np.linspace(1.0, 0.0, 100_001))
-    turn_m = np.max(apex + truss_force(apex) / soft)  # of the tip
-    truss = Truss(soft)
-    ends = {"max_tip_m": 2.0, "largest_step_m": largest_m}
+    turn_m = np.max(apex + truss_force(apex) / SOFT)  # of the tip
+    truss, ends = Truss(SOFT), FAR | {"largest_step_m": largest_m}
     path = trace(truss, np.zeros(2), 0.0, as_far_as_found=True, **ends)
     assert 0.0 < turn_m - path.tip_m[-1] < largest_m / 32.0
     ended_early = len(truss.factored)

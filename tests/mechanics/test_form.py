@@ -1,3 +1,4 @@
+from dataclasses import replace
 from math import asin, degrees, pi, radians
 
 import numpy as np
@@ -60,11 +61,8 @@ def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_
 def test_the_contact_and_its_normal_are_where_the_sphere_has_them(whole: bool) -> None:
     form = FormStudy(semi_axes=AXES, wave=WAVY.wave)
     mesh = form_mesh(graded_mesh(R, T, CONTACT, core=8, rings=24, whole=whole), form, CONTACT)
-    nearby = [
-        Contact(polar_rad=CONTACT.polar_rad + a, azimuth_rad=CONTACT.azimuth_rad + b)
-        for a, b in ((0, 0), (1e-4, 0), (0, 1e-4))
-    ]
-    quads, weights_pn = locate(mesh, np.array([contact.normal for contact in nearby]))
+    angles = np.add([CONTACT.polar_rad, CONTACT.azimuth_rad], [(0, 0), (1e-4, 0), (0, 1e-4)])
+    quads, weights_pn = locate(mesh, np.array([Contact(polar_rad=a, azimuth_rad=b).normal for a, b in angles]))
     points = np.einsum("pn,pnc->pc", weights_pn, mesh.points_nc[mesh.outer_qn[quads]])
     np.testing.assert_allclose(points[0], R * CONTACT.normal, atol=1e-9)
     normal = np.cross(points[1] - points[0], points[2] - points[0])
@@ -102,10 +100,8 @@ def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -
     for degree, legendre in by_degree.items():
         form = FormStudy(wave=(WaveStudy(amplitude_fraction=0.2, degree=degree),))
         np.testing.assert_allclose(thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15)
-    sideways = FormStudy(
-        wave=(WaveStudy(amplitude_fraction=0.2, degree=1, polar_rad=radians(90), azimuth_rad=radians(90)),)
-    )
-    np.testing.assert_allclose(thickness_factor(sideways, np.eye(3)), [1.0, 1.2, 1.0], atol=1e-15)
+    sideways = replace(form.wave[0], degree=1, polar_rad=radians(90), azimuth_rad=radians(90))
+    np.testing.assert_allclose(thickness_factor(FormStudy(wave=(sideways,)), np.eye(3)), [1.0, 1.2, 1.0], atol=1e-15)
 
 
 def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge() -> None:

@@ -79,6 +79,13 @@ def test_the_gaussian_load_of_r1_is_normalised_and_has_the_mean_of_its_weight(me
     assert mean_cosine == pytest.approx(1.0 / np.tanh(k) - 1.0 / k, abs=2e-3 if mesh.order == 1 else 1e-4)
 
 
+def assert_disc(amount: np.ndarray, offset_nc: np.ndarray, directions: tuple[np.ndarray, ...]) -> None:
+    for direction in directions:
+        offset = offset_nc @ direction
+        assert abs(amount @ offset) < 1e-3 * NEEDLE
+        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)  # of a uniform disc
+
+
 def tilted(angle_rad: float) -> np.ndarray:
     return -np.cos(angle_rad) * LEANING.normal + np.sin(angle_rad) * LEANING.meridian
 
@@ -95,12 +102,8 @@ def test_the_disc_is_round_and_centred_on_the_contact_as_seen_along_the_axis(ang
     mesh, axis = build_mesh(R, 0.5e-3, divisions=20), tilted(np.radians(angle_deg))
     load = needle_at(mesh, LEANING, NEEDLE, axis).load_nc
     np.testing.assert_allclose(load.sum(axis=0), axis, atol=1e-12)
-    amount = load @ axis
     across = np.cross(axis, LEANING.parallel) / np.linalg.norm(np.cross(axis, LEANING.parallel))
-    for direction in (LEANING.parallel, across):
-        offset = (mesh.points_nc - R * LEANING.normal) @ direction
-        assert abs(amount @ offset) < 1e-3 * NEEDLE
-        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)  # of a uniform disc
+    assert_disc(load @ axis, mesh.points_nc - R * LEANING.normal, (LEANING.parallel, across))
 
 
 def test_a_form_moves_the_disc_with_its_surface() -> None:
@@ -108,12 +111,8 @@ def test_a_form_moves_the_disc_with_its_surface() -> None:
     stretch = np.array([1.06, 1.0, 0.95])
     shaped = replace(mesh, points_nc=mesh.points_nc * stretch, shaped_from_nc=mesh.points_nc)
     load = needle_at(shaped, LEANING, NEEDLE).load_nc
-    amount = -load @ LEANING.normal
-    centre = R * LEANING.normal * stretch
-    for direction in (LEANING.parallel, LEANING.meridian):
-        offset = (shaped.points_nc - centre) @ direction
-        assert abs(amount @ offset) < 1e-3 * NEEDLE
-        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)
+    offset_nc = shaped.points_nc - R * LEANING.normal * stretch
+    assert_disc(-load @ LEANING.normal, offset_nc, (LEANING.parallel, LEANING.meridian))
 
 
 def test_the_tip_is_the_displacement_at_the_contact_along_the_axis() -> None:

@@ -62,9 +62,11 @@ def wall(outer_pixels, thickness_pixels=6.0):
     return Section(*points)
 
 
+X = np.linspace(-10, 150, 161)
+
+
 def w_dent():
-    x = np.linspace(-10, 150, 161)
-    return wall(np.c_[x, 4 + 14 * np.exp(-(((x - 60) / 7) ** 2)) + 11 * np.exp(-(((x - 85) / 6) ** 2))], 5.0)
+    return wall(np.c_[X, 4 + 14 * np.exp(-(((X - 60) / 7) ** 2)) + 11 * np.exp(-(((X - 85) / 6) ** 2))], 5.0)
 
 
 def fold():
@@ -73,13 +75,11 @@ def fold():
 
 
 def dent_through_the_floor():
-    x = np.linspace(-10, 150, 161)
-    return wall(np.c_[x, 3 + 60 * np.exp(-(((x - 70) / 20) ** 2))])
+    return wall(np.c_[X, 3 + 60 * np.exp(-(((X - 70) / 20) ** 2))])
 
 
 def dome_through_the_roof():
-    x = np.linspace(-10, 150, 161)
-    return wall(np.c_[x, -8 + 0.01 * (x - 70) ** 2], 5.0)
+    return wall(np.c_[X, -8 + 0.01 * (X - 70) ** 2], 5.0)
 
 
 @pytest.mark.parametrize("shape", [w_dent, fold, dent_through_the_floor, dome_through_the_roof])
@@ -106,9 +106,8 @@ def test_the_window_puts_the_unloaded_top_below_the_margin_and_framing_moves_the
     flat = Section(np.array([[-1e-3, 0.0], [1e-3, 0.0]]), np.array([[-1e-3, 5e-4], [1e-3, 5e-4]]))
     rows, columns = np.nonzero(fill_section(flat, slice_window(study, top_m=0.0)))
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (60, 79, 3, 7)
-    rows, columns = np.nonzero(
-        fill_section(flat, slice_window(study, 0.0, framing_lateral_m=4e-4, framing_depth_m=2e-4))
-    )
+    window = slice_window(study, 0.0, framing_lateral_m=4e-4, framing_depth_m=2e-4)
+    rows, columns = np.nonzero(fill_section(flat, window))
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (64, 83, 5, 9)
 
 

@@ -22,12 +22,8 @@ from rosbags.rosbag2 import CompressionMode
 
 REAL = Path(__file__).parents[3] / "shared" / "real-logs" / "ros2-wrench.db3"
 
-
-IMAGE, WRENCH, COMPRESSED = (
-    "sensor_msgs/msg/Image",
-    "geometry_msgs/msg/WrenchStamped",
-    "sensor_msgs/msg/CompressedImage",
-)
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 MS_NS = 10**6
 HERE = Messages(ROS2)
 MAKERS = {"ros1": Messages(ROS1), "mcap": HERE}
