@@ -188,7 +188,7 @@ def _known_relaxation(recording: Recording, before: EyeCalibration | None) -> Kn
 
 
 def _without_globe(recording: Recording) -> Recording:
-    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
+    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None, leak_time_s=None)
     return replace(recording, info=replace(recording.info, eye=eye))
 
 

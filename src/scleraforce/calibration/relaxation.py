@@ -33,7 +33,7 @@ SMOOTHED, LEAST = 4, 5  # samples: of a mean, which leaves out 0.2 s at a hold's
 OFF = 1.5  # of the usual scatter: the needle moved
 MOST = 0.95  # of a force is lost
 ROUNDS, STEP = 6, 1e-4  # of Gauss-Newton; of a share, for its derivative
-LEAST_GAIN = 5.0  # of the log likelihood, below which the tissue counts as elastic
+LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elastic
 PUSHED = 0.7  # of a frame's force: the push began where it was less
 ONE_FRAME_SD = 0.1  # of held, of one frame
 
