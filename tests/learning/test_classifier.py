@@ -14,17 +14,7 @@ import torch
 
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError, SolverError
-from scleraforce.learning.classifier import (
-    Candidate,
-    Samples,
-    best,
-    build_network,
-    classifier_bytes,
-    fit,
-    normalisation,
-    trained_network,
-    with_half_weights,
-)
+from scleraforce.learning import classifier
 from scleraforce.learning.dataset import SLICES, create_dataset, open_dataset, plan_dataset
 from scleraforce.learning.descent import descend, learning_rate
 from scleraforce.learning.train import split_samples, train_classifier
@@ -40,9 +30,9 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     target = rng.integers(0, 3, size=300)
     slices[np.arange(300), target * 4, :4] = 255 * rng.integers(0, 2, size=(300, 4))
     slices[np.arange(300), target * 4, 4] = 255
-    left, right = Samples(slices, target), Samples(slices[:, :, ::-1].copy(), target)
+    left, right = classifier.Samples(slices, target), classifier.Samples(slices[:, :, ::-1].copy(), target)
     accuracy = {
-        mirror: fit(replace(small, mirror=mirror, epochs=8), left, right).curves.validation_accuracy[-1]
+        mirror: classifier.fit(replace(small, mirror=mirror, epochs=8), left, right).curves.validation_accuracy[-1]
         for mirror in (True, False)
     }
     assert accuracy[True] > 0.99
@@ -72,7 +62,7 @@ def test_equal_seeds_give_equal_weights_and_leave_pytorch_unchanged(bars, small,
     monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", threads)
     torch.set_num_threads(1)
     before = torch.get_rng_state()
-    first, again, other = (fit(study, *bars) for study in (small, small, replace(small, seed=1)))
+    first, again, other = (classifier.fit(study, *bars) for study in (small, small, replace(small, seed=1)))
     assert first.curves == again.curves
     for one, two, three in zip(first.network.layers, again.network.layers, other.network.layers, strict=True):
         np.testing.assert_array_equal(one.weight, two.weight)
@@ -84,7 +74,7 @@ def test_equal_seeds_give_equal_weights_and_leave_pytorch_unchanged(bars, small,
 
 
 def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) -> None:
-    fitted, (_, validation) = fit(replace(small, epochs=12), *bars), bars
+    fitted, (_, validation) = classifier.fit(replace(small, epochs=12), *bars), bars
     curves, first = fitted.curves, fitted.network.layers[0].weight.reshape(-1, 12, 10)
     assert len(curves.training_loss) == len(curves.validation_accuracy) == 12
     assert curves.validation_accuracy[-1] > 0.97
@@ -100,8 +90,8 @@ def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) 
 
 def test_validation_samples_do_not_influence_the_weights(bars, small) -> None:
     training, validation = bars
-    flipped = Samples(validation.slices, 2 - validation.target)
-    one, two = fit(small, training, validation), fit(small, training, flipped)
+    flipped = classifier.Samples(validation.slices, 2 - validation.target)
+    one, two = classifier.fit(small, training, validation), classifier.fit(small, training, flipped)
     np.testing.assert_array_equal(one.network.layers[0].weight, two.network.layers[0].weight)
     assert one.curves.validation_accuracy != two.curves.validation_accuracy
 
@@ -110,21 +100,21 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
     lost = torch.nn.functional.cross_entropy
     monkeypatch.setattr(torch.nn.functional, "cross_entropy", lambda *given, **more: lost(*given, **more) * torch.nan)
     with pytest.raises(SolverError, match=r"step 1 of .*network\.learning_rate"):
-        fit(small, *bars)
+        classifier.fit(small, *bars)
 
 
 @pytest.mark.parametrize("hidden", [(), (300, 200)])
 def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_size(bars, hidden) -> None:
-    norm = normalisation(bars[0])
+    norm = classifier.normalisation(bars[0])
     torch.manual_seed(3)
-    built = build_network(int(norm.varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
-    network = trained_network(built, norm)
+    built = classifier.build_network(int(norm.varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
+    network = classifier.trained_network(built, norm)
     centred = torch.from_numpy(bars[1].pixels[:, norm.varies] / np.float32(255) - norm.mean[norm.varies])
     by_torch = torch.softmax(built(centred), dim=1).detach().numpy()
     np.testing.assert_allclose(network.probabilities(bars[1].slices), by_torch, atol=1e-5)
-    rounded, slices = with_half_weights(network), bars[1].slices
-    content = classifier_bytes(rounded, SIZE, {"seed": "7", "dataset_sha256": "ab"})
-    assert content == classifier_bytes(rounded, SIZE, {"dataset_sha256": "ab", "seed": "7"})
+    rounded, slices = classifier.with_half_weights(network), bars[1].slices
+    content = classifier.classifier_bytes(rounded, SIZE, {"seed": "7", "dataset_sha256": "ab"})
+    assert content == classifier.classifier_bytes(rounded, SIZE, {"dataset_sha256": "ab", "seed": "7"})
     (found,) = onnxruntime.InferenceSession(content).run(None, {"slices": slices})
     np.testing.assert_allclose(found, rounded.probabilities(slices), atol=1e-5)
     assert not hidden or len(content) < 0.55 * sum(layer.weight.nbytes for layer in rounded.layers)
@@ -140,14 +130,14 @@ def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_s
 
 def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() -> None:
     tried = (
-        Candidate(hidden=(9,), weights=500, validation_accuracy=0.97, validation_loss=0.1),
-        Candidate(hidden=(5,), weights=300, validation_accuracy=0.99, validation_loss=0.3),
-        Candidate(hidden=(3, 3), weights=200, validation_accuracy=0.99, validation_loss=0.4),
-        Candidate(hidden=(2,), weights=100, validation_accuracy=None, validation_loss=None),
+        classifier.Candidate(hidden=(9,), weights=500, validation_accuracy=0.97, validation_loss=0.1),
+        classifier.Candidate(hidden=(5,), weights=300, validation_accuracy=0.99, validation_loss=0.3),
+        classifier.Candidate(hidden=(3, 3), weights=200, validation_accuracy=0.99, validation_loss=0.4),
+        classifier.Candidate(hidden=(2,), weights=100, validation_accuracy=None, validation_loss=None),
     )
-    assert best(tried) == 2
+    assert classifier.best(tried) == 2
     with pytest.raises(SolverError, match="every size"):
-        best(tried[3:])
+        classifier.best(tried[3:])
 
 
 STUDY = Study(

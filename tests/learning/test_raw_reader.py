@@ -10,15 +10,7 @@ import torch
 from analytic_library import analytic_library
 
 from scleraforce.known import Known, Modulus
-from scleraforce.learning.raw_reader import (
-    RawReaderNetwork,
-    RawSource,
-    draw_optics,
-    draw_shafts,
-    fit_raw_reader,
-    largest_needle_gap,
-    raw_reader_bytes,
-)
+from scleraforce.learning import raw_reader
 from scleraforce.learning.reader import ReaderNetwork, histogram
 from scleraforce.learning.train import train_raw_reader
 from scleraforce.library import Library
@@ -50,9 +42,9 @@ def library() -> Library:
     return analytic_library(thicknesses=5, ratios=5, tips=24)
 
 
-def network(seed: int = 1) -> RawReaderNetwork:
+def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
     torch.manual_seed(seed)
-    made = RawReaderNetwork(TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m))
+    made = raw_reader.RawReaderNetwork(TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m))
     made(torch.rand(4, 80, 144), torch.rand(4, len(GIVEN)))  # moves the means of its normalisations
     return made.eval()
 
@@ -82,7 +74,7 @@ def test_the_graph_answers_as_the_network_does() -> None:
     made, rng = network(), np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
     given = rng.normal(size=(3, len(GIVEN))).astype(np.float32)
-    content = raw_reader_bytes(made, {"who": "me"})
+    content = raw_reader.raw_reader_bytes(made, {"who": "me"})
     session = network_session(content, "place", 1)
     found, contact_m = session.run(["histogram", "contact_m"], {"frames": frames, "given": given})
     with torch.inference_mode():
@@ -90,19 +82,19 @@ def test_the_graph_answers_as_the_network_does() -> None:
     np.testing.assert_allclose(found, histogram(mixtures, TINY.reader.bins).numpy(), atol=1e-5)
     np.testing.assert_allclose(contact_m, places.numpy() * 1e-3, atol=1e-7)
     assert session.get_modelmeta().custom_metadata_map == {"who": "me"}
-    assert raw_reader_bytes(made, {"who": "me"}) == content
+    assert raw_reader.raw_reader_bytes(made, {"who": "me"}) == content
 
 
 @pytest.mark.slow
 def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library) -> None:
     study = replace(TINY, raw_reader=replace(TINY.raw_reader, batches=60, wall_share=0.5, learning_rate=0.01))
     counted: list[int] = []
-    first, again = (fit_raw_reader(library, study, workers, counted.append) for workers in (1, 2))
+    first, again = (raw_reader.fit_raw_reader(library, study, workers, counted.append) for workers in (1, 2))
     assert counted == [1, 1]
     for one, other in zip(first.network.parameters(), again.network.parameters(), strict=True):
         assert torch.equal(one, other)
     assert first.training_loss == again.training_loss
-    samples = RawSource.of(library, study).chunk(2**31, 40)
+    samples = raw_reader.RawSource.of(library, study).chunk(2**31, 40)
     with torch.inference_mode():
         _, _, rows, _ = first.network(torch.from_numpy(samples.frames), torch.from_numpy(samples.given))
     found = (rows.softmax(dim=2) * torch.arange(80.0)[:, None]).sum(dim=2).numpy()
@@ -139,8 +131,8 @@ COUNT = 60
 
 
 @pytest.fixture(scope="module")
-def source() -> RawSource:
-    return RawSource.of(analytic_library(thicknesses=5, ratios=5, tips=24), STUDY)
+def source() -> raw_reader.RawSource:
+    return raw_reader.RawSource.of(analytic_library(thicknesses=5, ratios=5, tips=24), STUDY)
 
 
 def study_with(**raw: object) -> Study:
@@ -149,8 +141,8 @@ def study_with(**raw: object) -> Study:
     return replace(STUDY, raw_reader=replace(STUDY.raw_reader, **{**none, **raw}))
 
 
-def test_frames_are_bright_between_their_boundaries_and_dark_above(source: RawSource) -> None:
-    plain = RawSource(source.library, study_with()).chunk(1, COUNT)
+def test_frames_are_bright_between_their_boundaries_and_dark_above(source: raw_reader.RawSource) -> None:
+    plain = raw_reader.RawSource(source.library, study_with()).chunk(1, COUNT)
     row, pairs = np.arange(80)[:, None], plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3)
     outer, inner = plain.boundary_rows[:, :1], plain.boundary_rows[:, 1:]
     inside, above = (row > outer + 1.0) & (row < inner - 1.0), (row < outer - 1.5) & (row > 8)  # below the line
@@ -159,29 +151,29 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(source: RawSo
 
 
 @pytest.mark.slow
-def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: RawSource) -> None:
+def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: raw_reader.RawSource) -> None:
     gap = GIVEN.index("gap")
-    many = RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)
+    many = raw_reader.RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)
     trained = STUDY.reader.gap_m.bounds[1]
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
     stated = many.given[:, GIVEN.index("gap known")] > 0.0
     nearest = STUDY.reader.gap_m.bounds[0]
     assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(
-        0.5 * 0.85 * nearest / largest_needle_gap(STUDY.raw_reader), abs=0.1
+        0.5 * 0.85 * nearest / raw_reader.largest_needle_gap(STUDY.raw_reader), abs=0.1
     )
     rng = np.random.default_rng(1)
-    for gap_m in (0.0, 0.1e-3, largest_needle_gap(STUDY.raw_reader)):
-        needle = draw_optics(STUDY, gap_m, rng).needle
+    for gap_m in (0.0, 0.1e-3, raw_reader.largest_needle_gap(STUDY.raw_reader)):
+        needle = raw_reader.draw_optics(STUDY, gap_m, rng).needle
         assert needle.gap_m == gap_m
         assert gap_m <= (1.0 + 1e-9) * STUDY.raw_reader.needle_gap_fraction * needle.diameter_m
-    assert draw_optics(STUDY, None, rng).needle is None
+    assert raw_reader.draw_optics(STUDY, None, rng).needle is None
 
 
 def test_the_tip_touches_the_wall() -> None:
     window, rng = FrameWindow.of(STUDY.raw_reader), np.random.default_rng(4)
     depth = np.full((1, 2, window.columns), 1.5e-3)
-    optics = [draw_optics(STUDY, 0.0, rng)]
-    (shaft,) = draw_shafts(optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY, window)
+    optics = [raw_reader.draw_optics(STUDY, 0.0, rng)]
+    (shaft,) = raw_reader.draw_shafts(optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY, window)
     rows, columns = np.nonzero(shaft.inside)
     lowest = columns[rows == rows.max()] - window.columns / 2
     assert rows.max() * window.row_m == pytest.approx(1.45e-3, abs=0.06e-3)
@@ -191,7 +183,7 @@ def test_the_tip_touches_the_wall() -> None:
 @pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
 def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float, factor: float) -> None:
     study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
-    drawn = [draw_optics(study, None, np.random.default_rng(seed)) for seed in range(200)]
+    drawn = [raw_reader.draw_optics(study, None, np.random.default_rng(seed)) for seed in range(200)]
     for values, expected in (
         ([each.snr_db + loss_db for each in drawn], study.phantom.snr_db),
         ([each.lateral_resolution_m / factor for each in drawn], study.phantom.lateral_resolution_m),
@@ -205,19 +197,19 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float
 
 def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     study = study_with(conjunctiva_share=0.3)
-    drawn = [draw_optics(study, None, np.random.default_rng(seed)).conjunctiva for seed in range(400)]
+    drawn = [raw_reader.draw_optics(study, None, np.random.default_rng(seed)).conjunctiva for seed in range(400)]
     thick = [layer.thickness_m for layer in drawn if layer is not None]
     assert 0.22 < len(thick) / 400 < 0.38
     low, high = study.raw_reader.conjunctiva_thickness_m.bounds
     assert low <= min(thick) < max(thick) <= high
     everywhere = replace(study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4)))
-    assert draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
+    assert raw_reader.draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
 
 
 def test_a_linear_display_is_drawn_where_the_phantom_has_one() -> None:
     linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
-    assert draw_optics(linear, None, np.random.default_rng(1)).display == "linear"
+    assert raw_reader.draw_optics(linear, None, np.random.default_rng(1)).display == "linear"
     library = analytic_library(thicknesses=5, ratios=5, tips=24)
-    frames = [RawSource.of(library, study).chunk(1, 20).frames for study in (Study(), linear)]
+    frames = [raw_reader.RawSource.of(library, study).chunk(1, 20).frames for study in (Study(), linear)]
     walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
     assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

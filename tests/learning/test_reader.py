@@ -13,17 +13,7 @@ from analytic_library import analytic_library, solve_analytic
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
-from scleraforce.learning.reader import (
-    ReaderNetwork,
-    answers,
-    compared,
-    fit_reader,
-    histogram,
-    log_density,
-    measure_reader,
-    reader_bytes,
-    reader_loss,
-)
+from scleraforce.learning import reader
 from scleraforce.learning.samples import Source
 from scleraforce.learning.train import train_reader
 from scleraforce.library.build import build_library
@@ -56,9 +46,9 @@ def source(library) -> Source:
     return Source.of(library, TINY.reader, TINY.slice)
 
 
-def network(seed: int = 1) -> ReaderNetwork:
+def network(seed: int = 1) -> reader.ReaderNetwork:
     torch.manual_seed(seed)
-    return ReaderNetwork(TINY.reader, TINY.slice, 12e-3).eval()
+    return reader.ReaderNetwork(TINY.reader, TINY.slice, 12e-3).eval()
 
 
 def test_the_loss_is_likelihood_and_place_written_out() -> None:
@@ -72,15 +62,15 @@ def test_the_loss_is_likelihood_and_place_written_out() -> None:
         density = (weights / np.exp(np.clip(row[6:], -6.0, 1.0)) / (4.0 * np.cosh(z / 2.0) ** 2)).sum()
         off = abs(place - true)
         expected.append(-np.log(density) + 2.0 * (0.5 * off**2 if off < 0.2 else 0.2 * (off - 0.1)))
-    found = reader_loss(*(torch.tensor(values) for values in (mixtures, places, forces, truth)))
+    found = reader.reader_loss(*(torch.tensor(values) for values in (mixtures, places, forces, truth)))
     assert abs(float(found) - np.mean(expected)) < 1e-6
 
 
 def test_the_histogram_is_the_mixture_s_density_summed_up() -> None:
     mixture = torch.tensor([[0.3, -0.2, 0.5, 0.2, 0.5, 0.9, -3.0, -2.0, -4.0]], dtype=torch.float64)
-    found = histogram(mixture, 16).numpy()[0]
+    found = reader.histogram(mixture, 16).numpy()[0]
     fine = np.linspace(0.0, 1.0, 16 * 400, endpoint=False) + 0.5 / (16 * 400)
-    density = torch.exp(log_density(mixture.repeat(len(fine), 1), torch.from_numpy(fine))).numpy()
+    density = torch.exp(reader.log_density(mixture.repeat(len(fine), 1), torch.from_numpy(fine))).numpy()
     summed = density.reshape(16, 400).mean(axis=1) / 16
     np.testing.assert_allclose(found[1:-1], summed[1:-1], atol=1e-5)
     assert abs(found.sum() - 1.0) < 1e-6
@@ -93,27 +83,29 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
     with torch.inference_mode():
         wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
         mixtures, place_mm = net(wall, torch.from_numpy(samples.given))
-        expected = histogram(mixtures, TINY.reader.bins).numpy()
-    content = reader_bytes(net, TINY.slice, {"seed": "7"})
+        expected = reader.histogram(mixtures, TINY.reader.bins).numpy()
+    content = reader.reader_bytes(net, TINY.slice, {"seed": "7"})
     session = onnxruntime.InferenceSession(content)
     found, contact_m = session.run(["histogram", "contact_m"], {"slices": samples.slices, "given": samples.given})
     np.testing.assert_allclose(found, expected, atol=1e-5)
     np.testing.assert_allclose(contact_m, 1e-3 * place_mm.numpy(), atol=1e-8)
     assert np.ptp(expected, axis=0).max() > 1e-3, "a network that answers always the same proves nothing"
-    assert content == reader_bytes(net, TINY.slice, {"seed": "7"})
+    assert content == reader.reader_bytes(net, TINY.slice, {"seed": "7"})
     assert [entry.value for entry in onnx.load_from_string(content).metadata_props] == ["7"]
 
 
 @pytest.mark.slow
 def test_training_learns_and_is_the_same_with_any_number_of_processes(source) -> None:
-    first, second = (fit_reader(TINY, source.chunk, workers) for workers in (1, 2))
+    first, second = (reader.fit_reader(TINY, source.chunk, workers) for workers in (1, 2))
     assert first.training_loss == second.training_loss
     for one, two in zip(first.network.parameters(), second.network.parameters(), strict=True):
         assert torch.equal(one, two)
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
     samples = source.chunk(9, 500)
-    untrained = compared(answers(network(), samples), samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
-    assert measure_reader(first.network, source, TINY)["mae_mn"] < 0.6 * untrained["mae_mn"]
+    untrained = reader.compared(
+        reader.answers(network(), samples), samples.modulus_pa, samples.force_n, samples.lateral_m, TINY
+    )
+    assert reader.measure_reader(first.network, source, TINY)["mae_mn"] < 0.6 * untrained["mae_mn"]
 
 
 @pytest.mark.parametrize(
@@ -129,18 +121,18 @@ def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(sou
         return samples
 
     study = replace(TINY, reader=replace(TINY.reader, lateral_m=lateral_m))
-    fitted = fit_reader(study, draw, 0)
+    fitted = reader.fit_reader(study, draw, 0)
     assert asked == drawn
     assert len(set(fitted.training_loss)) == 3
 
 
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
-    outputs = answers(network(), samples)
-    metrics = compared(outputs, samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
+    outputs = reader.answers(network(), samples)
+    metrics = reader.compared(outputs, samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     edges = ratio_edges(TINY.reader.bins, TINY.reader.max_force_ratio)
-    forces = force_distribution(histogram(mixtures, 16).double().numpy(), edges, samples.modulus_pa)
+    forces = force_distribution(reader.histogram(mixtures, 16).double().numpy(), edges, samples.modulus_pa)
     low, high = forces.interval_n.T
     inside = sum(a <= f <= b for a, f, b in zip(low, samples.force_n, high, strict=True))
     assert metrics["coverage"] == inside / 100

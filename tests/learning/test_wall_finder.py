@@ -12,17 +12,8 @@ from small_models import SMALL_STUDY
 
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.scenes import draw_scene
+from scleraforce.learning import wall_finder
 from scleraforce.learning.train import train_wall_finder
-from scleraforce.learning.wall_finder import (
-    VALIDATION_SCENES,
-    WallFinderNetwork,
-    finder_bytes,
-    finder_loss,
-    fit_wall_finder,
-    mask_dice,
-    scene_batch,
-    scene_dice,
-)
 from scleraforce.models import network_session, run_network
 from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
@@ -68,21 +59,21 @@ def test_another_kind_size_or_a_changed_network_is_refused(trained: tuple[Path, 
 @pytest.mark.slow
 def test_the_same_study_gives_the_same_weights_whatever_the_number_of_workers() -> None:
     few = replace(FINDER, batches=3)
-    one, two = (fit_wall_finder(SMALL_STUDY.scenes, few, workers) for workers in (1, 2))
+    one, two = (wall_finder.fit_wall_finder(SMALL_STUDY.scenes, few, workers) for workers in (1, 2))
     for name, value in one.network.state_dict().items():
         assert torch.equal(value, two.network.state_dict()[name]), name
-    other = fit_wall_finder(SMALL_STUDY.scenes, replace(few, seed=1), 1)
+    other = wall_finder.fit_wall_finder(SMALL_STUDY.scenes, replace(few, seed=1), 1)
     assert not torch.equal(one.network.boundaries.weight, other.network.boundaries.weight)
 
 
 def test_the_graph_answers_as_the_network_does() -> None:
     with torch.random.fork_rng():
         torch.manual_seed(3)
-        network = WallFinderNetwork(FINDER)
+        network = wall_finder.WallFinderNetwork(FINDER)
         frames = torch.rand(5, FINDER.rows, FINDER.columns)
         network(frames)  # moves the running means away from 0
     network.eval()
-    session = network_session(finder_bytes(network, {"kind": "test"}), "graph", 1)
+    session = network_session(wall_finder.finder_bytes(network, {"kind": "test"}), "graph", 1)
     rows, wall = run_network(session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph")
     with torch.inference_mode():
         row_logits, wall_logits = network(frames)
@@ -96,33 +87,33 @@ def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> N
 
     def loss_at(place: float) -> float:
         logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[None, None, :, None].expand(1, 2, -1, 4)
-        return finder_loss(logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows).item()
+        return wall_finder.finder_loss(logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows).item()
 
     assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
     logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
 
     def loss_without_wall(wall: list[float], judged: torch.Tensor) -> float:
-        return finder_loss(logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows).item()
+        return wall_finder.finder_loss(logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows).item()
 
     assert loss_without_wall([-5.0] * 4, JUDGED) < 0.01 < 4.9 < loss_without_wall([5.0] * 4, JUDGED)
     assert loss_without_wall([-5.0, -5.0, 50.0, -50.0], torch.tensor([[True, True, False, False]])) < 0.01
 
 
 def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
-    batch = scene_batch(SMALL_STUDY.scenes, FINDER, 2)
+    batch = wall_finder.scene_batch(SMALL_STUDY.scenes, FINDER, 2)
     scene = draw_scene(SMALL_STUDY.scenes, 2 * FINDER.batch_size + 5)
     middle = FINDER.columns // 4
     nearest = round((middle + 0.5) * scene.frame.shape[1] / (FINDER.columns // 2) - 0.5)
     expected = (scene.inner_row[nearest] + 0.5) * FINDER.rows / len(scene.frame) - 0.5
     assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
     assert batch.judged[5, middle] == scene.judged[nearest]
-    assert FINDER.batches * FINDER.batch_size < VALIDATION_SCENES
+    assert FINDER.batches * FINDER.batch_size < wall_finder.VALIDATION_SCENES
 
 
 def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
     scene = draw_scene(SMALL_STUDY.scenes, 0)
     half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
     found = (scene.mask > 0) & half
-    assert scene_dice(found, replace(scene, judged=half)) == 1.0
-    assert scene_dice(found, replace(scene, judged=~half)) == 0.0
-    assert mask_dice(found & False, scene.mask & 0) == 1.0
+    assert wall_finder.scene_dice(found, replace(scene, judged=half)) == 1.0
+    assert wall_finder.scene_dice(found, replace(scene, judged=~half)) == 0.0
+    assert wall_finder.mask_dice(found & False, scene.mask & 0) == 1.0

@@ -10,51 +10,34 @@ from effects import less_than
 from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings, strategies as st
 
+import scleraforce.openigtlink as igtl
 from bench_openigtlink import run
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import (
-    BadChecksum,
-    Broken,
-    Decoder,
-    DecoderState,
-    Image,
-    Malformed,
-    Message,
-    PeerEvent,
-    Query,
-    Received,
-    Sensor,
-    Status,
-    Text,
-    Transform,
-    Unknown,
-    encode,
-)
 from scleraforce.openigtlink.messages import pack_image
 from scleraforce.openigtlink.wire import Header, pack_header
 
 DRAW = np.random.default_rng(5)
 PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np.int8, np.uint8, np.int16, np.uint16)}
-MESSAGES: list[Message] = [
-    *[Image(pixels) for pixels in PIXELS.values()],
-    Image(PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2),
-    Image(DRAW.integers(0, 255, (1, 4, 4, 3)).astype(np.uint8)),
-    Status(1, -7, "Ready", "class 0, 1.2 mN"),
-    Status(13),
-    Text('{"force_mn": 12.5}'),
-    Text("µN"),
-    Text(""),
-    Sensor((1.5, -2.0, 1e300), 0x123456789, 1),
-    Sensor(()),
-    Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)),
-    Query("STATUS"),
-    Query("TRANSFORM"),
+MESSAGES: list[igtl.Message] = [
+    *[igtl.Image(pixels) for pixels in PIXELS.values()],
+    igtl.Image(PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2),
+    igtl.Image(DRAW.integers(0, 255, (1, 4, 4, 3)).astype(np.uint8)),
+    igtl.Status(1, -7, "Ready", "class 0, 1.2 mN"),
+    igtl.Status(13),
+    igtl.Text('{"force_mn": 12.5}'),
+    igtl.Text("µN"),
+    igtl.Text(""),
+    igtl.Sensor((1.5, -2.0, 1e300), 0x123456789, 1),
+    igtl.Sensor(()),
+    igtl.Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)),
+    igtl.Query("STATUS"),
+    igtl.Query("TRANSFORM"),
 ]
 VERSIONS = [1, 2, 3]
 
 
-def same(found: Message, sent: Message) -> bool:
-    if isinstance(found, Image) and isinstance(sent, Image):
+def same(found: igtl.Message, sent: igtl.Message) -> bool:
+    if isinstance(found, igtl.Image) and isinstance(sent, igtl.Image):
         fields = np.float32(found.matrix).tolist() == np.float32(sent.matrix).tolist() and found.offset == sent.offset
         alike = found.pixels.dtype == sent.pixels.dtype and found.pixels.dtype.isnative
         placed = sent.size is None or (found.size == sent.size and found.coordinates == sent.coordinates)
@@ -71,34 +54,34 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data() -> None:
         for version in VERSIONS:
             more = {} if version == 1 else {"message_id": 77, "metadata": {"eye": "left", "µ": ""}}
             time_s = 1.7e9 + 0.25
-            data = encode(message, "Scanner", version=version, time_s=time_s, **more)
-            next_one = encode(Text("next"), "Scanner")
-            whole = Decoder().feed(data)
-            bytewise = Decoder()
+            data = igtl.encode(message, "Scanner", version=version, time_s=time_s, **more)
+            next_one = igtl.encode(igtl.Text("next"), "Scanner")
+            whole = igtl.Decoder().feed(data)
+            bytewise = igtl.Decoder()
             split = [event for byte in data for event in bytewise.feed(bytes([byte]))]
-            trailing = Decoder()
+            trailing = igtl.Decoder()
             two = trailing.feed(data + next_one[:60])
-            assert trailing.feed(next_one[60:])[0].message == Text("next")
+            assert trailing.feed(next_one[60:])[0].message == igtl.Text("next")
             for events in (whole, split, two):
                 (event,) = events
-                assert isinstance(event, Received)
+                assert isinstance(event, igtl.Received)
                 assert same(event.message, message)
                 assert (event.header.version, event.header.device, event.header.time_s) == (version, "Scanner", time_s)
-                if not isinstance(message, Query):
+                if not isinstance(message, igtl.Query):
                     assert event.message_id == more.get("message_id", 0)
                     assert event.metadata == more.get("metadata", {})
 
 
 def test_an_image_of_known_bytes() -> None:
     head = bytes([0, 1, 1, 5, 1, 1]) + struct.pack(">3H12f6H", 2, 1, 1, *[1.0] * 12, 0, 0, 0, 2, 1, 1)
-    (event,) = Decoder().feed(raw("IMAGE", head + b"\x01\x02\xff\xfe"))
-    assert isinstance(event, Received)
-    assert isinstance(event.message, Image)
+    (event,) = igtl.Decoder().feed(raw("IMAGE", head + b"\x01\x02\xff\xfe"))
+    assert isinstance(event, igtl.Received)
+    assert isinstance(event.message, igtl.Image)
     assert event.message.pixels.tolist() == [[[0x0102, 0xFFFE]]]
     assert not event.message.pixels.flags.writeable
 
 
-def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[PeerEvent]:
+def read_through_spaces(data: bytes, cuts: list[int], decoder: igtl.Decoder) -> list[igtl.PeerEvent]:
     """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
     events, place, turn = [], 0, 0
     while place < len(data) and not decoder.broken:
@@ -111,37 +94,39 @@ def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[
     return events
 
 
-def comparable(events: Iterable[PeerEvent]) -> list[object]:
+def comparable(events: Iterable[igtl.PeerEvent]) -> list[object]:
     """Return events for comparison: an image as its bytes and its place."""
     return [
         (type(e), {**vars(e), "message": (m.pixels.tobytes(), m.pixels.dtype, *list(vars(m).values())[1:])})
-        if isinstance(e, Received) and isinstance(m := e.message, Image)
+        if isinstance(e, igtl.Received) and isinstance(m := e.message, igtl.Image)
         else (type(e), vars(e))
         for e in events
     ]
 
 
 def test_a_wrong_checksum_is_an_event_and_the_stream_continues() -> None:
-    data = bytearray(encode(Text("force"), "peer"))
+    data = bytearray(igtl.encode(igtl.Text("force"), "peer"))
     data[-1] ^= 4
-    first, second = Decoder().feed(bytes(data) + encode(Text("next"), "peer"))
-    assert isinstance(first, BadChecksum)
+    first, second = igtl.Decoder().feed(bytes(data) + igtl.encode(igtl.Text("next"), "peer"))
+    assert isinstance(first, igtl.BadChecksum)
     assert first.reason.startswith("STRING: checksum ")
-    assert isinstance(second, Received)
+    assert isinstance(second, igtl.Received)
 
 
 def test_unknown_types_are_passed_over_without_being_kept() -> None:
     body = bytes(8_000_000)
     data = raw("POLYDATA", body, crc=0)
-    decoder = Decoder()
+    decoder = igtl.Decoder()
     with less_than(100_000):
         events = [e for n in range(0, len(data), 65536) for e in decoder.feed(memoryview(data)[n : n + 65536])]
-    assert [type(e) for e in events] == [Unknown]
-    lent = read_through_spaces(raw("POLYDATA", body[:70_000], crc=0) + encode(Text("next"), "peer"), [65536], decoder)
-    assert [type(e) for e in lent] == [Unknown, Received]
+    assert [type(e) for e in events] == [igtl.Unknown]
+    lent = read_through_spaces(
+        raw("POLYDATA", body[:70_000], crc=0) + igtl.encode(igtl.Text("next"), "peer"), [65536], decoder
+    )
+    assert [type(e) for e in lent] == [igtl.Unknown, igtl.Received]
 
 
-IMAGE_BODY = pack_image(Image(PIXELS[np.uint16]))
+IMAGE_BODY = pack_image(igtl.Image(PIXELS[np.uint16]))
 
 
 def patched(place: int, value: bytes) -> bytes:
@@ -170,9 +155,9 @@ def test_a_body_that_is_not_what_its_type_says_is_an_event() -> None:
         ("IMAGE", patched(66, b"\0\0")),
         ("IMAGE", patched(66, b"\xff\xff" * 3)),
     ):
-        first, second = Decoder().feed(raw(name, body) + encode(Text("next"), "peer"))
-        assert isinstance(first, Malformed)
-        assert isinstance(second, Received)
+        first, second = igtl.Decoder().feed(raw(name, body) + igtl.encode(igtl.Text("next"), "peer"))
+        assert isinstance(first, igtl.Malformed)
+        assert isinstance(second, igtl.Received)
 
 
 def test_an_extended_header_that_contradicts_itself_is_an_event() -> None:
@@ -187,11 +172,11 @@ def test_an_extended_header_that_contradicts_itself_is_an_event() -> None:
         struct.pack(">HHII", 12, 10, 3, 0) + struct.pack(">HHHI", 1, 2, 3, 4) + b"abc",
         struct.pack(">HHII", 12, 2, 16_383, 0) + bytes(4 + 16_385),
     ):
-        (event,) = Decoder().feed(raw("STRING", body, version=2))
-        assert isinstance(event, Malformed)
+        (event,) = igtl.Decoder().feed(raw("STRING", body, version=2))
+        assert isinstance(event, igtl.Malformed)
 
 
-GOOD = encode(Text("force"), "peer")
+GOOD = igtl.encode(igtl.Text("force"), "peer")
 
 
 def test_a_stream_that_cannot_be_followed_is_refused_from_then_on() -> None:
@@ -207,17 +192,17 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on() -> None:
         GOOD[:42] + struct.pack(">Q", 1_000_001) + GOOD[50:],
         GOOD[:42] + b"\xff" * 8 + GOOD[50:],
     ):
-        decoder = Decoder(max_body_bytes=1_000_000)
+        decoder = igtl.Decoder(max_body_bytes=1_000_000)
         with less_than(100_000):
             received, broken = decoder.feed(GOOD + data + GOOD)
-        assert isinstance(received, Received)
-        assert isinstance(broken, Broken)
-        assert decoder.state is DecoderState.ERROR
+        assert isinstance(received, igtl.Received)
+        assert isinstance(broken, igtl.Broken)
+        assert decoder.state is igtl.DecoderState.ERROR
         with pytest.raises(ProtocolError, match="broken"):
             decoder.feed(GOOD)
 
 
-STREAM = b"".join(encode(message, "peer", version=1 + n % 3) for n, message in enumerate(MESSAGES))
+STREAM = b"".join(igtl.encode(message, "peer", version=1 + n % 3) for n, message in enumerate(MESSAGES))
 
 
 @pytest.mark.slow
@@ -234,7 +219,7 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     for place, value in changes:
         changed[place] = value
     data = bytes(changed[:end])
-    at_once, lent, pieces = Decoder(4096), Decoder(4096), Decoder(4096)
+    at_once, lent, pieces = igtl.Decoder(4096), igtl.Decoder(4096), igtl.Decoder(4096)
     events = at_once.feed(data)
     assert comparable(read_through_spaces(data, cuts, lent)) == comparable(events)
     fed, place = [], 0
@@ -249,28 +234,28 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(["IMAGE", "STATUS", "STRING", "SENSOR", "TRANSFORM"]), st.sampled_from(VERSIONS), st.binary())
 def test_any_body_with_a_right_checksum_is_a_message_or_malformed(name: str, version: int, body: bytes) -> None:
-    (event,) = Decoder().feed(raw(name, body, version))
-    assert isinstance(event, Received | Malformed)
+    (event,) = igtl.Decoder().feed(raw(name, body, version))
+    assert isinstance(event, igtl.Received | igtl.Malformed)
 
 
 def test_what_a_message_or_its_header_cannot_carry_is_refused() -> None:
     for wrong in (
-        Text("x" * 65_536),
-        Sensor((0.0,) * 256),
-        Status(70_000),
-        Status(1, message="x" * 65_536),
-        Status(1, name="x" * 21),
-        Transform((1.0,)),
-        Query("A_VERY_LONG_TYPE"),
-        Text("\ud800"),
-        Image(np.zeros((1, 2, 2), dtype=np.float32)),
-        Image(np.zeros((2, 2), dtype=np.uint8)),
-        Image(np.zeros((0, 2, 2), dtype=np.uint8)),
-        replace(Image(np.zeros((1, 2, 2), dtype=np.uint8)), offset=(1, 0, 0)),
-        replace(Image(np.zeros((1, 2, 2), dtype=np.uint8)), matrix=(1.0,)),
+        igtl.Text("x" * 65_536),
+        igtl.Sensor((0.0,) * 256),
+        igtl.Status(70_000),
+        igtl.Status(1, message="x" * 65_536),
+        igtl.Status(1, name="x" * 21),
+        igtl.Transform((1.0,)),
+        igtl.Query("A_VERY_LONG_TYPE"),
+        igtl.Text("\ud800"),
+        igtl.Image(np.zeros((1, 2, 2), dtype=np.float32)),
+        igtl.Image(np.zeros((2, 2), dtype=np.uint8)),
+        igtl.Image(np.zeros((0, 2, 2), dtype=np.uint8)),
+        replace(igtl.Image(np.zeros((1, 2, 2), dtype=np.uint8)), offset=(1, 0, 0)),
+        replace(igtl.Image(np.zeros((1, 2, 2), dtype=np.uint8)), matrix=(1.0,)),
     ):
         with pytest.raises(ProtocolError):
-            encode(wrong, "peer")
+            igtl.encode(wrong, "peer")
     for options in (
         {"device": "a device's name that is too long"},
         {"version": 4},
@@ -283,7 +268,7 @@ def test_what_a_message_or_its_header_cannot_carry_is_refused() -> None:
         {"time_s": float("nan")},
     ):
         with pytest.raises(ProtocolError):
-            encode(Text("force"), **{"device": "peer", **options})
+            igtl.encode(igtl.Text("force"), **{"device": "peer", **options})
 
 
 @pytest.mark.slow

@@ -24,15 +24,6 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service import channel, messages
-from scleraforce.service.channel import (
-    MESSAGE_BYTES,
-    Channel,
-    ChannelClosedError,
-    Child,
-    decode_message,
-    encode_message,
-    run_companion,
-)
 from scleraforce.service.companions import Guard
 from scleraforce.service.frame_ring import RingPlace
 
@@ -79,7 +70,7 @@ MESSAGES: list[messages.CompanionMessage] = [
 def test_each_message_arrives_as_it_was_sent() -> None:
     assert {type(message) for message in MESSAGES} == set(get_args(messages.CompanionMessage))
     for message in MESSAGES:
-        assert decode_message(encode_message(message)) == message
+        assert channel.decode_message(channel.encode_message(message)) == message
 
 
 @pytest.mark.parametrize(
@@ -93,41 +84,43 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(field,
 
 def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
-    opinion = decode_message(encode_message(messages.OpinionGiven(order=3, verdict=given)))
+    opinion = channel.decode_message(channel.encode_message(messages.OpinionGiven(order=3, verdict=given)))
     assert repr(opinion) == repr(
         messages.OpinionGiven(order=3, verdict=verdict(nan, (-inf, nan), probabilities=(nan, 1.0)))
     )
 
 
 def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> None:
-    assert decode_message(encode_message(messages.Alive(faults=("log: \udce9",)))) == messages.Alive(
+    assert channel.decode_message(channel.encode_message(messages.Alive(faults=("log: \udce9",)))) == messages.Alive(
         faults=("log: \\udce9",)
     )
     settings = messages.OpinionSettings(model=Path("\udce9"), known=NOTHING_KNOWN, scale=SCALE, ring=RING)
-    assert decode_message(encode_message(settings)) == settings
+    assert channel.decode_message(channel.encode_message(settings)) == settings
 
 
 def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
     for message in MESSAGES:
-        record = msgspec.msgpack.decode(encode_message(message))
+        record = msgspec.msgpack.decode(channel.encode_message(message))
         for name in set(record) - {"type"}:
             with pytest.raises(MessageError, match=name):
-                decode_message(msgspec.msgpack.encode({key: value for key, value in record.items() if key != name}))
+                channel.decode_message(
+                    msgspec.msgpack.encode({key: value for key, value in record.items() if key != name})
+                )
         with pytest.raises(MessageError, match="more"):
-            decode_message(msgspec.msgpack.encode(record | {"more": 1}))
+            channel.decode_message(msgspec.msgpack.encode(record | {"more": 1}))
 
 
 def test_a_value_of_another_type_is_refused_by_its_field() -> None:
-    record = msgspec.msgpack.decode(encode_message(messages.Decided(entry=READ_ENTRY)))
+    record = msgspec.msgpack.decode(channel.encode_message(messages.Decided(entry=READ_ENTRY)))
     for name, wrong in {"at_s": "1", "number": 1.5, "state": "OK", "frame": True, "verdict": []}.items():
         with pytest.raises(MessageError, match=name):
-            decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))
+            channel.decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))
 
 
 def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
     for data in (b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"):
         with pytest.raises(MessageError) as refused:
-            decode_message(data)
+            channel.decode_message(data)
         assert "\n" not in str(refused.value)
         assert len(str(refused.value)) < 500
 
@@ -136,19 +129,19 @@ def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
 def test_a_message_with_changed_bytes_is_a_message_or_that_error(
     message: messages.CompanionMessage, drawn: st.DataObject
 ) -> None:
-    data = bytearray(encode_message(message))
+    data = bytearray(channel.encode_message(message))
     for _ in range(drawn.draw(st.integers(1, 3))):
         data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(st.integers(0, 255))
     with suppress(MessageError):
-        assert isinstance(decode_message(bytes(data)), messages.CompanionMessage)
+        assert isinstance(channel.decode_message(bytes(data)), messages.CompanionMessage)
 
 
 def test_other_values_and_large_messages_are_not_sent() -> None:
     for wrong in (object(), messages.Note(time_s=1.0, text=object()), messages.WrongTokens(count=10**30)):
         with pytest.raises(MessageError):
-            encode_message(wrong)
+            channel.encode_message(wrong)
     with pytest.raises(MessageError, match="131072"):
-        encode_message(messages.Note(time_s=1.0, text="x" * MESSAGE_BYTES))
+        channel.encode_message(messages.Note(time_s=1.0, text="x" * channel.MESSAGE_BYTES))
 
 
 def note(number, text=""):
@@ -161,7 +154,7 @@ def numbers_of(messages):
 
 @pytest.fixture
 def ends():
-    ours, theirs = Channel.pair()
+    ours, theirs = channel.Channel.pair()
     yield ours, theirs
     ours.close()
     theirs.close()
@@ -196,22 +189,22 @@ def test_an_end_that_left_without_reading_has_its_last_messages_read_all_the_sam
     ours.close()
     assert numbers_of(theirs.receive()) == [0, 1, 2]
     for _ in range(2):
-        with pytest.raises(ChannelClosedError):
+        with pytest.raises(channel.ChannelClosedError):
             theirs.receive()
-    with pytest.raises(ChannelClosedError):
+    with pytest.raises(channel.ChannelClosedError):
         theirs.send(note(0))
 
 
 def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(ends):
     ours, theirs = ends
-    header = len(encode_message(note(1, "x" * 70_000))) - 70_000
-    largest = note(1, "x" * (MESSAGE_BYTES - header))
+    header = len(channel.encode_message(note(1, "x" * 70_000))) - 70_000
+    largest = note(1, "x" * (channel.MESSAGE_BYTES - header))
     assert ours.send(largest)
     assert theirs.receive() == [largest]
     with pytest.raises(MessageError, match="131073 bytes"):
         ours.send(note(1, largest.text + "x"))
     assert theirs.receive() == []
-    assert ours.send_encoded(encode_message(largest) + b" " * 1000)  # a whole message, if it were cut
+    assert ours.send_encoded(channel.encode_message(largest) + b" " * 1000)  # a whole message, if it were cut
     with pytest.raises(MessageError, match="131073 bytes"):
         theirs.receive()
 
@@ -272,7 +265,7 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     file = os.memfd_create("test")
     os.write(file, b"shared")
     settings = ending_with(7, file)
-    child = Child("some_child", settings, [file])
+    child = channel.Child("some_child", settings, [file])
     said = answer(child)
     assert said == {"settings": repr(settings), "interrupts": False, "read": "shared", "threads": "1"}
     assert child.process.poll() is None
@@ -283,17 +276,17 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     assert child.process.poll() is None
     assert child.end(FUSE_S) == 7
     os.close(file)
-    waits = Child("some_child", ending_with(0))
+    waits = channel.Child("some_child", ending_with(0))
     answer(waits)
     assert waits.end(within_s=0.05) == -signal.SIGKILL
 
 
 def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypatch):
-    ours, theirs = Channel.pair()
+    ours, theirs = channel.Channel.pair()
 
     def run():
         monkeypatch.setattr(sys, "argv", ["x", str(os.dup(theirs.fileno()))])
-        run_companion(messages.OpinionSettings, pytest.fail)
+        channel.run_companion(messages.OpinionSettings, pytest.fail)
 
     monkeypatch.setattr(channel, "SETTINGS_S", 0.01)
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
@@ -302,7 +295,7 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
     with pytest.raises(MessageError, match="a MonitorEnds came; the first message must be a OpinionSettings"):
         run()
     ours.close()
-    with pytest.raises(ChannelClosedError):
+    with pytest.raises(channel.ChannelClosedError):
         run()
     theirs.close()
 
@@ -315,7 +308,7 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
     for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
         (here / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n")
     monkeypatch.chdir(here)
-    child = Child("some_child", ending_with(3))
+    child = channel.Child("some_child", ending_with(3))
     assert answer(child)["threads"] == "1"
     assert child.end(FUSE_S) == 3
     guard = Guard()

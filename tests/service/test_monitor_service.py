@@ -29,16 +29,6 @@ from scleraforce.recording.folder import ForceInfo
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions
 from scleraforce.service.messages import Alive, SelfReport
-from scleraforce.service.monitor_service import (
-    WAITING_LINES,
-    Address,
-    MonitorSettings,
-    Notes,
-    _recording_info,
-    allow_files,
-    listen,
-    try_folders,
-)
 from scleraforce.study import Study
 
 CALIBRATED = KnownGlobe(
@@ -60,20 +50,23 @@ def test_a_recording_states_the_declared_globe() -> None:
 
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
-    settings = MonitorSettings(
+    settings = monitor_service.MonitorSettings(
         eye="mine", known=known, limits=MonitorLimits(size=(400, 500), scale_m=(20e-6, 5e-6)), refractive_index=1.38,
-        address=Address("localhost", 0), console=None, black_box=Path("black-box"), record=None, token="",
+        address=monitor_service.Address("localhost", 0), console=None, black_box=Path("box"), record=None, token="",
     )  # fmt: skip
-    info = _recording_info(settings, Study())
+    info = monitor_service._recording_info(settings, Study())
     assert (info.oct.plane_direction_rad, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (1.1, 0.6, 0.4e-3)
     assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
     assert info.oct.refractive_index == 1.38
     assert info.force == ForceInfo("fz", 1, 0.2)
     relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
     found = replace(known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds"))  # in the calibration
-    stated = [_recording_info(replace(settings, known=one), Study()).eye.relaxation for one in (known, relaxing, found)]
+    stated = [
+        monitor_service._recording_info(replace(settings, known=one), Study()).eye.relaxation
+        for one in (known, relaxing, found)
+    ]
     assert stated == [None, ((0.1, 2.0),), None]
-    unstated = _recording_info(replace(settings, known=Known()), Study())
+    unstated = monitor_service._recording_info(replace(settings, known=Known()), Study())
     assert (unstated.oct.plane_direction_rad, unstated.needle.polar_angle_rad) == (None, None)
     assert unstated.needle.slice_gap_m == Study().needle.gap_m
 
@@ -123,7 +116,7 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
 def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() -> None:
     for host in ("", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"):
         with pytest.raises(InputError) as refused:
-            listen(host, 0)
+            monitor_service.listen(host, 0)
         assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
         assert "\n" not in str(refused.value)
 
@@ -146,12 +139,12 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
         (box / "inside", box, "the folder of the black box is there"),
     ):
         with pytest.raises(InputError, match=words) as refused:
-            try_folders(black_box, record)
+            monitor_service.try_folders(black_box, record)
         assert "\n" not in str(refused.value)
     assert (tmp_path / "file").read_text() == "mine"
     assert not box.exists()
     for _ in range(2):
-        try_folders(box, tmp_path / "session")
+        monitor_service.try_folders(box, tmp_path / "session")
     assert sorted(path.name for path in box.rglob("*")) == ["decisions-000001.jsonl", "log"]
 
 
@@ -159,11 +152,11 @@ def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused
     found = [(256, 1024)]
     monkeypatch.setattr(resource, "getrlimit", lambda _: found[-1])
     monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
-    allow_files(200)
+    monitor_service.allow_files(200)
     with pytest.raises(InputError, match=r"at most 1024 .* needs 1025"):
-        allow_files(1025)
+        monitor_service.allow_files(1025)
     assert found == [(256, 1024)]
-    allow_files(384)
+    monitor_service.allow_files(384)
     assert found[-1] == (384, 1024)
 
 
@@ -174,12 +167,12 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
         go_on.wait(FUSE_S)
         lines.append(text)
 
-    notes = Notes(write)
-    for number in range(3 * WAITING_LINES):
+    notes = monitor_service.Notes(write)
+    for number in range(3 * monitor_service.WAITING_LINES):
         notes(str(number))
     notes.close(within_s=0.01)
     assert not lines
     go_on.set()
     notes.close(FUSE_S)
-    assert WAITING_LINES <= len(lines) <= WAITING_LINES + 1
+    assert monitor_service.WAITING_LINES <= len(lines) <= monitor_service.WAITING_LINES + 1
     assert lines == [str(number) for number in range(len(lines))]  # in their order

@@ -11,17 +11,9 @@ from small_models import write_fixed_reader
 from waiting import FUSE_S
 
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.service import messages
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    Alive,
-    CompanionMessage,
-    MonitorEnds,
-    OpinionAsked,
-    OpinionGiven,
-    OpinionSettings,
-    SelfReport,
-)
 
 pytest.importorskip("torch")
 
@@ -34,20 +26,20 @@ class Reader:
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
         known = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
-        settings = OpinionSettings(model=model, known=known, scale=SCALE, ring=self.ring.place)
+        settings = messages.OpinionSettings(model=model, known=known, scale=SCALE, ring=self.ring.place)
         self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
     def ask(self, number: int, order: int, at_s: float = 0.0) -> None:
-        assert self.child.channel.send(OpinionAsked(number=number, order=order, at_s=at_s))
+        assert self.child.channel.send(messages.OpinionAsked(number=number, order=order, at_s=at_s))
 
-    def hear(self, within_s: float = FUSE_S) -> CompanionMessage:
+    def hear(self, within_s: float = FUSE_S) -> messages.CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
         (message,) = self.child.channel.receive()
         return message
 
-    def opinion(self) -> OpinionGiven:
+    def opinion(self) -> messages.OpinionGiven:
         message = self.hear()
-        assert isinstance(message, OpinionGiven), message
+        assert isinstance(message, messages.OpinionGiven), message
         return message
 
 
@@ -56,7 +48,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     model = tmp_path_factory.mktemp("opinion") / "reader"
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
     reader = Reader(model)
-    assert reader.hear() == Alive(faults=())  # it has read a frame of its own, and is ready
+    assert reader.hear() == messages.Alive(faults=())  # it has read a frame of its own, and is ready
     yield reader
     assert reader.child.end(FUSE_S) == 0
 
@@ -95,8 +87,8 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(reader: Reader
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:
     broken = Reader(tmp_path / "nowhere")
     message = broken.hear()
-    assert isinstance(message, SelfReport)
+    assert isinstance(message, messages.SelfReport)
     assert "nowhere" in message.detail
     assert broken.child.end(FUSE_S) == 1
     with pytest.raises(ChannelClosedError):
-        broken.child.channel.send(MonitorEnds())
+        broken.child.channel.send(messages.MonitorEnds())

@@ -33,18 +33,8 @@ from waiting import FUSE_S, wait_until
 
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
+from scleraforce.service import messages
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.messages import (
-    Alive,
-    CompanionMessage,
-    Decided,
-    Entry,
-    ForceHeard,
-    Note,
-    OpinionAsked,
-    OpinionGiven,
-    SelfReport,
-)
 from scleraforce.service.reset import ask_reset
 from scleraforce.service.server import HEARTBEAT_S
 from scleraforce.service.session import Frame, Session
@@ -473,11 +463,11 @@ def beside(clock: TurnedClock, *names: str) -> Iterator[tuple[int, Peer, dict[st
 
 def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(clock: TurnedClock) -> None:
     with beside(clock, OPINION) as (_, scanner, companions):
-        asked: list[CompanionMessage] = []
+        asked: list[messages.CompanionMessage] = []
         wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
-        questions = [message for message in asked if isinstance(message, OpinionAsked)]
+        questions = [message for message in asked if isinstance(message, messages.OpinionAsked)]
         assert [question.number for question in questions] == list(range(1, 13))
-        opinion = OpinionGiven(
+        opinion = messages.OpinionGiven(
             order=questions[-1].order,
             verdict=verdict(31.0, (30.0, 32.0), predicted=2, probabilities=(0.0, 0.0, 1.0)),
         )  # fmt: skip
@@ -489,12 +479,12 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(cl
 @pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
 def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name: str, clock: TurnedClock) -> None:
     with beside(clock, name) as (port, scanner, companions):
-        companions[name].says(SelfReport(detail="log: no space left"))
+        companions[name].says(messages.SelfReport(detail="log: no space left"))
         status = scanner.watch_until(3)
         assert (status.name, f"{name}: log: no space left" in status.message) == ("EXCEPTION", True)
         for over in (False, True):
             if over:
-                companions[name].says(Alive(faults=()))
+                companions[name].says(messages.Alive(faults=()))
             for _ in range(8):
                 scanner.read(10.0)
             assert reset(port)[0] is over
@@ -505,7 +495,7 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
     clock: TurnedClock,
 ) -> None:
     wrong = encode(Status(1), "X")[:-1] + b"\1"
-    heard: list[CompanionMessage] = []
+    heard: list[messages.CompanionMessage] = []
     with beside(clock, BLACK_BOX) as (port, scanner, companions), Peer(port) as rude:
         box = companions[BLACK_BOX]
         for _ in range(20):
@@ -513,28 +503,29 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
             scanner.watch(frames=3)
             heard += box.theirs.receive()
         while (
-            not any("were dropped" in str(one) for one in heard) or sum(isinstance(one, Decided) for one in heard) < 60
+            not any("were dropped" in str(one) for one in heard)
+            or sum(isinstance(one, messages.Decided) for one in heard) < 60
         ):
             scanner.watch(frames=3)
             heard += box.theirs.receive()
-    entries = [message.entry.number for message in heard if isinstance(message, Decided)]
+    entries = [message.entry.number for message in heard if isinstance(message, messages.Decided)]
     assert entries == list(range(1, len(entries) + 1))
     assert len(entries) >= 60
-    checksums = [message for message in heard if isinstance(message, Note) and "checksum" in message.text]
+    checksums = [message for message in heard if isinstance(message, messages.Note) and "checksum" in message.text]
     assert 10 <= len(checksums) < 40
-    assert sum(isinstance(message, ForceHeard) for message in heard) >= 100
+    assert sum(isinstance(message, messages.ForceHeard) for message in heard) >= 100
 
 
 @pytest.mark.slow
 def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_no_gaps(clock: TurnedClock) -> None:
-    logged, shown = list[Entry](), list[Entry]()
+    logged, shown = list[messages.Entry](), list[messages.Entry]()
     with beside(clock, BLACK_BOX, CONSOLE) as (_, _, companions):
 
         def withdrawn_and_repeated() -> bool:
             clock.turn(HEARTBEAT_S)
             for name, entries in ((BLACK_BOX, logged), (CONSOLE, shown)):
                 heard = companions[name].theirs.receive()
-                entries += [message.entry for message in heard if isinstance(message, Decided)]
+                entries += [message.entry for message in heard if isinstance(message, messages.Decided)]
             return sum(entry.event == "again" and entry.state == "WITHDRAW" for entry in shown) >= 2
 
         wait_until(withdrawn_and_repeated)

@@ -19,19 +19,7 @@ from scleraforce.errors import MessageError
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.openigtlink.wire import VERSIONS
-from scleraforce.service.watchdog import (
-    ALIVE,
-    LOOK_S,
-    MISSES,
-    MONITOR_PRIORITY,
-    MOST_BYTES,
-    OPINION_PRIORITY,
-    WATCHDOG_PRIORITY,
-    Watchdog,
-    parts_of,
-    run_in_real_time,
-    stamp_time,
-)
+from scleraforce.service import watchdog
 
 
 def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bool, int]:
@@ -41,7 +29,7 @@ def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bo
 
     def look(readers, writers, others, within_s):  # type: ignore[no-untyped-def] # as that of select
         nonlocal looks
-        assert within_s == LOOK_S
+        assert within_s == watchdog.LOOK_S
         if looks < len(said) and (word := said[looks]):
             ours.send(word)
         looks += 1
@@ -50,27 +38,29 @@ def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bo
     select_select = select.select
     with monkeypatch.context() as patch:
         patch.setattr(module.select, "select", look)
-        planned = Watchdog(theirs, os.getpid()).watch()
-    assert ours.recv(16) == ALIVE
+        planned = watchdog.Watchdog(theirs, os.getpid()).watch()
+    assert ours.recv(16) == watchdog.ALIVE
     ours.close()
     theirs.close()
     return planned, looks
 
 
 def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert watch(monkeypatch, []) == (False, MISSES)
-    assert MISSES * LOOK_S <= 0.1  # which leaves as much again for the emergency to arrive within 200 ms
-    quiet: list[bytes | None] = [None] * (MISSES - 1)
-    assert watch(monkeypatch, [*quiet, b"B", *quiet, b"B", *quiet]) == (False, 3 * MISSES)  # each is counted anew
+    assert watch(monkeypatch, []) == (False, watchdog.MISSES)
+    # As much again is left for the emergency to arrive within 200 ms.
+    assert watchdog.MISSES * watchdog.LOOK_S <= 0.1
+    quiet: list[bytes | None] = [None] * (watchdog.MISSES - 1)
+    counted_anew = [*quiet, b"B", *quiet, b"B", *quiet]
+    assert watch(monkeypatch, counted_anew) == (False, 3 * watchdog.MISSES)
     assert watch(monkeypatch, [b"B", None, b"Q"]) == (True, 3)  # the end as planned
 
 
 def test_other_bytes_are_refused() -> None:
-    large = b"M1 " + b"x" * MOST_BYTES
+    large = b"M1 " + b"x" * watchdog.MOST_BYTES
     wrong = (b"", b"X", b"B ", b"QQ", b"C", b"C-1", b"C1 ", b"C1\n", b"C" + b"1" * 19, b"V1", b"V1 ", b"V1 4", b"V1 2 ")
     for data in (*wrong, b"D", b"Dx", b"M1", b"M1 short", b"M4 " + b"x" * 100, large, b"C\xd9\xa1"):
         with pytest.raises(MessageError, match=f"{len(data)} bytes: not a message"):
-            parts_of(data)
+            watchdog.parts_of(data)
 
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:
@@ -85,7 +75,7 @@ def test_the_watchdog_needs_the_standard_library_alone() -> None:
 def test_a_stamp_changes_the_time_and_nothing_else() -> None:
     for version in VERSIONS:
         message = bytearray(encode(Status(1), "ForceMonitor", version=version, time_s=1.25))
-        stamp_time(message, 1.8e9 + 0.5)
+        watchdog.stamp_time(message, 1.8e9 + 0.5)
         assert message == encode(Status(1), "ForceMonitor", version=version, time_s=1.8e9 + 0.5)
 
 
@@ -97,14 +87,14 @@ def test_real_time_is_not_inherited_and_without_the_right_it_is_niceness(monkeyp
     asked: list[tuple[int, int, int]] = []
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "setpriority", lambda *words: asked.append(words))
-    assert run_in_real_time(MONITOR_PRIORITY) is False
-    assert asked == [(os.PRIO_PROCESS, 0, -MONITOR_PRIORITY)]
+    assert watchdog.run_in_real_time(watchdog.MONITOR_PRIORITY) is False
+    assert asked == [(os.PRIO_PROCESS, 0, -watchdog.MONITOR_PRIORITY)]
     monkeypatch.setattr(os, "setpriority", refuse)
-    assert run_in_real_time(MONITOR_PRIORITY) is False
+    assert watchdog.run_in_real_time(watchdog.MONITOR_PRIORITY) is False
     monkeypatch.setattr(os, "sched_setscheduler", lambda pid, kind, param: asked.append((pid, kind, param)))
-    assert run_in_real_time(OPINION_PRIORITY) is True
-    assert asked[1:] == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(OPINION_PRIORITY))]
-    assert OPINION_PRIORITY < MONITOR_PRIORITY < WATCHDOG_PRIORITY
+    assert watchdog.run_in_real_time(watchdog.OPINION_PRIORITY) is True
+    assert asked[1:] == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(watchdog.OPINION_PRIORITY))]
+    assert watchdog.OPINION_PRIORITY < watchdog.MONITOR_PRIORITY < watchdog.WATCHDOG_PRIORITY
 
 
 def spoil(how: str, ours: int, theirs: int) -> None:
