@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.learning.wall_finder import mask_dice, seen_mask
+from scleraforce.learning.wall_finder import seen_mask
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_WALL_FINDER, folder_study, read_folder
+from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -77,7 +78,7 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
         classical, checked = find_wall(frame, scale), find_wall(frame, scale, finder=finder)
         masks = (classical.mask > 0, seen_mask(finder.find(frame), frame.shape), checked.mask > 0)
         for key, mask in zip(shares, masks, strict=True):
-            shares[key].append(mask_dice(mask[:, judged], true[:, judged]))
+            shares[key].append(dice(mask[:, judged], true[:, judged]))
         for key, wall in (("find_wall", classical), ("together", checked)):
             errors[key].append(row_errors(wall, true))
         usable.append(checked.usable)

@@ -15,6 +15,7 @@ from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning import wall_finder
 from scleraforce.learning.train import train_wall_finder
 from scleraforce.models import network_session, run_network
+from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
 from scleraforce.study import Study, parse_study, study_hash
@@ -116,4 +117,4 @@ def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
     found = (scene.mask > 0) & half
     assert wall_finder.scene_dice(found, replace(scene, judged=half)) == 1.0
     assert wall_finder.scene_dice(found, replace(scene, judged=~half)) == 0.0
-    assert wall_finder.mask_dice(found & False, scene.mask & 0) == 1.0
+    assert dice(found & False, scene.mask & 0) == 1.0

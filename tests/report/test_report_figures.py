@@ -13,10 +13,11 @@ from small_recordings import evaluation_of, frame_answer, refused_frame, write_s
 
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Section
+from scleraforce.reader.metrics import dice
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import dice, draw_read_forces, laid_on_surface
+from scleraforce.report.frame_figures import draw_read_forces, laid_on_surface
 from scleraforce.report.recording_figures import draw_log
 
 

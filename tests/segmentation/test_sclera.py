@@ -8,8 +8,8 @@ from analytic_frames import SCALE, image, tip_of, wall_section
 from small_models import FINDER_STUDY as STUDY, fixed_finder
 
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.learning.wall_finder import mask_dice
 from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import doubt
@@ -44,7 +44,7 @@ def test_a_network_that_sees_the_same_wall_hardly_moves_it(force_mn: int, shippe
     there = np.isfinite(alone.outer_row)
     np.testing.assert_array_equal(checked.outer_row[there], alone.outer_row[there])
     assert np.median(np.abs(checked.inner_row - alone.inner_row)[there]) == 0.0
-    assert mask_dice(checked.mask, alone.mask) > 0.99
+    assert dice(checked.mask, alone.mask) > 0.99
 
 
 @pytest.mark.slow

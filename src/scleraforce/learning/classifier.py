@@ -346,9 +346,10 @@ def search_sizes(
     sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()
     kept: tuple[NetworkStudy, Fitted] | None = None
-    here = workers is None
-    prepare = partial(_trying, study, training, validation, classes, progress if here else None, device)
-    numbers = range(len(sizes))
+    here, numbers = workers is None, range(len(sizes))
+    train = partial(fit, training=training, validation=validation, classes=classes, device=device)
+    train = partial(train, progress=progress if here else None)
+    prepare = partial(partial, _try_size, train, study)  # gives the function of a size's number
     tried = map(prepare(), numbers) if workers is None else work_in_order(prepare, numbers, workers, ahead=len(sizes))
     for hidden, fitted in zip(sizes, tried, strict=True):
         if progress and not here:
@@ -370,22 +371,10 @@ def search_sizes(
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
 
 
-def _trying(
-    study: NetworkStudy,
-    training: Samples,
-    validation: Samples,
-    classes: int,
-    progress: Callable[[int], object] | None,
-    device: str,
-) -> Callable[[int], Fitted | None]:
-    """Return the function from a number of the grid to its trained network; None if it diverges, as large ones may."""
-    sizes = grid(study)
-
-    def work(number: int) -> Fitted | None:
-        try:
-            with _one_training:
-                return fit(replace(study, hidden=sizes[number]), training, validation, classes, progress, device)
-        except SolverError:
-            return None
-
-    return work
+def _try_size(train: Callable[[NetworkStudy], Fitted], study: NetworkStudy, number: int) -> Fitted | None:
+    """Train a size of the grid; return None if it diverges, as large ones may."""
+    try:
+        with _one_training:
+            return train(replace(study, hidden=grid(study)[number]))
+    except SolverError:
+        return None

@@ -17,16 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats
-from scleraforce.learning.descent import (
-    READER_THREADS,
-    Fitted,
-    drawn_ahead,
-    onnx_bytes,
-    repeatable,
-    tensor,
-    torch,
-    trained,
-)
+from scleraforce.learning import descent
+from scleraforce.learning.descent import Fitted, tensor, torch
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
@@ -173,7 +165,7 @@ def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[
     """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     inputs = {SLICES: slices, GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
-    return onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+    return descent.onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 
 def fit_reader(
@@ -189,7 +181,7 @@ def fit_reader(
     """
     reader = study.reader
     chunks, done = -(-reader.samples_per_epoch // CHUNK), count(1)
-    fitted = trained(
+    fitted = descent.trained(
         lambda: ReaderNetwork(reader, study.slice, study.eye.radius_m),
         lambda network, _, samples: _losses(network, samples, reader),
         _rounds(draw, reader, reader.epochs * chunks, workers),
@@ -210,7 +202,7 @@ def _rounds(
     drawn_from = (reader.lateral_m, reader.rotation_rad)
     places = [each.values if isinstance(each, Choice) else each.bounds for each in drawn_from]
     alike = all(sorted(values) == sorted(-value for value in values) for values in places)
-    with closing(drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)) as drawn:
+    with closing(descent.drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)) as drawn:
         for number, samples in enumerate(drawn):
             yield samples
             if alike and 2 * number + 1 < rounds:
@@ -228,7 +220,7 @@ def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy)
 
 def measure_reader(network: ReaderNetwork, source: Source, study: Study) -> dict[str, Any]:
     """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
-    with repeatable(study.reader.seed, READER_THREADS):
+    with descent.repeatable(study.reader.seed, descent.READER_THREADS):
         unseen = concatenated(validation_chunks(source.chunk, study.reader.validation_samples, CHUNK))
         return compared(answers(network, unseen), unseen.modulus_pa, unseen.force_n, unseen.lateral_m, study)
 

@@ -91,7 +91,7 @@ def train_classifier(
         "curves": asdict(fitted.curves),
         "search": [asdict(entry) for entry in candidates],
     }
-    card = cards.classifier_card(study, record, (len(training), len(validation)), recall(confusion))
+    card = cards.classifier_card(study, record, recall(confusion))
     write_folder(out, classifier.classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
     return record
 

@@ -36,22 +36,9 @@ from scleraforce.library.placement import Places, curve_depths
 from scleraforce.library.prior import prior_of
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.processes import work_in_order
+from scleraforce.reader import intervals
 from scleraforce.reader.answer import Reading, fit_reading
-from scleraforce.reader.intervals import (
-    GLOBE_TRAITS,
-    LARGEST,
-    NO_FACTORS,
-    SMALLEST,
-    Factors,
-    Score,
-    eye_count,
-    intervals_record,
-    of_each_modulus,
-    score,
-    share_of_new_eye,
-    traits_of,
-    weights_of_eyes,
-)
+from scleraforce.reader.intervals import Factors, Score, score, traits_of
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
 from scleraforce.segmentation.observations import Boundaries
@@ -294,7 +281,7 @@ def measured_intervals(
         scores += of_eye
         if progress:
             progress(1)
-    return intervals_record(scores, trait_factors(scores), source)
+    return intervals.intervals_record(scores, trait_factors(scores), source)
 
 
 ScoresOf = Callable[[int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]]
@@ -372,7 +359,7 @@ def _scores(
         seen = frame.boundaries
         fit = fit_boundaries(walls, seen.lateral_m, seen.depth_m, prior, study.calibration.surface_smoothing_m)
         if fit is not None:
-            by_fit = fit_reading(fit, study.classes.bounds_n, NO_FACTORS.of_fit(known, fit))
+            by_fit = fit_reading(fit, study.classes.bounds_n, intervals.NO_FACTORS.of_fit(known, fit))
             found.append(Score("fit", traits_of(known, fit.force_n, fit), eye, score(by_fit, frame.force_n)))
     return found
 
@@ -384,7 +371,7 @@ def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
     such traits make a reader worse, and contrary evidence of few eyes is chance.
     """
     found: dict[str, dict[str, dict[str, float]]] = {}
-    for (method, modulus), entries in of_each_modulus(scores).items():
+    for (method, modulus), entries in intervals.of_each_modulus(scores).items():
         found.setdefault(method, {})[modulus] = _regression(entries)
     return found
 
@@ -398,9 +385,11 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     traits = sorted({trait for entry in scores for trait in entry.traits[1:]})
     has = csr_array(np.array([[trait in entry.traits for trait in traits] for entry in scores], dtype=np.float64))
     logs = np.log([max(entry.score, LEAST_SCORE) for entry in scores])
-    share, weight = share_of_new_eye(eye_count(scores)), len(scores) * weights_of_eyes(scores)  # 1 in the mean
+    share = intervals.share_of_new_eye(intervals.eye_count(scores))
+    weight = len(scores) * intervals.weights_of_eyes(scores)  # 1 in the mean
     one = eye_array(len(scores))
-    ends = [(np.log(SMALLEST) if trait in GLOBE_TRAITS else 0.0, np.log(LARGEST)) for trait in traits]
+    least, most = np.log(intervals.SMALLEST), np.log(intervals.LARGEST)
+    ends = [(least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits]
     solution = linprog(
         np.concatenate([np.zeros(len(traits)), share * weight, (1.0 - share) * weight]),
         A_eq=hstack([has, one, -one], format="csr"),

@@ -12,9 +12,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Flags, Floats
+from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
 from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
+from scleraforce.reader.metrics import dice
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, WallFinderStudy
@@ -215,15 +216,8 @@ def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> Flags:
 
 
 def scene_dice(found: Flags, scene: Scene) -> float:
-    """Return `mask_dice` of a mask (row, column) in a scene's judged columns."""
-    return mask_dice(found[:, scene.judged], scene.mask[:, scene.judged])
-
-
-def mask_dice(found: Flags, true: Bytes) -> float:
-    """Return twice the common area of two masks over the sum of theirs; 1 where both are empty."""
-    wall = true > 0
-    total = np.count_nonzero(found) + np.count_nonzero(wall)
-    return float(2.0 * np.count_nonzero(found & wall) / total) if total else 1.0
+    """Return `dice` of a mask (row, column) in a scene's judged columns."""
+    return dice(found[:, scene.judged], scene.mask[:, scene.judged])
 
 
 def _errors(scene: Scene, seen: SeenWall, rows: int) -> Floats:

@@ -12,7 +12,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from scleraforce.arrays import Integers
+from scleraforce.arrays import Bytes, Flags, Integers
 
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
 SHARED_ERROR = (
@@ -31,6 +31,13 @@ def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[fl
     centre = (share + weight / 2) / (1 + weight)
     half = z / (1 + weight) * sqrt(share * (1 - share) / total + weight / (4 * total))
     return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def dice(found: Flags | Bytes, true: Flags | Bytes) -> float:
+    """Return the Dice coefficient of two masks, twice the common area over the sum of both; 1 if both are empty."""
+    a, b = found > 0, true > 0
+    total = np.count_nonzero(a) + np.count_nonzero(b)
+    return 2.0 * np.count_nonzero(a & b) / total if total else 1.0
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.metrics import dice
 from scleraforce.recording.pixels import Pixels
 from scleraforce.report import files as style
 from scleraforce.report.frames import AnsweredFrame
@@ -39,13 +40,6 @@ class SlicePair:
         """Width and depth of the slices."""
         rows, columns = self.measured.shape
         return columns * self.pixel_m, rows * self.pixel_m
-
-
-def dice(first: Bytes, second: Bytes) -> float:
-    """Return the Dice coefficient of two binary images, twice the common area over the sum of both (1: the same)."""
-    a, b = first > 0, second > 0
-    total = int(a.sum() + b.sum())
-    return 2.0 * int((a & b).sum()) / total if total else 1.0
 
 
 @style.styled

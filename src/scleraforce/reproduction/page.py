@@ -17,7 +17,7 @@ from scleraforce.learning.dataset import open_dataset
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader import Classifier, load_classifier
+from scleraforce.reader import Classifier, load_classifier, metrics
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
@@ -243,7 +243,7 @@ def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: s
     """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
     chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
     pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
-    likeness = np.mean([frame_figures.dice(pair.measured, pair.simulated) for pair in pairs])
+    likeness = np.mean([metrics.dice(pair.measured, pair.simulated) for pair in pairs])
     caption = (
         f"A frame of each class, its slice, and the slice simulated for its measured force at "
         f"{from_si(reader.study.eye.youngs_modulus_pa, 'mpa'):.3g} MPa (the paper's {name}). The simulated slice is "
@@ -280,7 +280,7 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
     for depth_m in steps:
         for lateral_m in steps[4:-4]:
             drawn = fill_section(section, slice_window(study.slice, top_m, float(lateral_m), float(depth_m)))
-            likeness = frame_figures.dice(drawn, measured)
+            likeness = metrics.dice(drawn, measured)
             if likeness > best_likeness:
                 best, best_likeness = drawn, likeness
     return best
