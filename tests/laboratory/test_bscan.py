@@ -23,7 +23,7 @@ from scleraforce.laboratory.light import (
     sample_optics,
 )
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
-from scleraforce.laboratory.reduced_bscans import DrawnFrames, draw_reduced
+from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
@@ -370,7 +370,7 @@ def rendered(of: BscanOptics, scanner=STUDY.oct) -> np.ndarray:
     return np.stack([WINDOW.reduced(frame, PixelScale.of(scanner)) for frame in frames])
 
 
-def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> DrawnFrames:
+def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> np.ndarray:
     """Return frames of the wall that are drawn reduced."""
     outer = surface(WINDOW.laterals_m)
     depth = np.repeat(np.stack([outer, outer + THICKNESS_M])[None], count, axis=0)
@@ -379,7 +379,7 @@ def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> DrawnFrame
     cells = replace(scanner, **size_m, columns=columns, rows=rows)
     tip = np.array([0.0, surface(np.zeros(1))[0]])
     shafts = [draw_shaft(of.needle, tip, 0.0, cells)] * count if of.needle else []
-    return draw_reduced(depth, [of] * count, scanner, WINDOW, np.random.default_rng(7), shafts)
+    return draw_reduced(depth, [of] * count, scanner, WINDOW, np.random.default_rng(7), shafts)[0]
 
 
 REDUCED_LAYER = sample_conjunctiva(
@@ -402,7 +402,7 @@ CASES = {
 
 @pytest.mark.parametrize("of", CASES.values(), ids=CASES)
 def test_the_mean_picture_is_the_rendered_one(of: BscanOptics) -> None:
-    expected, found = rendered(of).mean(axis=0), drawn(of).frames.mean(axis=0)
+    expected, found = rendered(of).mean(axis=0), drawn(of).mean(axis=0)
     blocks = (found - expected).reshape(20, 4, 36, 4).mean(axis=(1, 3))  # over which the speckle averages out
     assert np.abs(blocks).mean() < 0.03
     assert np.quantile(np.abs(blocks), 0.97) < 0.12
@@ -417,6 +417,6 @@ def test_the_mean_picture_is_the_rendered_one(of: BscanOptics) -> None:
 
 @pytest.mark.parametrize("name", ["plain", "coarse speckle", "noise"])
 def test_cells_vary_as_in_rendered_frames(name: str) -> None:
-    expected, found = (frames.std(axis=0, ddof=1) for frames in (rendered(CASES[name]), drawn(CASES[name]).frames))
+    expected, found = (frames.std(axis=0, ddof=1) for frames in (rendered(CASES[name]), drawn(CASES[name])))
     for part in ((slice(60, 80), slice(20, 120)), (slice(16, 22), slice(40, 54))):  # noise, wall
         assert np.median(found[part]) == pytest.approx(np.median(expected[part]), rel=0.25)

@@ -27,17 +27,6 @@ BEYOND_EDGE = 0.23
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnFrames:
-    """Reduced frames float32 (frame, row, column), and their walls.
-
-    `boundary_rows` (frame, boundary, column): whole at the rows' middles; NaN in columns without wall or image.
-    """
-
-    frames: Float
-    boundary_rows: Reals
-
-
-@dataclass(frozen=True, eq=False)
 class _Layer:
     """Tissue from one depth to another (frame, column), m in the picture.
 
@@ -66,9 +55,11 @@ def draw_reduced(
     window: FrameWindow,
     rng: np.random.Generator,
     shafts: Sequence[DrawnShaft] = (),
-) -> DrawnFrames:
+) -> tuple[Float, Reals]:
     """Draw reduced frames of walls, each with its optics and, if any has one, its needle (in the window's cells).
 
+    Returns frames float32 (frame, row, column) and the rows of their walls' boundaries (frame, boundary, column):
+    whole at the rows' middles, NaN in columns without wall or image.
     `depth_sbc` (frame, boundary, column of the window): m below the frame's top edge, NaN without wall.
     """
     displayed = Displayed(optics)
@@ -88,7 +79,7 @@ def draw_reduced(
     frames = np.stack([window.levels(each) for each in np.clip(mean, 0.0, 1.0) * (down * along[:, None])])
     rows = wall_m / window.row_m - 0.5
     rows[~np.broadcast_to((along > 0.5)[:, None], rows.shape)] = np.nan
-    return DrawnFrames(frames, rows)
+    return frames, rows
 
 
 def _surface(outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> Reals:

@@ -207,11 +207,11 @@ class RawSource:
         eyes, framing, depth_sbc = draw_framed(library, reader, window_columns(window), count, rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
         shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study, window)
-        drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
+        frames, boundary_rows = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
         trained = read_by_fit(study.reader)
-        pairs = drawn.boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
+        pairs = boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
         return RawSamples(
-            drawn.frames,
+            frames,
             np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32),
             networks.given_inputs(eyes.stated, trained),
             eyes.force_n,
@@ -309,4 +309,4 @@ def _frames(eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Gene
     poses = (np.array([*(draw(values, rng) for values in framing), 0.0, 0.0]) for _ in forces_n)
     depth_sbc = wall_depths(eye, forces_n, poses, window.laterals_m)
     optics = [draw_optics(study, None, rng) for _ in forces_n]
-    return draw_reduced(depth_sbc, optics, study.oct, window, rng).frames
+    return draw_reduced(depth_sbc, optics, study.oct, window, rng)[0]

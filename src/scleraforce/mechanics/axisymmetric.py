@@ -166,30 +166,25 @@ class AxisymmetricWall:
 
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Return internal forces minus the pressure's, (unknown,)."""
-        everywhere = self._all(u)
+        everywhere = self.full(u)
         balance: Floats = self._solid.forces(everywhere) - pressure * self._inside.volume(everywhere)[1]
         return balance[self.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
         """Factor the tangent; see `equilibrium.Equilibrium`."""
-        everywhere = self._all(u)
+        everywhere = self.full(u)
         tangents = self._solid.tangents(everywhere)
         self._inside.subtract_curvature(tangents, everywhere, pressure)
         return self._band.factor(tangents)
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
-        volume_m3, gradient = self._inside.volume(self._all(u))
+        volume_m3, gradient = self._inside.volume(self.full(u))
         return volume_m3, gradient[self.free]
-
-    def boundary_displacement(self, u: Floats) -> Floats:
-        """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
-        nodes_bn = np.stack([self.mesh.outer_n, self.mesh.inner_n])
-        return self._all(u).reshape(-1, 2)[nodes_bn]
 
     def boundaries(self, path: PathStates) -> AxisymmetricPath:
         """Return the path as the two boundary curves of each state."""
-        points_snc = self.mesh.points_nc + np.stack([self._all(u).reshape(-1, 2) for u in path.displacement_su])
+        points_snc = self.mesh.points_nc + np.stack([self.full(u).reshape(-1, 2) for u in path.displacement_su])
         curves_sbnc: Floats = points_snc[:, np.stack([self.mesh.outer_n, self.mesh.inner_n])]
         curves_sbnc[..., 1] = self.mesh.radius_m - curves_sbnc[..., 1]
         inside, undented = (
@@ -197,7 +192,8 @@ class AxisymmetricWall:
         )
         return AxisymmetricPath(path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc)
 
-    def _all(self, u: Floats) -> Floats:
+    def full(self, u: Floats) -> Floats:
+        """Return the displacement (unknown of the mesh,) whose free components are given; the held ones are zero."""
         everywhere = np.zeros(self.mesh.points_nc.size)
         everywhere[self.free] = u
         return everywhere

@@ -95,7 +95,8 @@ def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_n
 
 def _even(wall: AxisymmetricWall, displacement: Floats) -> Floats:
     """The same of a wall of revolution: only its zeroth harmonic is not zero."""
-    boundaries_bnc = wall.boundary_displacement(displacement)
+    nodes_bn = np.stack([wall.mesh.outer_n, wall.mesh.inner_n])
+    boundaries_bnc = wall.full(displacement).reshape(-1, 2)[nodes_bn]
     answer = np.zeros((HARMONICS, *boundaries_bnc.shape[:2], 3))
     answer[0, ..., 0], answer[0, ..., 2] = boundaries_bnc[..., 0], -boundaries_bnc[..., 1]
     return answer

@@ -31,28 +31,13 @@ def clamped_base(mesh: HexMesh) -> Flags:
 BED_POINTS = 3
 STRAP_POINTS = 16  # Gauss points along the line of an insertion
 EYE_RADIUS_MM = 12.0
-LIMBUS_RADIUS_MM = 5.75
-
-
-@dataclass(frozen=True, kw_only=True)
-class Insertion:
-    """A muscle's insertion: polar angle, azimuth from the medial rectus, and the arc's width, in rad."""
-
-    polar_rad: float
-    azimuth_rad: float
-    width_rad: float
-
-
-def _insertion(behind_limbus_mm: float, quarter_turns: int, width_mm: float) -> Insertion:
-    polar = asin(LIMBUS_RADIUS_MM / EYE_RADIUS_MM) + behind_limbus_mm / EYE_RADIUS_MM
-    return Insertion(polar_rad=polar, azimuth_rad=0.5 * pi * quarter_turns, width_rad=width_mm / EYE_RADIUS_MM)
-
-
+LIMBUS_RAD = asin(5.75 / EYE_RADIUS_MM)  # its polar angle
+# Polar angle, azimuth from the medial rectus, the arc's width, in rad; from mm behind the limbus and mm of width.
 INSERTIONS = {
-    "medial": _insertion(5.5, 0, 10.3),
-    "superior": _insertion(7.7, 1, 10.6),
-    "lateral": _insertion(6.9, 2, 9.2),
-    "inferior": _insertion(6.5, 3, 9.8),
+    name: (LIMBUS_RAD + behind_limbus_mm / EYE_RADIUS_MM, 0.5 * pi * quarter_turns, width_mm / EYE_RADIUS_MM)
+    for quarter_turns, (name, behind_limbus_mm, width_mm) in enumerate(
+        (("medial", 5.5, 10.3), ("superior", 7.7, 10.6), ("lateral", 6.9, 9.2), ("inferior", 6.5, 9.8))
+    )
 }
 
 
@@ -108,9 +93,15 @@ def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float
     `stiffness_n_m` is the force per metre of one muscle, even over the width of its insertion.
     """
     places, weights = gauss_points(1, STRAP_POINTS)
-    straps = [_strap(mesh, one, medial_azimuth_rad, places[:, 0], 0.5 * weights) for one in INSERTIONS.values()]
-    unit = straps[0] + straps[1] + straps[2] + straps[3]
-    return Springs(unit.nodes_qn, stiffness_n_m * unit.blocks_qnnii)
+    contacts = [
+        Contact(polar_rad=polar_rad, azimuth_rad=azimuth_rad)
+        for polar_rad, from_medial_rad, width_rad in INSERTIONS.values()
+        for azimuth_rad in medial_azimuth_rad + from_medial_rad + 0.5 * width_rad * places[:, 0] / np.sin(polar_rad)
+    ]
+    quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
+    weights_p, along_pc = np.tile(0.5 * weights, len(INSERTIONS)), np.array([contact.meridian for contact in contacts])
+    blocks = np.einsum("p,pn,pm,pi,pj->pnmij", weights_p, values_pn, values_pn, along_pc, along_pc, optimize=True)
+    return Springs(mesh.outer_qn[quads], stiffness_n_m * blocks)
 
 
 def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
@@ -126,13 +117,3 @@ def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
         straps = rectus_straps(mesh, supports.strap_stiffness_n_per_m, supports.medial_azimuth_rad)
         springs = straps if springs is None else springs + straps
     return springs
-
-
-def _strap(mesh: HexMesh, insertion: Insertion, medial_rad: float, places_p: Floats, weights_p: Floats) -> Springs:
-    """One strap of 1 N/m; `weights_p` sum to 1."""
-    azimuths_p = medial_rad + insertion.azimuth_rad + 0.5 * insertion.width_rad * places_p / np.sin(insertion.polar_rad)
-    contacts = [Contact(polar_rad=insertion.polar_rad, azimuth_rad=azimuth) for azimuth in azimuths_p]
-    quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
-    along_pc = np.array([contact.meridian for contact in contacts])
-    blocks = np.einsum("p,pn,pm,pi,pj->pnmij", weights_p, values_pn, values_pn, along_pc, along_pc, optimize=True)
-    return Springs(mesh.outer_qn[quads], blocks)
