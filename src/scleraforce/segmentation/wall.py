@@ -41,14 +41,18 @@ def find_wall(
         ValueError: not such an array, or smaller than 16 x 16.
         ModelError: as of `WallFinder.find`.
     """
-    counts = counts_of(_checked(frame))
+    if frame.ndim != 2 or frame.dtype not in COUNTED:
+        raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
+    if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
+        raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
+    counts = counts_of(frame)
     lit = find_lit(counts)
     if lit[-1] > NOT_LOGARITHMIC:
         frame = as_logarithmic(frame)
         counts = counts_of(frame)
         lit = find_lit(counts)
     first = _first_wall(counts, frame.itemsize == 1, scale, lit)
-    found = below_conjunctiva(frame, scale, first, thickness_m)
+    found = first if thickness_m is None else below_conjunctiva(frame, scale, first, thickness_m)
     if finder is None:
         return found
     # Imported here: ONNX Runtime takes longer than a frame does.
@@ -161,11 +165,3 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     start, filled = start + int(lit[0]), filled[lit[0] : lit[-1] + 1]
     inside = None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
     return _part(frame, part.is_bytes, part.scale, part.left + start, filled, inside)
-
-
-def _checked(frame: Pixels) -> Pixels:
-    if frame.ndim != 2 or frame.dtype not in COUNTED:
-        raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
-    if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
-        raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
-    return frame
