@@ -14,7 +14,7 @@ from calibration_eyes import stated
 from ideal_boundaries import ideal_boundaries
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
-from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.calibrate import LEAKS, calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.result import EyeCalibration
@@ -202,9 +202,10 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(library
     found = []
     for leak_time_s in (None, 60.0):
         info = replace(recording.info, eye=replace(recording.info.eye, globe="sealed", leak_time_s=leak_time_s))
-        found.append(calibrate_recordings([replace(recording, info=info)], STUDY, "", library).eyes["leak"].globe.mean)
-    assert found[1] == pytest.approx(constants.globe.mean, rel=0.08)
-    assert found[0] < 0.85 * constants.globe.mean
+        found.append(calibrate_recordings([replace(recording, info=info)], STUDY, "", library).eyes["leak"])
+    assert found[1].globe.mean == pytest.approx(constants.globe.mean, rel=0.08)
+    assert found[0].globe.mean < 0.85 * constants.globe.mean
+    assert [LEAKS in eye.recordings[0].doubts for eye in found] == [False, True]
 
 
 EYE = PhantomEye(

@@ -159,6 +159,7 @@ BAD = [
     ("[eye]\nthickness_um = [" + "1," * 1001 + "]", 2, "eye.thickness_um: 1001 entries; at most 1000"),
     ("[[dataset.group]]\n" * 1001, 1, "dataset.group: 1001 entries; at most 1000"),
     ('[globe]\nkind = "shut"', 2, "globe.kind: 'shut' is not one of open, sealed"),
+    ('[globe]\nkind = "sealed"\nleak_time_s = 0.5', 3, "globe.leak_time_s: 0.5; must be 1 s or more, or 0: no leak"),
     ("[tissue]\nstiffening = 300.0", 2, "tissue.stiffening: 300 is above the largest allowed value 200"),
 ]
 

@@ -37,6 +37,7 @@ SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated on once it is found
 FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
+LEAKS = "eye.leak_time_s: E and k are of the globe without its leak, which `read` and `monitor` do not follow"
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 SAME_MODULUS = 0.01  # relative; other stated values of the eye move the mean of a lognormal by less
 
@@ -325,6 +326,7 @@ def _calibrate_eye(
     used_n = [record.force_n for record in records if record.skipped is None]
     doubts = (
         *(open_doubts(recording.info.eye.globe) if library is None else ()),
+        *(() if rests_pa is None else (LEAKS,)),
         *label_notes(recording, trials),
         *log_doubts(recording, study.classes, shown),
         *reach_doubts(used_n, missed_n),

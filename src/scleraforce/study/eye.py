@@ -154,6 +154,11 @@ class GlobeStudy(Section):
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
     leak_time_s: float = quantity(0.0, None, 0.0, 1e6)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if 0.0 < self.leak_time_s < 1.0:
+            raise StudyError(f"leak_time_s: {self.leak_time_s:g}; must be 1 s or more, or 0: no leak")
+
     def with_known(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
         """Return the globe with its known kind and rigidity; None: unknown."""
         known = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
