@@ -13,11 +13,12 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
 from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import SolverError
+from scleraforce.mechanics import meridian
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
-from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, SolidOfRevolution, line_shapes, meridian_mesh
+from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, line_shapes, meridian_mesh
 
 BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
 
@@ -156,8 +157,8 @@ class AxisymmetricWall:
         """
         self.mesh = mesh
         self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
-        self._solid = SolidOfRevolution(mesh, poisson_ratio, stiffening)
-        self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
+        self._solid = meridian.solid_of_revolution(mesh, poisson_ratio, stiffening)
+        self._band = _Band(self._solid.unknowns_en, self.free, mesh.points_nc.size)
         self._inside = Interior(mesh)
         self.needle = needle_load(mesh)[self.free]
         tip = np.zeros(mesh.points_nc.size)
@@ -167,13 +168,13 @@ class AxisymmetricWall:
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Return internal forces minus the pressure's, (unknown,)."""
         everywhere = self.full(u)
-        balance: Floats = self._solid.forces(everywhere) - pressure * self._inside.volume(everywhere)[1]
+        balance: Floats = meridian.nodal_forces(self._solid, everywhere) - pressure * self._inside.volume(everywhere)[1]
         return balance[self.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
         """Factor the tangent; see `equilibrium.Equilibrium`."""
         everywhere = self.full(u)
-        tangents = self._solid.tangents(everywhere)
+        tangents = meridian.element_tangents(self._solid, everywhere)
         self._inside.subtract_curvature(tangents, everywhere, pressure)
         return self._band.factor(tangents)
 

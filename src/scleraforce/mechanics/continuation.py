@@ -113,7 +113,7 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> fl
     return min(ends, default=np.inf)
 
 
-def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Dent | SealedDent) -> PathStates:
+def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Dent) -> PathStates:
     tips, forces = np.array([tip for tip, _, _ in kept]), np.array([force for _, force, _ in kept])
     unknowns_sx = np.stack([x for _, _, x in kept])
     displacement_su = unknowns_sx[:, :unknowns]
@@ -126,7 +126,7 @@ def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Den
 class _Walk:
     """Steps along the path; each starts from a polynomial through the last states (tip in m, force, unknowns)."""
 
-    def __init__(self, control: Dent | SealedDent, largest_m: float, end_m: float, smallest: float) -> None:
+    def __init__(self, control: Dent, largest_m: float, end_m: float, smallest: float) -> None:
         """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
         self.control, self.step_m, self.largest_m = control, min(FIRST_STEP_M, largest_m), largest_m
         self.shortest_m = smallest * min(end_m, largest_m)

@@ -81,7 +81,7 @@ class Balance:
         return self.problem.factor(x, self.pressure)
 
 
-class Dent:
+class Dent(Balance):
     """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u and the force.
 
     `continuation` sets `tip_m` along the path; errors are relative to `largest_force`, on the path so far, where the
@@ -91,12 +91,9 @@ class Dent:
     remedy = "ask for a smaller dent"
 
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float) -> None:
-        self.problem, self.start, self.pressure = problem, start, pressure
-        self.tip_m = 0.0
-        self.largest_force = 0.0
-        self.count = len(start)
-        self.applied = Balance(problem, pressure).applied
-        self.unloaded = np.append(start, 0.0)
+        super().__init__(problem, pressure)
+        self.start, self.unloaded = start, np.append(start, 0.0)
+        self.tip_m = self.largest_force = 0.0
         self._needle_norm = float(np.linalg.norm(problem.needle))
 
     def defect(self, x: Floats) -> Floats:
@@ -118,13 +115,13 @@ class Dent:
         return bordered(tangent, self.problem.needle[:, None], self.problem.tip[None], np.zeros((1, 1)))
 
 
-class SealedDent:
+class SealedDent(Dent):
     """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force and the pressure.
 
     The law (`mechanics.globe`) compares the dented wall with the undented one *at the same pressure P*: it is measured
     on whole eyes and includes the give of their shell. So the undented wall is part of the unknowns, and the dent
-    counts from it, which is what one picture shows. With u the dented wall, w the undented one, f the needle's force
-    and s the functional of the tip,
+    counts from it, which is what one picture shows. With u the dented wall, w the undented one, f the needle's force,
+    s the functional of the tip, and P0 the given `pressure`, that at rest,
 
         R(u, P) = f n     R(w, P) = 0     s (u - w) = tip     P = law(P0, V(w) - V(u))
 
@@ -133,20 +130,14 @@ class SealedDent:
     Such a path has an end. A pressure that rises makes the dent wider, which displaces more volume: in a wall that is
     soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
     73 mN).
-
-    See `Dent` for the attributes.
     """
 
     remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
 
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe) -> None:
-        self.problem, self.globe, self.resting = problem, globe, pressure
-        self.tip_m = 0.0
-        self.largest_force = 0.0
-        self.count = 2 * len(start)
-        self.applied = Balance(problem, pressure).applied
+        super().__init__(problem, start, pressure)
+        self.globe, self.count = globe, 2 * len(start)
         self.unloaded = np.concatenate([start, start, [0.0, pressure]])
-        self._needle_norm = float(np.linalg.norm(problem.needle))
 
     def defect(self, x: Floats) -> Floats:
         """Return the forces out of balance on both walls, and the errors of the tip and the pressure."""
@@ -155,13 +146,13 @@ class SealedDent:
         undented_balance = self.problem.residual(undented, pressure)
         tip = self.problem.tip @ (dented - undented) - self.tip_m
         displaced_m3 = self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
-        error = pressure - self.globe.pressure(self.resting, displaced_m3)
+        error = pressure - self.globe.pressure(self.pressure, displaced_m3)
         return np.concatenate([balance, undented_balance, [tip, error]])
 
     def met(self, defect: Floats, x: Floats) -> bool:
         """Return whether a defect is negligible."""
         _, _, force, pressure = self._parts(x)
-        applied = self.applied * max(1.0, pressure / self.resting if self.resting > 0.0 else 1.0)
+        applied = self.applied * max(1.0, pressure / self.pressure if self.pressure > 0.0 else 1.0)
         applied += max(abs(force), self.largest_force) * self._needle_norm
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
         return bool(
@@ -176,7 +167,7 @@ class SealedDent:
         problem, half = self.problem, self.count // 2
         solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
         (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
-        stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, undented_inside - inside)))
+        stiffness = float(self.globe.stiffness(self.globe.pressure(self.pressure, undented_inside - inside)))
         nothing = np.zeros(half)
         columns = np.stack([np.append(problem.needle, nothing), np.append(gradient, undented_gradient)], axis=1)
         rows = np.stack([np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)])
@@ -189,9 +180,6 @@ class SealedDent:
     def _parts(self, x: Floats) -> tuple[Floats, Floats, float, float]:
         half = self.count // 2
         return x[:half], x[half : self.count], float(x[-2]), float(x[-1])
-
-
-Control = Balance | Dent | SealedDent
 
 
 def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats) -> Solve:
@@ -208,7 +196,7 @@ def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Flo
     return solve
 
 
-def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
+def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
     """Return the unknowns that meet the control, from a guess x, and the number of factors."""
     defect = control.defect(x)
     found = control.met(defect, x)
@@ -223,7 +211,7 @@ def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
     raise SolverError("equilibrium: Newton's method did not converge; use a shorter step")
 
 
-def _newton_step(control: Control, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
+def _newton_step(control: Balance, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
     """Factor at x, take a damped step, and continue with the same factor while it converges fast.
 
     Returns the new x, its defect, and whether it is an equilibrium.
@@ -244,7 +232,7 @@ def _newton_step(control: Control, x: Floats, defect: Floats) -> tuple[Floats, F
     return x, defect, _found(control, x, defect, step)
 
 
-def _found(control: Control, x: Floats, defect: Floats, step: Floats) -> bool:
+def _found(control: Balance, x: Floats, defect: Floats, step: Floats) -> bool:
     """Return whether the forces balance, or the correction by `step` is negligible.
 
     The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
@@ -252,7 +240,7 @@ def _found(control: Control, x: Floats, defect: Floats, step: Floats) -> bool:
     return control.met(defect, x) or _size(control, step) <= SETTLED * _size(control, x - control.unloaded)
 
 
-def _damped(control: Control, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
+def _damped(control: Balance, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
     """Shorten a step until the next correction with the same factor is small enough.
 
     Returns the new x, its defect, that next correction, and its size over the size of this step.
@@ -270,6 +258,6 @@ def _damped(control: Control, solve: Solve, x: Floats, step: Floats) -> tuple[Fl
     raise SolverError("equilibrium: no step reduces the error; use a shorter step")
 
 
-def _size(control: Control, step: Floats) -> float:
+def _size(control: Balance, step: Floats) -> float:
     """Return the size of a step by its displacements alone; the borders have other units."""
     return float(np.linalg.norm(step[: control.count]))

@@ -111,34 +111,6 @@ def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
     return values, np.stack(slopes, axis=-1)
 
 
-class SolidOfRevolution:
-    """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
-
-    def __init__(self, mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> None:
-        """Prepare everything that does not depend on the displacement; `stiffening`: b, 0 is the neo-Hookean solid."""
-        lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
-        shapes_epgn, volumes_ep = _shapes(mesh)
-        self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
-        lambda_ep, mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
-        material = lambda_ep, mu_ep, float(stiffening), float(lambda_ep[0, 0] / mu_ep[0, 0])
-        self.tables = ElementTables(shapes_epgn, self.unknowns_eN, *material)
-
-    def forces(self, u: Floats) -> Floats:
-        """Return the nodal forces that hold a displacement u, both (all unknowns,).
-
-        They are not finite where J <= 0, or where the tissue is stretched too far.
-        """
-        return nodal_forces(self.tables, u)
-
-    def tangents(self, u: Floats) -> Floats:
-        """Return the derivative of the forces of every element, (element, 18, 18).
-
-        mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue
-        that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
-        """
-        return element_tangents(self.tables, u)
-
-
 def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
     """Return d/dr, d/dz and N/R of the nodes' shape functions (element, point, 3, 9), and the points' volumes in m^3.
 
@@ -159,9 +131,9 @@ def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
 class ElementTables(NamedTuple):
     """The loops' view of a solid: shapes and material.
 
-    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18);
-    `lambda_ep`, `mu_ep` (element, point): Lamé's constants times the point's volume; `stiffening`: b; `lame_ratio`:
-    lambda/mu.
+    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18):
+    2 n + c is node n, component c (from the axis, along it); `lambda_ep`, `mu_ep` (element, point): Lamé's constants
+    times the point's volume; `stiffening`: b; `lame_ratio`: lambda/mu.
     """
 
     shapes_epgn: Floats
@@ -172,9 +144,22 @@ class ElementTables(NamedTuple):
     lame_ratio: float
 
 
+def solid_of_revolution(mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> ElementTables:
+    """Return all of a wall's material that does not depend on the displacement; b = 0 is the neo-Hookean solid."""
+    lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
+    shapes_epgn, volumes_ep = _shapes(mesh)
+    unknowns_en = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
+    lambda_ep, mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
+    ratio = float(lambda_ep[0, 0] / mu_ep[0, 0])
+    return ElementTables(shapes_epgn, unknowns_en, lambda_ep, mu_ep, float(stiffening), ratio)
+
+
 @compiled
 def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
-    """Return the nodal forces that hold a displacement u, both (all unknowns,)."""
+    """Return the nodal forces that hold a displacement u, both (all unknowns,).
+
+    They are not finite where J <= 0, or where the tissue is stretched too far.
+    """
     found, F, H, P = np.zeros(len(u)), np.empty(5), np.empty(5), np.empty(5)
     away, along = np.empty(9), np.empty(9)
     elements, points = tables.mu_ep.shape
@@ -199,7 +184,11 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
 
 @compiled
 def element_tangents(tables: ElementTables, u: Floats) -> Floats:
-    """Return the derivative of the forces of every element, (element, 18, 18)."""
+    """Return the derivative of the forces of every element, (element, 18, 18).
+
+    mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue that
+    stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
+    """
     F, H, P = np.empty(5), np.empty(5), np.empty(5)
     A, by_motion, triangle = np.empty((5, 5)), np.empty((5, 18)), np.empty((18, 18))
     elements, points = tables.mu_ep.shape
@@ -276,7 +265,7 @@ def _stress(lame_lambda: float, lame_mu: float, F: Floats, H: Floats, log_ratio:
 
 @compiled
 def _elasticity(lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats) -> None:
-    """Write the elasticity of b = 0 times the volume, (5, 5): see `SolidOfRevolution.tangents`."""
+    """Write the elasticity of b = 0 times the volume, (5, 5): see `element_tangents`."""
     exchanged = lame_mu - lame_lambda * log_ratio
     for i in range(5):
         for j in range(5):
