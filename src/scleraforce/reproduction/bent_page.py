@@ -1,10 +1,13 @@
 """The section of the page of `reproduce` on walls that bend: the paper's method beside the force reader."""
 
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib.resources import files
 from math import isnan
 from pathlib import Path
 from statistics import mean, median
+from typing import Any
 
 import numpy as np
 
@@ -26,19 +29,19 @@ from scleraforce.reproduction.run import Run
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
+TEXTS = tomllib.loads(files("scleraforce.reproduction").joinpath("words.toml").read_text(encoding="utf-8"))
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
+
+
+def said(key: str, /, **fields: Any) -> str:
+    """Return a text of `words.toml` with its fields filled in."""
+    return str(TEXTS[key]).format(**fields)
 
 
 def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[html.Html], html.Html]) -> html.Html:
     """Return the comparison of the paper's method and the force reader on the same frames; `drawn` counts figures."""
     forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
-    words = (
-        "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
-        "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
-        f"reads them with a network for the mean linear modulus of {CALIBRATED_EYES} of them, calibrated on all their "
-        "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
-        f"found on three pushes of {forces} mN before the trials, which do not count. {reader_words(run)}"
-    )
+    words = said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=reader_words(run))
     return html.section(
         "Walls that bend: the paper's method and the force reader",
         html.paragraph(words),
@@ -59,10 +62,7 @@ def reader_words(run: Run) -> str:
     if run.train:
         return "The reader was trained in this run."
     made_by = load_model(run.reader).provenance["scleraforce"]
-    return (
-        f"It is the bundled reader, {model_name(run.reader)!r}, with its library (made by scleraforce {made_by}); "
-        "this run trained the paper's classifiers alone. `reproduce --train` trains a reader, too."
-    )
+    return said("bundled", name=model_name(run.reader), made_by=made_by)
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
@@ -78,12 +78,7 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
         ["labels that agree with their 90 % interval", *(_held(one.forces) for one in both)],
         ["true forces within their 90 % interval", html.NOTHING, _held(true)],
     ]
-    caption = (
-        f"The same {len(reader.scored)} trials, read with the two methods; in brackets the 95 % Wilson interval, for "
-        "coverage the interval over other such eyes (bootstrap over eyes). Forces are from the force log, whose labels "
-        "are noisy and drift over the minutes of a recording; that error counts where labels are compared with "
-        "intervals. The true forces of virtual eyes are known, too."
-    )
+    caption = said("comparison", trials=len(reader.scored))
     return html.table(["", "the paper's method", "the force reader"], rows, caption)
 
 
@@ -98,15 +93,17 @@ def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
         return ()
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
     reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
-    words = (
-        "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
-        f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
-        "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
-        f"{reach_mn:.2f} mN to either side in the median. They agree with {metrics.coverage(logged).value:.2f} of the "
-        f"labels, whose own error counts ({from_si(reader.label_sd_n, 'mn'):.2f} mN, median standard deviation), and "
-        f"hold {metrics.coverage(true).value:.2f} of the true forces: {metrics.held_by_eye(true)}. "
-        f"{metrics.SHARED_ERROR} {_worst_eye(reader)}"
-        "The paper's method reads no force, so it has no intervals."
+    words = said(
+        "coverage",
+        off_mn=mean(off_mn),
+        most_mn=max(off_mn),
+        reach_mn=reach_mn,
+        agree=metrics.coverage(logged).value,
+        label_mn=from_si(reader.label_sd_n, "mn"),
+        hold=metrics.coverage(true).value,
+        by_eye=metrics.held_by_eye(true),
+        shared=metrics.SHARED_ERROR,
+        worst=_worst_eye(reader),
     )
     return (html.paragraph(words),)
 
@@ -143,11 +140,7 @@ def _moduli(run: Run) -> html.Html:
         ["finite strain, three frames", *(posteriors[1].get(name, html.NOTHING) for name in eyes)],
         ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else html.NOTHING for name in eyes)],
     ]
-    caption = (
-        "Young's modulus in MPa: mean and standard deviation of the posterior. An error of 1.6 standard deviations or "
-        "more is one of ten; all readings of its eye share it."
-    )
-    return html.table(["", *eyes], rows, caption)
+    return html.table(["", *eyes], rows, said("bent_moduli"))
 
 
 def _misread(evaluation: Evaluation, name: str) -> tuple[html.Html, ...]:
@@ -167,11 +160,8 @@ def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
         "finite strain": _finite_sections(run_library(run), finite, forces_n),
         "linear": linear_sections(linear, run.study)(forces_n),
     }
-    caption = (
-        f"Frames of {linear.id} and the sections computed for their measured forces, each mechanics with the "
-        "modulus that it found for this eye. Only their place in the frame is fitted."
-    )
     drawn = draw_computed_walls(looks, computed)
+    caption = said("walls", eye=linear.id)
     return html.figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
 
 

@@ -29,7 +29,7 @@ from scleraforce.report.files import write_figure
 from scleraforce.report.frames import look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log
-from scleraforce.reproduction.bent_page import bent_section, eye_of
+from scleraforce.reproduction.bent_page import bent_section, eye_of, said
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
@@ -38,23 +38,11 @@ PAPER_TITLE = "Mendizabal, Sznitman, Cotin: Force classification during robotic 
 PAPER_MODULUS_PA = 0.25e6  # the paper's mean for all eyes, sec. 3.2
 PAPER_SD_PA = (4.7e3, 6.7e3, 3.9e3, 4.9e3)  # of the eyes' moduli, Table 2
 PAPER_CONFUSION = ((5, 2, 0), (0, 14, 1), (0, 0, 23))  # Table 3, rows are targets
-PAPER_SECONDS_A_SLICE = 0.47  # sec. 3.3: 19,200 images in two and a half hours
 
 FIGURES = 15  # progress ticks of the page
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
 AFTER_LAST_S = 4.0  # of them, in the figure
-
-SIMULATED = (
-    "The recordings are simulated: five virtual eyes, bent by the same linear mechanics that the network learned from, "
-    "imaged by a simulated scanner, pushed by a simulated robot. The figures here show that the method works from end "
-    "to end; below, the same eyes bend at finite strain, as walls do. Neither shows how well it reads real tissue. "
-    "Not a medical device."
-)
-PAPER_RESULT = (
-    "The paper read 42 of 45 trials on five ex vivo porcine eyes right: 93 %, 95 % interval 82 to 98 %; of the "
-    "dangerous forces all 23. Real tissue is the harder task, so the two figures are not comparable."
-)
 
 Drawn = Callable[[html.Html], html.Html]  # called with each figure
 
@@ -71,8 +59,8 @@ def write_reproduction_html(
         return block
 
     sections = (
-        html.section("Result", html.paragraph(SIMULATED, notice=True), evaluation_cards(evaluation),
-                html.paragraph(PAPER_RESULT), drawn(_overview(run, evaluation))),
+        html.section("Result", html.paragraph(said("simulated"), notice=True), evaluation_cards(evaluation),
+                html.paragraph(said("paper_result")), drawn(_overview(run, evaluation))),
         _design(run, evaluation),
         html.section("The simulated eye", drawn(_model_figure(run.study)), drawn(_mesh_figure(run.study))),
         html.section("Measured forces", drawn(_force_log_figure(run, evaluation))),
@@ -100,8 +88,7 @@ def _overview(run: Run, evaluation: Evaluation) -> html.Html:
     chosen = [_typical(evaluation, target, 0) for target in range(len(evaluation.bounds_n) + 1)]
     drawn = frame_figures.draw_overview(look_at_all([answer for answer in chosen if answer is not None]), evaluation)
     write_figure(drawn, run.overview)
-    caption = "A raw frame of each class, the wall found in it and the class read from it; below, all trials."
-    return html.figure(drawn, "frames with the class read, and the forces of all trials", caption, "png")
+    return html.figure(drawn, "frames with the class read, and the forces of all trials", said("overview"), "png")
 
 
 def _design(run: Run, evaluation: Evaluation) -> html.Html:
@@ -123,12 +110,7 @@ def _design(run: Run, evaluation: Evaluation) -> html.Html:
     ]
     for name, mine, theirs in zip([*names, "trials"], here, paper, strict=True):
         rows.append([name, *(f"{count} ({stated})" for count, stated in zip(mine, theirs, strict=True))])
-    caption = (
-        "The virtual eyes and their trials by measured force; in brackets the paper's Table 1. Thickness and modulus "
-        "are the paper's (eye 5: the mean modulus, because the paper gives none). The paper gives no forces: here they "
-        "are spread evenly over each class, and none lies within 2 mN of a bound of its class."
-    )
-    return html.section("Design", html.table(["", *(eye.id for eye in eyes), "total"], rows, caption))
+    return html.section("Design", html.table(["", *(eye.id for eye in eyes), "total"], rows, said("design")))
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
@@ -138,22 +120,14 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
 
 
 def _model_figure(study: Study) -> html.Html:
-    caption = (
-        "The model of the sclera and its loads (the paper's Fig. 1a), in the needle's meridian. The wall is drawn at "
-        "twice its thickness."
-    )
-    return html.figure(draw_model(study), "a half-sphere with its loads and its clamped base", caption)
+    return html.figure(draw_model(study), "a half-sphere with its loads and its clamped base", said("model"))
 
 
 def _mesh_figure(study: Study) -> html.Html:
     """Return the deformed mesh under a dangerous force (Fig. 1b)."""
     contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
-    caption = (
-        f"The deformed mesh (the paper's Fig. 1b), cut open at the needle (orange), under "
-        f"{from_si(eye.force_n, 'mn'):g} mN, the bound of the dangerous class: "
-        f"{len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
-    )
+    caption = said("mesh", force_mn=from_si(eye.force_n, "mn"), cells=len(eye.mesh.cells_en))
     return html.figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png")
 
 
@@ -162,11 +136,7 @@ def _force_log_figure(run: Run, evaluation: Evaluation) -> html.Html:
     recording, classes = read_recording(run.recordings / evaluation.frames[0].eye), run.study.classes
     trials = label_frames(recording, classes)[:LOG_TRIALS]
     drawn = draw_force_log(recording, trials, classes.bounds_n, trials[-1].time_s + AFTER_LAST_S)
-    caption = (
-        f"Force log of {recording.info.eye.id}, the first {len(trials)} acquisitions (the paper's Fig. 3). Grey: as "
-        "logged, in the sensor's steps, tared; blue: filtered; lines: imaging times; markers: the labels, means over "
-        "2 s. The tissue relaxes under each push."
-    )
+    caption = said("force_log", eye=recording.info.eye.id, trials=len(trials))
     return html.figure(drawn, "contact force over time with the imaging times", caption)
 
 
@@ -189,12 +159,8 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     (first,) = calibrate_recordings([opened], study, study_hash(study), None, finder=finder).eyes.values()
     mean_pa, spread_pa = calibration.population
     spread = "not known from one eye" if spread_pa is None else f"{_mpa(spread_pa)} MPa"
-    words = (
-        "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
-        f"Mean of the means: {_mpa(mean_pa)} MPa, spread {spread} (the paper: "
-        f"{from_si(PAPER_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads; as in "
-        "the paper, it was found on four of the five eyes that are read."
-    )
+    paper_mpa = from_si(PAPER_MODULUS_PA, "mpa")
+    words = said("calibration", mean=_mpa(mean_pa), spread=spread, paper_mpa=paper_mpa)
     truth_pa = paper_eyes(study)[0][0].youngs_modulus_pa
     over_frames = html.figure(
         draw_modulus_over_frames(first, truth_pa),
@@ -207,8 +173,7 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     points = html.figure(
         draw_observed_points(first, look.frame, index, *look.extent_m),
         "observed and predicted points before and after",
-        f"Observed points (yellow) and predicted ones (red) in {'/'.join(shown)}, at the prior's modulus and at the "
-        "final one (the paper's Fig. 4).",
+        said("points", frame="/".join(shown)),
         "png",
     )
     return html.section(
@@ -228,11 +193,7 @@ def modulus_table(calibration: Calibration, study: Study) -> html.Html:
         ["the paper's standard deviation in kPa",
          *(f"{from_si(sd_pa, 'kpa'):.1f}" for sd_pa, _ in zip(PAPER_SD_PA, eyes, strict=False))],
     ]  # fmt: skip
-    caption = (
-        "Posterior of Young's modulus (the paper's Table 2). The virtual eyes were made with the paper's means, so the "
-        "last rows are both the paper's figures and the truth."
-    )
-    return html.table(["", *calibration.eyes], rows, caption)
+    return html.table(["", *calibration.eyes], rows, said("moduli"))
 
 
 def _mpa(modulus_pa: float) -> str:
@@ -244,11 +205,8 @@ def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: s
     chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
     pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
     likeness = np.mean([metrics.dice(pair.measured, pair.simulated) for pair in pairs])
-    caption = (
-        f"A frame of each class, its slice, and the slice simulated for its measured force at "
-        f"{from_si(reader.study.eye.youngs_modulus_pa, 'mpa'):.3g} MPa (the paper's {name}). The simulated slice is "
-        f"moved to where the eye lies in the frame, which shifts from frame to frame. Mean Dice {likeness:.3f}."
-    )
+    modulus_mpa = from_si(reader.study.eye.youngs_modulus_pa, "mpa")
+    caption = said("pairs", modulus_mpa=modulus_mpa, figure=name, likeness=likeness)
     return html.figure(
         frame_figures.draw_slice_pairs(pairs), "frames beside simulated slices for each class", caption, "png"
     )
@@ -287,17 +245,13 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
 
 
 def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
-    metrics, samples = reader.record["metrics"], reader.record["samples"]
-    images = samples["training"] + samples["validation"]
-    low, high = metrics["validation_interval"]
-    rate = seconds["generate"] / images
-    return (
-        f"{images} slices were simulated in {seconds['generate']:.0f} s ({from_si(rate, 'ms'):.1f} ms each; the paper: "
-        f"{PAPER_SECONDS_A_SLICE:.2f} s each), {samples['training']} of them to train on and {samples['validation']}, "
-        f"of contacts that training never saw, to validate on. After {reader.record['epochs']} epochs the network "
-        f"reads {from_si(metrics['validation_accuracy'], 'percent'):.2f} % of these (95 % interval "
-        f"{from_si(low, 'percent'):.2f} to {from_si(high, 'percent'):.2f} %; the paper: 100 %)."
-    )
+    reached, samples = reader.record["metrics"], reader.record["samples"]
+    images, seconds_taken = samples["training"] + samples["validation"], seconds["generate"]
+    shares = (reached["validation_accuracy"], *reached["validation_interval"])
+    accuracy, low, high = (from_si(share, "percent") for share in shares)
+    counts = {"images": images, "samples": samples, "epochs": reader.record["epochs"]}
+    times = {"seconds": seconds_taken, "rate_ms": from_si(seconds_taken / images, "ms")}
+    return said("training", **counts, **times, accuracy=accuracy, low=low, high=high)
 
 
 def _network_figure(reader: Classifier) -> html.Html:
@@ -310,11 +264,7 @@ def _network_figure(reader: Classifier) -> html.Html:
 def _training_figure(reader: Classifier) -> html.Html:
     curves = {name: reader.record["curves"][name] for name in
               ("training_loss", "validation_loss", "training_accuracy", "validation_accuracy")}  # fmt: skip
-    caption = (
-        "Cross-entropy and accuracy over the epochs (the paper's Fig. 8a). Validation lies above training because "
-        "training is measured under dropout, as the paper remarks too."
-    )
-    return html.figure(draw_curves(curves, "epoch"), "loss and accuracy over the epochs", caption)
+    return html.figure(draw_curves(curves, "epoch"), "loss and accuracy over the epochs", said("curves"))
 
 
 def _montage_figure(run: Run) -> html.Html:
@@ -327,9 +277,7 @@ def _montage_figure(run: Run) -> html.Html:
         dataset.target[chosen].astype(np.intp),
         dataset.read("thickness_m")[chosen],
     )
-    caption = (
-        f"{MONTAGE_SLICES} of the {dataset.images} simulated slices, drawn at random, by force (the paper's Fig. 8b)."
-    )
+    caption = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
     return html.figure(drawn, "simulated slices with force and wall thickness", caption, "png")
 
 
@@ -342,10 +290,7 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
     gap = html.table(
-        ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"],
-        rows,
-        "The same five eyes and trials for each class; in the second row the forces are drawn from the whole of each "
-        "class, so that some lie nearer to its bounds than the force log's noise and the calibration's error reach.",
+        ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"], rows, said("to_the_bounds")
     )
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
     mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
