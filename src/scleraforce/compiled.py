@@ -58,7 +58,7 @@ def compiled_in_place(loops: Loops) -> Loops:
 @cache
 def _part_compiler() -> Any:
     """Return Numba's compiler of parts: LLVM optimises each only within its callers, not once more for every level."""
-    codegen, compiler = (_untyped(f"numba.core.{name}") for name in ("codegen", "compiler"))
+    codegen, compiler = (import_module(f"numba.core.{name}") for name in ("codegen", "compiler"))
 
     class Part(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         def finalize(self) -> None:
@@ -89,7 +89,7 @@ def _code_file() -> Any:
     parse each function's form for the linker, which only the compilation of a caller needs.
     """
     event, caching, codegen, environment, runtime = (
-        _untyped(f"numba.core.{name}") for name in ("event", "caching", "codegen", "environment", "runtime")
+        import_module(f"numba.core.{name}") for name in ("event", "caching", "codegen", "environment", "runtime")
     )
 
     def environment_of(module: str, constants: list[Any], name: str) -> Any:
@@ -190,10 +190,6 @@ def _code_file() -> Any:
 
     event.register("numba:compile", Notice())
     return CodeFile
-
-
-def _untyped(module: str) -> Any:
-    return import_module(module)
 
 
 @cache

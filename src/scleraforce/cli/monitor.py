@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -95,7 +96,6 @@ def monitor(
         from scleraforce.reader import load_model, suited
         from scleraforce.recording.folder import eye_id_fault
         from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
-        from scleraforce.service.reset import new_token
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
     if not reader.serves_loop:  # it would be its own second opinion
@@ -119,7 +119,7 @@ def monitor(
         console=None if web_port is None else Address(web_host, web_port),
         black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
         record=record,
-        token=new_token(),
+        token=token_hex(16),  # it cannot be guessed
     )
     with closing(Notes(_write_line)) as notes:
         with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):

@@ -20,6 +20,7 @@ from scleraforce.arrays import Floats
 from scleraforce.learning import descent
 from scleraforce.learning.descent import Fitted, tensor, torch
 from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
+from scleraforce.library.slices import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
 from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
@@ -49,7 +50,8 @@ class ReaderNetwork(torch.nn.Module):
         super().__init__()
         depth = (np.arange(slice_study.rows) + 0.5 - slice_study.rows / 2) * slice_study.pixel_m / TYPICAL_WALL
         projection = np.stack([np.ones(slice_study.rows), depth])[:, :, None]
-        circle = circle_depth(slice_study, radius_m) / TYPICAL_WALL
+        lateral_m = column_laterals(slice_study)
+        circle = (radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))) / TYPICAL_WALL  # below its top
         self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
         self.projection: torch.Tensor
         self.circle: torch.Tensor
@@ -125,13 +127,6 @@ def bin_ends(bins: int) -> NDArray[np.float32]:
     ends = np.linspace(0.0, 1.0, bins + 1, dtype=np.float32)
     ends[[0, -1]] = -FAR, FAR
     return ends
-
-
-def circle_depth(slice_study: SliceStudy, radius_m: float) -> Floats:
-    """Return the depth of a circle of the eye's radius below its top, at the slice's columns (column,), m."""
-    lateral = (np.arange(slice_study.columns) + 0.5 - slice_study.columns / 2) * slice_study.pixel_m
-    depth: Floats = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
-    return depth
 
 
 class ReadForces(torch.nn.Module):

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matplotlib types all but its toolkits
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
 
-from scleraforce.arrays import Flags, Floats, Integers
+from scleraforce.arrays import Floats, Integers
 from scleraforce.laboratory.virtual_eye import SimulatedEye
 from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, log_scale, styled
 from scleraforce.study import Study
@@ -50,7 +50,9 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
 
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
-    outlines = skin_outlines(eye.mesh.cells_en[behind_needle(eye)])
+    middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
+    behind_needle = middles_ec @ eye.contact.parallel > 0.0  # of the plane through its meridian, for the viewer
+    outlines = skin_outlines(eye.mesh.cells_en[behind_needle])
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
     amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
@@ -67,13 +69,6 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes.set_axis_off()
     bar = figure.add_axes((0.25 * width, 0.17, 0.5 * width, 0.025))
     figure.colorbar(colours, cax=bar, orientation="horizontal", label="displacement [mm]").outline.set_visible(False)
-
-
-def behind_needle(eye: SimulatedEye) -> Flags:
-    """Return True for the elements on the far side of the plane through the needle's meridian, seen by the viewer."""
-    middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
-    far: Flags = middles_ec @ eye.contact.parallel > 0.0
-    return far
 
 
 def skin_outlines(cells_en: Integers) -> Integers:

@@ -8,22 +8,15 @@ import json
 import socket
 from collections import deque
 from hashlib import sha256
-from secrets import token_hex
 from time import monotonic, time
 
 from scleraforce.errors import InputError, ProtocolError
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 
 RESET_DEVICE = "ForceReset"
-TOKEN_BYTES = 16
 ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
 ANSWER_S = 2.0
 PIECE = 65536
-
-
-def new_token() -> str:
-    """Return a token that cannot be guessed: 128 bits as 32 hexadecimal digits."""
-    return token_hex(TOKEN_BYTES)
 
 
 def token_digest(token: str) -> str:
