@@ -4,8 +4,10 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from analytic_library import analytic_library
 
 from scleraforce.learning.classifier import Samples
+from scleraforce.library import Library
 from scleraforce.study import NetworkStudy
 
 ROWS, COLUMNS = 12, 10
@@ -42,3 +44,8 @@ def bars() -> tuple[Samples, Samples]:
 def small() -> NetworkStudy:
     """A network that trains in a moment."""
     return NetworkStudy(hidden=(24, 16), dropout=0.3, learning_rate=0.1, batch_size=32, epochs=4)
+
+
+@pytest.fixture(scope="session")
+def library() -> Library:
+    return analytic_library(thicknesses=5, ratios=5, tips=24)

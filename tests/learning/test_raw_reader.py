@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from analytic_library import analytic_library
 
 from scleraforce.known import Known, Modulus
 from scleraforce.learning import raw_reader
@@ -35,11 +34,6 @@ TINY = Study(
         interval_eyes=0,
     ),
 )
-
-
-@pytest.fixture(scope="module")
-def library() -> Library:
-    return analytic_library(thicknesses=5, ratios=5, tips=24)
 
 
 def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
@@ -131,8 +125,8 @@ COUNT = 60
 
 
 @pytest.fixture(scope="module")
-def source() -> raw_reader.RawSource:
-    return raw_reader.RawSource.of(analytic_library(thicknesses=5, ratios=5, tips=24), STUDY)
+def source(library: Library) -> raw_reader.RawSource:
+    return raw_reader.RawSource.of(library, STUDY)
 
 
 def study_with(**raw: object) -> Study:
@@ -206,10 +200,9 @@ def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     assert raw_reader.draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
 
 
-def test_a_linear_display_is_drawn_where_the_phantom_has_one() -> None:
+def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
     linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
     assert raw_reader.draw_optics(linear, None, np.random.default_rng(1)).display == "linear"
-    library = analytic_library(thicknesses=5, ratios=5, tips=24)
     frames = [raw_reader.RawSource.of(library, study).chunk(1, 20).frames for study in (Study(), linear)]
     walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
     assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from analytic_library import analytic_library, solve_analytic
+from analytic_library import solve_analytic
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
@@ -34,11 +34,6 @@ TINY = Study(
     ),
     library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
 )
-
-
-@pytest.fixture(scope="module")
-def library():
-    return analytic_library(thicknesses=5, ratios=5, tips=24)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, bulging, made_up_library
+from analytic_library import bulging, made_up_library
 from library_arrays import reached_tips
 
 from predicted_walls import Walls, formed_wall
@@ -20,11 +20,6 @@ from scleraforce.mechanics.slices import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
 READER, SLICE = ReaderStudy(), SliceStudy()
-
-
-@pytest.fixture(scope="module")
-def library():
-    return analytic_library(thicknesses=5, ratios=5, tips=24)
 
 
 @pytest.fixture(scope="module")
@@ -123,10 +118,10 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
     assert np.mean(agreeing) > 0.97
 
 
-def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
+def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(library, monkeypatch: pytest.MonkeyPatch) -> None:
+    bulged = bulging(library)
     plain = replace(READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, lateral_m=fixed(0.4e-3))
-    image = draw_samples(library, plain, SLICE, 60, np.random.default_rng(8)).mirrored()
+    image = draw_samples(bulged, plain, SLICE, 60, np.random.default_rng(8)).mirrored()
 
     def draw_mirrored(*arguments):
         eyes = draw_eyes(*arguments)
@@ -135,7 +130,7 @@ def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(monkeypatch: pytest.Mo
         return replace(eyes, stated=stated, **turned)
 
     monkeypatch.setattr("scleraforce.learning.samples.draw_eyes", draw_mirrored)
-    drawn = draw_samples(library, replace(plain, lateral_m=fixed(-0.4e-3)), SLICE, 60, np.random.default_rng(8))
+    drawn = draw_samples(bulged, replace(plain, lateral_m=fixed(-0.4e-3)), SLICE, 60, np.random.default_rng(8))
     np.testing.assert_allclose(image.given, drawn.given, atol=1e-6)
     np.testing.assert_array_equal(image.lateral_m, drawn.lateral_m)
     inner = np.s_[:, :, 25:115]  # sides are lost as in a frame
@@ -143,25 +138,25 @@ def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(monkeypatch: pytest.Mo
     assert (image.slices[:, :, ::-1] == drawn.slices)[inner].mean() < 0.99
 
 
-def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole() -> None:
-    library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
+def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole(library) -> None:
+    bulged = bulging(library)
     plain = replace(
         READER, plain_share=1.0, uneven_share=0.0, boundary_errors=0.0, lateral_m=fixed(0.4e-3),
         surface_depth_m=fixed(0.5e-3), polar_angle_rad=fixed(0.7), gap_m=fixed(0.6e-3),
     )  # fmt: skip
     count = 60
-    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
-    eyes = draw_eyes(library, plain, count, np.random.default_rng(8))
+    drawn = draw_samples(bulged, plain, SLICE, count, np.random.default_rng(8))
+    eyes = draw_eyes(bulged, plain, count, np.random.default_rng(8))
     agreeing, upright = [], []
     for n in range(count):
         unknown = np.zeros(len(NAMES))
         thickness, ratio = eyes.thickness_m[n : n + 1], eyes.iop_ratio[n : n + 1]
-        unknown[TIP] = library.tips(thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n])[0]
+        unknown[TIP] = bulged.tips(thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n])[0]
         unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
         unknown[MODULUS], unknown[IOP] = np.log(eyes.modulus_pa[n]), np.log(ratio[0] * eyes.modulus_pa[n])
         for pole, shares in ((pole_direction(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
             unknown[POLE] = pole
-            placed = formed_wall(Walls(library), unknown)
+            placed = formed_wall(Walls(bulged), unknown)
             depths = np.stack([np.interp(column_laterals(SLICE), *curve.T) for curve in placed])
             expected = fill_boundaries(depths[None], SLICE)[0]
             shares.append((expected[1:38, 25:115] == drawn.slices[n][1:38, 25:115]).mean())
@@ -212,11 +207,11 @@ def test_tissue_stiffens_as_often_as_stated_and_evenly_in_the_logarithm() -> Non
     assert counts == pytest.approx(counts.mean(), rel=0.25)
 
 
-def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other() -> None:
+def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other(library) -> None:
     rng, always = np.random.default_rng(4), replace(READER, stiffening_share=1.0)
     for most in (10.0, 30.0, 33.0):
         held = made_up_library(most)
         assert max(library_of_tissue(held, always, rng).stiffening for _ in range(60)) == pytest.approx(most, rel=1e-12)
-    plain, never = analytic_library(thicknesses=5, ratios=5, tips=24), replace(READER, stiffening_share=0.0)
-    assert all(library_of_tissue(plain, always, rng) is plain for _ in range(20))
+    never = replace(READER, stiffening_share=0.0)
+    assert all(library_of_tissue(library, always, rng) is library for _ in range(20))
     assert all(library_of_tissue(held, never, rng) is held for _ in range(20))

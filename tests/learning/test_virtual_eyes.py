@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, made_up_library, without_rests
+from analytic_library import made_up_library, without_rests
 from small_recordings import LOGGED_INFO
 
 from scleraforce.calibration.forces import LABEL_SD_N, FrameForces, frame_forces
@@ -48,11 +48,6 @@ EXACT = Study(
         thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0), pole_noise_rad=0.0,
     )
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def library():
-    return analytic_library(thicknesses=5, ratios=5, tips=24)
 
 
 @pytest.fixture

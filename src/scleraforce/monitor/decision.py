@@ -6,22 +6,8 @@ from math import inf, isfinite, sqrt
 from statistics import fmean, median
 from typing import assert_never
 
-from scleraforce.monitor.events import (
-    SLACK_S,
-    TRANSITIONS,
-    Cause,
-    Fault,
-    FrameRead,
-    MonitorEvent,
-    OvertakenRead,
-    QueueLoss,
-    Reset,
-    SecondOpinion,
-    Signal,
-    State,
-    Tick,
-    Verdict,
-)
+from scleraforce.monitor import events
+from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, Signal, State
 from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.units import from_si
@@ -89,7 +75,7 @@ def _clock(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _
         return _alarm(Cause.OUT_OF_ORDER, f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms")
     silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
-        if state.state is State.WITHDRAW and isinstance(event, Reset):
+        if state.state is State.WITHDRAW and isinstance(event, events.Reset):
             return None  # refused, with its reason
         return _alarm(Cause.SILENCE, f"no frame for {from_si(limits.silence_s, 'ms'):.0f} ms")
     return None
@@ -98,7 +84,7 @@ def _clock(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _
 def _waiting(now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding | None:
     """Return the alarm for a second reader that stays away; before the first good frame there is no time limit."""
     waited_s = _waited(now, event.at_s)
-    if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
+    if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, events.Reset):
         return None  # a reset is refused, with its reason
     return _alarm(Cause.NO_OPINION, f"no second opinion for {from_si(limits.opinion_s, 'ms'):.0f} ms")
 
@@ -107,17 +93,17 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
     match event:
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(now, event, limits)
-        case SecondOpinion():
+        case events.SecondOpinion():
             return _opinion(now, event, limits)
-        case OvertakenRead(read=read):
+        case events.OvertakenRead(read=read):
             return _overtaken(now, read, limits)
-        case Tick():
+        case events.Tick():
             return QUIET
-        case Fault():
+        case events.Fault():
             return _alarm(event.cause, event.detail)
-        case QueueLoss():
+        case events.QueueLoss():
             return _loss(now, event, limits)
-        case Reset():
+        case events.Reset():
             return _reset(now, event, limits)
         case _:
             assert_never(event)
@@ -175,7 +161,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     return _Finding(Signal.HARMLESS, "")
 
 
-def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> _Finding:
+def _opinion(now: MonitorState, opinion: events.SecondOpinion, limits: MonitorLimits) -> _Finding:
     """Return the meaning of a second opinion: a doubt, or nothing new."""
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
@@ -189,7 +175,7 @@ def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Fi
 
 
 def _only_doubts(
-    now: MonitorState, verdict: Verdict, name: str, in_row: int, most: int, limits: MonitorLimits
+    now: MonitorState, verdict: events.Verdict, name: str, in_row: int, most: int, limits: MonitorLimits
 ) -> _Finding:
     """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones in a row end with this one."""
     wrong = unsound(verdict, limits)
@@ -224,17 +210,20 @@ def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> 
     return _Finding(Signal.TOLERATED, reason)
 
 
-def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> _Finding:
+def _loss(now: MonitorState, event: events.QueueLoss, limits: MonitorLimits) -> _Finding:
     if not (event.lost >= 1 and event.unread_s > 0.0):
         return _alarm(Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s")
     within_s = sum(unread_s for _, unread_s in now.losses)
-    if now.lost_in_row_s <= limits.loss_in_row_s + SLACK_S and within_s <= limits.loss_in_window_s + SLACK_S:
+    if (
+        now.lost_in_row_s <= limits.loss_in_row_s + events.SLACK_S
+        and within_s <= limits.loss_in_window_s + events.SLACK_S
+    ):
         return QUIET
     row_ms, within_ms = from_si(now.lost_in_row_s, "ms"), from_si(within_s, "ms")
     return _alarm(Cause.QUEUE_BEHIND, f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window")
 
 
-def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> _Finding:
+def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Finding:
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last one recent."""
     doubt = _doubt(now, event.at_s, limits)
     if doubt:
@@ -249,7 +238,7 @@ def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> _Finding:
 
 def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> MonitorState:
     """Follow the table; the first cause stays until the reset."""
-    after = TRANSITIONS[state.state, finding.signal]
+    after = events.TRANSITIONS[state.state, finding.signal]
     fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
     cause, reason = state.cause, state.reason
     if after is not State.WITHDRAW:
