@@ -8,7 +8,6 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Pose, drawn
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
-from scleraforce.study.fields import Sampled
 
 ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, and mirrored from there
 BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it; points of their grid
@@ -52,19 +51,13 @@ class Window:
 
 
 def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
-    """Draw a frame's size and pixels."""
-    width_m = draw(study.width_m, rng)
-    depth_m = width_m * draw_even_logarithm(study.depth_share, rng)
+    """Draw a frame's size and pixels; the logarithm of its depth's share of its width is even."""
+    width_m, (least, most) = draw(study.width_m, rng), study.depth_share.bounds
+    depth_m = width_m * float(np.exp(rng.uniform(np.log(least), np.log(most))))
     finest_m, coarsest_m = study.pixel_m.bounds
     rows = round(min(max(draw(study.rows, rng), depth_m / coarsest_m), depth_m / finest_m))
     columns, above = round(draw(study.columns, rng)), round(ABOVE_SHARE * rows)
     return Window(rows=rows, columns=columns, above=above, width_m=width_m, depth_m=depth_m)
-
-
-def draw_even_logarithm(values: Sampled, rng: np.random.Generator) -> float:
-    """Draw between the bounds of positive values, the logarithm even."""
-    low, high = values.bounds
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and its reach to each side

@@ -49,12 +49,8 @@ class Front:
     element_places: Integers
 
 
-@dataclass(frozen=True, eq=False)
-class Dissection:
-    """Fronts, children before their parents, and the place of every free unknown in the order of elimination."""
-
-    fronts: tuple[Front, ...]
-    number_u: Integers
+# Fronts, children before their parents, and the place of every free unknown in the order of elimination.
+Dissection = tuple[tuple[Front, ...], Integers]
 
 
 def dissect(mesh: HexMesh, held_nc: Flags) -> Dissection:
@@ -89,7 +85,7 @@ def dissect(mesh: HexMesh, held_nc: Flags) -> Dissection:
         numbers = number_nc[cells_en[own_elements]].transpose(0, 2, 1).reshape(len(own_elements), 3 * cells_en.shape[1])
         element_places = np.where(numbers < 0, len(everything), np.searchsorted(everything, numbers))
         fronts.append(Front(own, shared, halves, places, own_elements, element_places))
-    return Dissection(tuple(fronts), number_nc[~held_nc])
+    return tuple(fronts), number_nc[~held_nc]
 
 
 def _parts(mesh: HexMesh) -> Iterator[tuple[Integers, tuple[int, ...]]]:
@@ -147,7 +143,7 @@ class FrontalFactor:
 
     def __init__(self, dissection: Dissection, element_eiajb: Reals) -> None:
         """Sum up and factor symmetric element matrices (element, 3, node, 3, node)."""
-        self._dissection, self._number_u = dissection, dissection.number_u
+        self._dissected, self._number_u = dissection
         self._dtype = element_eiajb.dtype
         size = element_eiajb.shape[1] * element_eiajb.shape[2]
         element_eNN = element_eiajb.reshape(-1, size, size)
@@ -159,7 +155,7 @@ class FrontalFactor:
         left: dict[int, Reals] = {}
         self._fronts: list[_Factored] = []
         with one_blas_thread():
-            for number, front in enumerate(dissection.fronts):
+            for number, front in enumerate(self._dissected):
                 A = _summed(front, element_eNN, [left.pop(child) for child in front.children])
                 factored, left[number] = self._eliminated(front, A)
                 self._fronts.append(factored)
@@ -177,7 +173,7 @@ class FrontalFactor:
 
     def _asked(self, wanted_u: Flags | None) -> list[bool]:
         """Return for each front whether it, or one below it, has wanted unknowns."""
-        fronts = self._dissection.fronts
+        fronts = self._dissected
         if wanted_u is None:
             return [True] * len(fronts)
         first = [front.own.start for front in fronts]

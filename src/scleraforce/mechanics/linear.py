@@ -43,10 +43,11 @@ class LinearWall:
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
         self._points = volume_points(mesh)
-        self._poisson_ratio = poisson_ratio
-        self._springs, self._springs_modulus_pa = springs, springs_modulus_pa
         self._free = np.flatnonzero(~self.held_nc.ravel())
-        self._factor = _factorise(mesh, self.held_nc, self._elements())
+        elements = element_stiffness(self._points, *lame_constants(1.0, poisson_ratio))
+        if springs is not None:
+            springs.add_to(elements, FacePlaces(mesh.cells_en, springs.nodes_qn), 1.0 / springs_modulus_pa)
+        self._factor = _factorise(mesh, self.held_nc, elements)
 
     @cached_property
     def pressure_nc(self) -> Floats:
@@ -99,14 +100,6 @@ class LinearWall:
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
         loaded = iop_pa * self.pressure_nc + weight_n_m3 * self.gravity_nc + force_n * needle_nc
         return loaded / youngs_modulus_pa
-
-    def _elements(self) -> Floats:
-        """Element matrices at E = 1 Pa, springs included, (element, 3, node, 3, node)."""
-        elements = element_stiffness(self._points, *lame_constants(1.0, self._poisson_ratio))
-        if self._springs is not None:
-            places = FacePlaces(self.mesh.cells_en, self._springs.nodes_qn)
-            self._springs.add_to(elements, places, 1.0 / self._springs_modulus_pa)
-        return elements
 
 
 def _factorise(mesh: HexMesh, held_nc: Flags, element_eiajb: Floats) -> FrontalFactor:
