@@ -46,6 +46,7 @@ DRAWS = 512
 
 
 @lru_cache
+@lru_cache(maxsize=64)
 def law_of(globe: KnownGlobe) -> Law:
     """Return the law of a globe."""
     rates = (float(globe.globe(rigidity).rate) for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd))

@@ -236,9 +236,9 @@ def _draw_forces(problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt
     law, drawn, moved, deciding = problem.law, unknown.copy(), np.empty(len(MOVING)), np.empty((UNKNOWNS, len(MOVING)))
     for number in range(len(MOVING)):
         deciding[:, number] = spread[:, MOVING[number]]
-    terms, across, follows_eye = doubt.terms, doubt.correlation, np.abs(doubt.terms[:, 2:]).max() > 0.0
+    (normals, grown, terms, across), follows_eye = doubt, np.abs(doubt.terms[:, 2:]).max() > 0.0
     for draw in range(len(draws_n)):
-        normal = doubt.normal[draw]
+        normal = normals[draw]
         moved[:] = 0.0
         for number in range(UNKNOWNS):
             for place in range(len(moved)):
@@ -253,7 +253,7 @@ def _draw_forces(problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt
             high = np.log(pressure_of_level(level + law.highest * volume, law.is_logarithmic))
             drawn[at.PRESSURE] = min(max(drawn[at.PRESSURE], low), high)
         borne_n = force_at(tables, law, drawn)
-        level_z, growth_z = doubt.level_growth[draw]
+        level_z, growth_z = grown[draw]
         level = terms[0, 0] + terms[0, 1] * level_z
         growth = terms[1, 0] + terms[1, 1] * (across * level_z + np.sqrt(1.0 - across**2) * growth_z)
         if follows_eye:

@@ -209,7 +209,7 @@ def limbus_start(problem: Problem, unknown: Floats, sign: float, work: Work, sta
     them, follow by linear least squares on the outer boundary. `unknown` is a fit without that limbus; side -1 is the
     left one, 1 the right one.
     """
-    scene, depths = problem.scene, work.depths
+    scene, depths, work.last[0] = problem.scene, work.depths, np.nan
     show_wall(scene, unknown, work.wall, depths)
     basis, along_m, rest_m = np.zeros((scene.outer, 4)), np.empty(scene.outer), np.empty(scene.outer)
     for place in range(scene.outer):

@@ -56,7 +56,8 @@ class Problem(NamedTuple):
 class Work(NamedTuple):
     """The wall of the unknowns that were evaluated last, a workspace for walls beside it, and the normal equations.
 
-    `off` (place,): how far the columns lie off along the normal, in standard deviations.
+    `off` (place,): how far the columns lie off along the normal, in standard deviations. `last`: the unknowns, their
+    cost and the number of nodes that were found.
     """
 
     wall: Wall
@@ -68,6 +69,7 @@ class Work(NamedTuple):
     step: Floats
     rows: Floats
     off: Floats
+    last: Floats
 
 
 @compiled_part
@@ -78,7 +80,7 @@ def work_of(scene: Scene) -> Work:
     depths = Depths(np.empty(count), np.empty(count), np.empty(count), np.empty(count), seen, jacobian)
     return Work(
         empty_wall(scene), empty_wall(scene), depths, np.empty(square), np.empty(UNKNOWNS), np.empty(square),
-        np.empty(UNKNOWNS), np.empty((BLOCK, UNKNOWNS)), np.empty(count),
+        np.empty(UNKNOWNS), np.empty((BLOCK, UNKNOWNS)), np.empty(count), np.full(UNKNOWNS + 2, np.nan),
     )  # fmt: skip
 
 
@@ -86,6 +88,11 @@ def work_of(scene: Scene) -> Work:
 def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]:
     """Return the cost, the loss of the columns and of leaving the prior, and the number of nodes that are found."""
     belief, depths, off, lost, known = problem.belief, work.depths, work.off, 0.0, 0.0
+    is_last = True
+    for place in range(UNKNOWNS):
+        is_last = is_last and work.last[place] == unknown[place]
+    if is_last:
+        return work.last[UNKNOWNS], int(work.last[UNKNOWNS + 1])
     count, (seen, slope) = show_wall(problem.scene, unknown, work.wall, depths), (depths.seen, depths.slope)
     off[:] = (problem.depth_m - depths.depth_m) / (problem.sd_m * np.sqrt(1.0 + slope**2))
     for place in range(len(off)):
@@ -95,7 +102,9 @@ def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]
         known += HEAVY_CAUCHY**2 * np.log1p((away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2)
         away[place] = 0.0
     known += _square(belief.precision, away) + _square(belief.calibrated, apart)
-    return CAUCHY**2 * lost / problem.as_one + known, count
+    work.last[:UNKNOWNS] = unknown
+    work.last[UNKNOWNS], work.last[UNKNOWNS + 1] = CAUCHY**2 * lost / problem.as_one + known, count
+    return work.last[UNKNOWNS], count
 
 
 @compiled_in_place
