@@ -28,6 +28,7 @@ from scleraforce.laboratory.light import (
     transmission,
 )
 from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.slices import columns_crossed
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
@@ -172,15 +173,10 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Float:
 
 def _curve_crossings(curve: Floats, columns_m: Floats) -> tuple[Places, Floats, Places]:
     """Return column, depth and sense (1: to the right, -1: to the left) of a polyline's crossings with columns."""
-    step_m = columns_m[1] - columns_m[0]
-    ends = np.ceil((curve[:, 0] - columns_m[0]) / step_m).clip(0, len(columns_m)).astype(np.intp)
-    count = np.abs(np.diff(ends))
-    segment = np.repeat(np.arange(len(count)), count)
-    column = (
-        np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.minimum(ends[:-1], ends[1:])[segment]
-    )
+    place = (curve[:, 0] - columns_m[0]) / (columns_m[1] - columns_m[0])
+    segment, column, sense = columns_crossed(place, len(columns_m))
     (x0, y0), (x1, y1) = curve[:-1][segment].T, curve[1:][segment].T
-    return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), np.sign(np.diff(ends))[segment]
+    return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), sense
 
 
 def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) -> _Tissue:

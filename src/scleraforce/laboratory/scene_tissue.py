@@ -316,9 +316,8 @@ def _between(drawing: _Drawing, outline: Floats) -> tuple[Floats, Floats]:
 def _fill_wall(drawing: _Drawing) -> None:
     """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of the light to its normal."""
     study, rng, outer, inner = drawing.study, drawing.rng, drawing.outer, drawing.inner
-    fall_db = draw(study.angle_fall_db, rng) * (
-        1.0 - np.exp(-((drawing.rays.slope_rad / draw(study.angle_width_rad, rng)) ** 2) / 2)
-    )
+    most_db, width_rad = draw(study.angle_fall_db, rng), draw(study.angle_width_rad, rng)
+    fall_db = most_db * (1.0 - np.exp(-((drawing.rays.slope_rad / width_rad) ** 2) / 2))
     cornea_db = draw(study.cornea_db, rng) - fall_db
     waves, phase = rng.uniform(0.0, PROFILE_WAVES), rng.uniform(0.0, 2.0 * np.pi)
     profile_db, attenuation = draw(study.profile_db, rng), draw(study.attenuation_per_m, rng)

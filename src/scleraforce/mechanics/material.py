@@ -6,7 +6,7 @@ which has no unit,
     W = mu/(2 b) (exp(b Q) - 1)        Q = I1 - 3 - 2 ln J + (lambda/mu) (ln J)^2
 
 mu Q/2 is the energy of the neo-Hookean solid, which W becomes for b -> 0; b does not matter at small strains. So first
-Piola-Kirchhoff stress and elasticity are those of the neo-Hookean solid, P0 and A0, and a term of rank one:
+Piola-Kirchhoff stress and elasticity have the neo-Hookean P0 and A0, and a term of rank one:
 
     P = exp(b Q) P0        A = exp(b Q) (A0 + (2 b/mu) P0 (x) P0)
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Floats
+from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.study import SliceStudy
 
@@ -76,14 +76,22 @@ def _pixel_contour(section: Section, window: SliceWindow) -> Floats:
 
 def _winding_number(contour: Floats, rows: int, columns: int) -> NDArray[np.int8]:
     """Count, at every pixel centre, the signed edges that the ray from there upwards meets, shape (rows, columns)."""
-    ends = np.clip(np.ceil(contour[0]), 0, columns).astype(np.intp)
-    steps = np.diff(ends)  # an edge crosses the columns from ceil(start) to ceil(end) - 1, or the other way round
-    crossed = np.abs(steps)
-    edge = np.repeat(np.arange(len(steps)), crossed)
-    nth = np.arange(len(edge)) - (np.cumsum(crossed) - crossed)[edge]
-    column = np.minimum(ends[:-1], ends[1:])[edge] + nth
+    edge, column, sense = columns_crossed(contour[0], columns)
     slope = np.diff(contour[1])[edge] / np.diff(contour[0])[edge]
     row = contour[1, edge] + (column - contour[0, edge]) * slope
     first_below = np.clip(np.ceil(row - 0.5 / SNAP), 0, rows).astype(np.intp)
-    entered = np.bincount(first_below * columns + column, np.sign(steps)[edge], (rows + 1) * columns)
+    entered = np.bincount(first_below * columns + column, sense, (rows + 1) * columns)
     return np.cumsum(entered[: rows * columns].reshape(rows, columns), axis=0, dtype=np.int8)
+
+
+def columns_crossed(place: Floats, columns: int) -> tuple[Places, Places, Places]:
+    """Return edge, column, and sense (1: to growing columns, else -1) of a line's crossings with columns 0, 1, 2 ...
+
+    `place`, in columns: of the line's points. An edge crosses from ceil(start) to ceil(end) - 1, or the other way.
+    """
+    ends = np.clip(np.ceil(place), 0, columns).astype(np.intp)
+    steps = np.diff(ends)
+    crossed = np.abs(steps)
+    edge = np.repeat(np.arange(len(steps)), crossed)
+    nth = np.arange(len(edge)) - (np.cumsum(crossed) - crossed)[edge]
+    return edge, np.minimum(ends[:-1], ends[1:])[edge] + nth, np.sign(steps)[edge]

@@ -138,12 +138,9 @@ def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: 
 
 def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     """Measure the roughness of a boundary from the residuals of parabolas over short stretches."""
-    seen = np.isfinite(boundaries.depth_m[boundary])
     step = float(np.median(np.diff(boundaries.lateral_m)))
     half = max(2, round(STRETCH_M / step))
-    if seen.sum() < 4 * half:
-        return Roughness(sd_m=boundaries.pixel_m, correlation=0.0)
-    columns = np.flatnonzero(seen)
+    columns = np.flatnonzero(np.isfinite(boundaries.depth_m[boundary]))
     starts = columns[: len(columns) // (2 * half) * 2 * half].reshape(-1, 2 * half)
     whole = starts[(np.diff(starts, axis=1) == 1).all(axis=1)]
     if len(whole) < 2:
