@@ -19,6 +19,7 @@ from small_models import rehash_store
 from small_recordings import calibration_text
 
 from reference_walls import cut_section
+from scleraforce import study as st
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.learning.dataset import (
     DTYPES,
@@ -36,17 +37,7 @@ from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.study import (
-    Choice,
-    DatasetGroup,
-    GlobeStudy,
-    MechanicsStudy,
-    MeshStudy,
-    Range,
-    Study,
-    format_study,
-    parse_study,
-)
+from scleraforce.study import Range, Study, format_study, parse_study
 
 
 def with_dataset(**changes):
@@ -89,7 +80,7 @@ def test_open_ranges_are_drawn_for_each_sample_and_independently():
         with_dataset(
             gap_m=Range(min=0.35e-3, max=1e-3),
             tilt_rad=Range(min=-0.1, max=0.1),
-            direction_rad=Choice((0.0, 1.0)),
+            direction_rad=st.Choice((0.0, 1.0)),
             framing_lateral_m=Range(min=-1e-3, max=1e-3),
             framing_depth_m=Range(min=-2e-4, max=2e-4),
         )
@@ -108,7 +99,7 @@ def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_s
     study = with_dataset(
         contacts=7,
         gap_m=Range(min=0.4e-3, max=0.9e-3),
-        group=(DatasetGroup(images=45), DatasetGroup(images=3), DatasetGroup(images=230, thickness_m=8e-4)),
+        group=(st.DatasetGroup(images=45), st.DatasetGroup(images=3), st.DatasetGroup(images=230, thickness_m=8e-4)),
     )
     whole, draft = plan_dataset(study), draft_plan(study)
     assert draft.images == whole.images == 278
@@ -125,7 +116,7 @@ MODULUS_PA = 0.3e6
 
 def small_study(seed=0):
     """Two thicknesses, 5 contacts each, every range open, units that split contacts and thicknesses."""
-    study = Study(mesh=MeshStudy(divisions=4, level=1))
+    study = Study(mesh=st.MeshStudy(divisions=4, level=1))
     dataset = replace(
         study.dataset,
         seed=seed,
@@ -136,8 +127,8 @@ def small_study(seed=0):
         framing_lateral_m=Range(min=-5e-4, max=5e-4),
         framing_depth_m=Range(min=-2e-4, max=2e-4),
         group=(
-            DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
-            DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
+            st.DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
+            st.DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
         ),
     )
     return parse_study(format_study(replace(study, dataset=dataset)))
@@ -358,8 +349,8 @@ def study():
         framing_lateral_m=Range(min=-1e-3, max=1e-3),
         framing_depth_m=Range(min=-2e-4, max=2e-4),
         group=(
-            DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
-            DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
+            st.DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
+            st.DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
         ),
     )
     return parse_study(format_study(replace(base, dataset=dataset)))
@@ -408,8 +399,8 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
     other = replace(library, radius_m=11e-3)
     with pytest.raises(DatasetError, match="library: radius"):
         near_library(study, plan, other)
-    dead = MechanicsStudy(follower=False)
-    others = {"globe.kind": {"globe": GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}
+    dead = st.MechanicsStudy(follower=False)
+    others = {"globe.kind": {"globe": st.GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}
     for key, changes in others.items():
         with pytest.raises(StudyError, match=rf"{key}: not used by `generate` with finite-strain mechanics"):
             generate_dataset(replace(study, **changes), tmp_path / "slices", library=library)

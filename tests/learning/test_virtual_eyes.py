@@ -15,20 +15,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, Known
 from scleraforce.laboratory.pushes import path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.learning import virtual_eyes
-from scleraforce.learning.virtual_eyes import (
-    CALIBRATED,
-    FRAMES,
-    VirtualEye,
-    VirtualFrame,
-    _scores,
-    calibrated,
-    calibrated_otherwise,
-    draw_eye,
-    draw_frames,
-    label_forces,
-    of_population,
-    trait_factors,
-)
+from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, VirtualFrame, calibrated, draw_eye, draw_frames
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
 from scleraforce.library import INNER, OUTER, Library
 from scleraforce.library.fit import fit_boundaries
@@ -129,7 +116,7 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
 def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     rng = np.random.default_rng(11)
     shared, own, stated = [], [], []
-    for labels, eyes in ((label_forces, 1000), (logged_forces, 100)):
+    for labels, eyes in ((virtual_eyes.label_forces, 1000), (logged_forces, 100)):
         forces_n = rng.uniform(0.0, 60e-3, (eyes, FRAMES))
         found = [labels(of_eye, rng) for of_eye in forces_n]
         off_n = np.array([each.force_n for each in found]) - forces_n
@@ -163,21 +150,23 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_ot
     assert 15 <= len(stiff) <= 34
     assert all(eye.model.library.stiffening == eye.stiffening for eye in eyes)
     soft = next(eye for eye in eyes if eye.stiffening == 0.0)
-    assert {of_population(soft, EXACT, np.random.default_rng(seed)).stiffening for seed in range(20)} == {0.0}
+    assert {virtual_eyes.of_population(soft, EXACT, np.random.default_rng(seed)).stiffening for seed in range(20)} == {
+        0.0
+    }
     middle = min(stiff, key=lambda eye: abs(np.log1p(eye.stiffening) - 1.7))
     rng = np.random.default_rng(2)
-    stated = np.log1p([of_population(middle, EXACT, rng).stiffening or 0.0 for _ in range(2000)])
+    stated = np.log1p([virtual_eyes.of_population(middle, EXACT, rng).stiffening or 0.0 for _ in range(2000)])
     assert stated.mean() == pytest.approx(np.log1p(middle.stiffening), abs=0.04)
     assert stated.std() == pytest.approx(0.5, abs=0.03)
     stiffest = max(stiff, key=lambda eye: eye.stiffening)
-    stated_most = [of_population(stiffest, EXACT, rng).stiffening for _ in range(200)]
+    stated_most = [virtual_eyes.of_population(stiffest, EXACT, rng).stiffening for _ in range(200)]
     assert max(stated_most) == 30.0  # no more than the library holds
 
 
 def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
     study = replace(EXACT, reader=replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7)))
     rng = np.random.default_rng(1)
-    means = [found.mean_pa for _ in range(2000) if (found := of_population(eye, study, rng).modulus)]
+    means = [found.mean_pa for _ in range(2000) if (found := virtual_eyes.of_population(eye, study, rng).modulus)]
     assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)
 
 
@@ -224,10 +213,10 @@ def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_a
 ) -> None:
     largest_n, gaps = list[float](), list[float]()
     for seed in range(6):
-        found = calibrated_otherwise(eye, EXACT, library, np.random.default_rng(seed))
+        found = virtual_eyes.calibrated_otherwise(eye, EXACT, library, np.random.default_rng(seed))
         assert found is not None
         known, left = found
-        assert len(left) == FRAMES - CALIBRATED
+        assert len(left) == FRAMES - virtual_eyes.CALIBRATED
         assert known.discrepancy is not None
         assert known.discrepancy.largest_n is not None
         assert known.discrepancy.widest_gap is not None
@@ -236,14 +225,17 @@ def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_a
     assert 11e-3 < min(largest_n) < 0.5 * eye.largest_n < max(largest_n) <= 1.05 * eye.largest_n
     assert min(gaps) < 0.45 < max(gaps) <= 1.0
     by_network = Reading(probabilities=(0.0, 0.0, 1.0), force_n=0.2, interval_n=(0.1, 0.3), contact_m=0.0)
-    scores = _scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", known, left)
+    scores = virtual_eyes._scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", known, left)
     assert {(entry.traits[0], entry.traits[-1]) for entry in scores if entry.method == "network"} == {
         ("own E", "far beyond")
     }
 
 
 def test_an_eye_that_bears_gentle_forces_only_is_not_calibrated_otherwise(library, eye: VirtualEye) -> None:
-    assert calibrated_otherwise(replace(eye, largest_n=11e-3), EXACT, library, np.random.default_rng(0)) is None
+    assert (
+        virtual_eyes.calibrated_otherwise(replace(eye, largest_n=11e-3), EXACT, library, np.random.default_rng(0))
+        is None
+    )
 
 
 def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye: VirtualEye) -> None:
@@ -253,7 +245,7 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye
 
     def scores(scatter: float) -> dict[str, float]:
         scattered = replace(known, discrepancy=replace(NO_DISCREPANCY, scatter=scatter))
-        found = _scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", scattered, [frame])
+        found = virtual_eyes._scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", scattered, [frame])
         return {entry.method: entry.score for entry in found}
 
     once, twice = scores(1.0), scores(2.0)
@@ -273,7 +265,7 @@ def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
         virtual_eyes, "begin", lambda *values, **more: given.append(more["zero_covariance"]) or begin(*values, **more)
     )
     monkeypatch.setattr(virtual_eyes, "step", lambda *values: given.append(values[3]) or step(*values))
-    labels = label_forces(np.array([frame.force_n for frame in frames]), np.random.default_rng(7))
+    labels = virtual_eyes.label_forces(np.array([frame.force_n for frame in frames]), np.random.default_rng(7))
     calibrated(eye, frames, EXACT, library, np.random.default_rng(7))
     covariance, *times_s = given
     np.testing.assert_array_equal(covariance, labels.zero_covariance)
@@ -298,7 +290,7 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
 
 
 def test_traits_that_multiply_are_found() -> None:
-    factors = trait_factors(drawn(np.random.default_rng(1), 1000, 6))["fit"]["own E"]
+    factors = virtual_eyes.trait_factors(drawn(np.random.default_rng(1), 1000, 6))["fit"]["own E"]
     held = factors["sealed"] / TRAITS["sealed"]  # what 90 % of the eyes' own errors stay below
     assert held == pytest.approx(1.75, rel=0.05)
     for trait, size in TRAITS.items():
@@ -312,7 +304,7 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
     of_new = []
     for _ in range(12):
         scores, others = drawn(rng, 200, 6), drawn(rng, 200, 6)
-        factors = trait_factors(scores)["fit"]["own E"]
+        factors = virtual_eyes.trait_factors(scores)["fit"]["own E"]
 
         def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
             having = [entry for entry in entries if trait in entry.traits]
@@ -329,10 +321,10 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
 def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
     scores = [Score("network", ("other E", "open"), str(eye), 1.0) for eye in range(50)]
     scores += [Score("network", ("other E", "open", "sparse"), str(eye), 0.1) for eye in range(50)]
-    assert trait_factors(scores)["network"]["other E"]["sparse"] == 1.0
+    assert virtual_eyes.trait_factors(scores)["network"]["other E"]["sparse"] == 1.0
     scores = [Score("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)]
     scores += [Score("fit", ("own E", "open"), "long", 9.0)] * 2000
-    assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(0.5)
+    assert virtual_eyes.trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(0.5)
 
 
 SLICE = SliceStudy()

@@ -17,21 +17,12 @@ import scleraforce.service.decision_log as log_sync
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.writing import RecordingWriter
+from scleraforce.service import messages
 from scleraforce.service.black_box import BlackBox
 from scleraforce.service.channel import Channel, Child, encode_message
 from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
-    Alive,
-    BlackBoxSettings,
-    Decided,
-    ForceHeard,
-    MonitorEnds,
-    Note,
-    OpinionAsked,
-    SelfReport,
-    WithdrawalKept,
-)
+from scleraforce.service.messages import Alive, Decided, ForceHeard, MonitorEnds, Note, SelfReport, WithdrawalKept
 from scleraforce.service.recordings import RobotForce
 from scleraforce.study.records import ClassesStudy
 
@@ -63,7 +54,9 @@ class Monitor:
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
-        settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=info, record=record, keep_s=10.0)
+        settings = messages.BlackBoxSettings(
+            folder=folder / "box", ring=self.ring.place, info=info, record=record, keep_s=10.0
+        )
         self.channel, self.theirs = Channel.pair()
         ring = replace(settings.ring, descriptor=os.dup(self.ring.place.descriptor))
         self.box = BlackBox(self.theirs, structs.replace(settings, ring=ring))
@@ -379,7 +372,7 @@ def test_a_wrong_message_is_reported_for_good_and_the_log_continues(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
     assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
-    assert monitor.channel.send(OpinionAsked(number=1, order=1, at_s=0.0))
+    assert monitor.channel.send(messages.OpinionAsked(number=1, order=1, at_s=0.0))
     monitor.decide(times=3)
     (report,) = monitor.heard(SelfReport)
     assert report.detail.startswith("message: not a message: ")
@@ -393,7 +386,9 @@ class Process:
 
     def __init__(self, folder, record=None):
         self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
-        settings = BlackBoxSettings(folder=folder / "box", ring=self.ring.place, info=INFO, record=record, keep_s=10.0)
+        settings = messages.BlackBoxSettings(
+            folder=folder / "box", ring=self.ring.place, info=INFO, record=record, keep_s=10.0
+        )
         self.child = Child("scleraforce.service.black_box", settings, [self.ring.place.descriptor])
 
     def frames(self, numbers, state="WATCHING"):

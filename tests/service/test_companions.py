@@ -6,21 +6,10 @@ import pytest
 from msgspec.msgpack import encode as packb
 from small_monitor import FakeCompanion, decision, verdict
 
+from scleraforce.service import messages
 from scleraforce.service.channel import encode_message
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.messages import (
-    Alive,
-    CompanionMessage,
-    Decided,
-    ForceHeard,
-    ListensAt,
-    Note,
-    OpinionGiven,
-    ResetAsked,
-    SelfReport,
-    WithdrawalKept,
-    WrongTokens,
-)
+from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, OpinionGiven, SelfReport
 
 OPINION_OF_3 = OpinionGiven(order=3, verdict=verdict(predicted=0))
 
@@ -90,13 +79,13 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(c
 
 def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
     for _ in range(5000):
-        companions.send(BLACK_BOX, ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
+        companions.send(BLACK_BOX, messages.ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
     for number in range(1, 501):
         companions.entry(decision(number=number, message="x" * 1000))
         companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
     heard: list[CompanionMessage] = []
-    while messages := children[BLACK_BOX].theirs.receive(50):
-        heard += messages
+    while some := children[BLACK_BOX].theirs.receive(50):
+        heard += some
         companions.faults(10.1)
     assert [message.entry.number for message in heard if isinstance(message, Decided)] == list(range(1, 501))
     assert not [message for message in heard if isinstance(message, Note)]
@@ -118,12 +107,16 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
-    console: list[CompanionMessage] = [ResetAsked(request=1, token="t"), ListensAt(url="u"), WrongTokens(count=2)]
-    kept = WithdrawalKept(folder="x")
-    for name, messages in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
-        for message in messages:
+    console: list[CompanionMessage] = [
+        messages.ResetAsked(request=1, token="t"),
+        messages.ListensAt(url="u"),
+        messages.WrongTokens(count=2),
+    ]
+    kept = messages.WithdrawalKept(folder="x")
+    for name, said in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
+        for message in said:
             children[name].says(message)
-        assert hear(companions, name, 1.0) == messages
+        assert hear(companions, name, 1.0) == said
     assert companions.faults(1.0) == ()
 
 
@@ -132,8 +125,8 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     [
         (OPINION, packb({"type": "OpinionGiven"}), "order"),
         (BLACK_BOX, b"\xff", "not a message"),
-        (BLACK_BOX, encode_message(ResetAsked(request=1, token="t")), "a ResetAsked is not its to send"),
-        (OPINION, encode_message(WithdrawalKept(folder="x")), "a WithdrawalKept is not its to send"),
+        (BLACK_BOX, encode_message(messages.ResetAsked(request=1, token="t")), "a ResetAsked is not its to send"),
+        (OPINION, encode_message(messages.WithdrawalKept(folder="x")), "a WithdrawalKept is not its to send"),
     ],
 )
 def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions, children, name, said, reason):

@@ -8,18 +8,7 @@ from contextlib import contextmanager, suppress
 from time import time
 
 from scleraforce.errors import LinkError
-from scleraforce.openigtlink import (
-    BadChecksum,
-    Decoder,
-    Image,
-    Malformed,
-    Message,
-    Received,
-    Sensor,
-    Status,
-    Text,
-    encode,
-)
+from scleraforce.openigtlink import Decoder, Image, Message, PeerEvent, Received, Sensor, Status, Text, encode
 
 HEARTBEAT_S = 0.05
 STATUS, READING = "ForceMonitor", "ForceReading"
@@ -31,11 +20,11 @@ class MonitorRule:
 
     def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
         self.decide = decide
-        self.received: list[Received | BadChecksum | Malformed | None] = []  # in order only with one sender
+        self.received: list[PeerEvent | None] = []  # in order only with one sender
         self.answers, self.status = True, NOT_READY  # False: it says nothing any more
         self._frames = 0
 
-    def take(self, event: Received | BadChecksum | Malformed | None) -> list[tuple[str, Status | Text | Sensor]]:
+    def take(self, event: PeerEvent | None) -> list[tuple[str, Status | Text | Sensor]]:
         """Take an event; return the devices and the messages that answer it."""
         self.received.append(event)
         decided = self.decide(event)
@@ -139,7 +128,7 @@ class FakeMonitor(MonitorRule):
                 self._peers.pop(peer, None)
             peer.close()
 
-    def _take(self, peer: socket.socket, event: Received | BadChecksum | Malformed | None) -> None:
+    def _take(self, peer: socket.socket, event: PeerEvent | None) -> None:
         with self._lock:
             if isinstance(event, Received):
                 self._peers[peer] = event.header.version

@@ -7,20 +7,10 @@ from pathlib import Path
 from shutil import copytree
 from typing import Any
 
+import analytic_frames
 import cv2
 import numpy as np
-from analytic_frames import (
-    GAP_M,
-    IOP_PA,
-    LIBRARY,
-    MODULUS_PA,
-    SMALL_LIBRARY,
-    THICKNESS_M,
-    image,
-    recording_toml,
-    tip_of,
-    wall_section,
-)
+from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, THICKNESS_M, image, recording_toml, tip_of, wall_section
 from analytic_library import solve_analytic
 from small_models import write_fixed_reader
 
@@ -252,7 +242,7 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
 
 def write_places(folder: Path) -> dict[str, Path]:
     """Write a model, calibrations and recordings of three eyes."""
-    write_fixed_reader(folder / "model", SMALL_LIBRARY, (0.125,) * 8)
+    write_fixed_reader(folder / "model", analytic_frames.SMALL_LIBRARY, (0.125,) * 8)
     mpa = MODULUS_PA / 1e6
     mine = write_recording(folder / "mine", "mine")
     used = [{"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}]
@@ -303,8 +293,8 @@ def write_notebook_folder(folder: Path) -> None:
     cache = folder / "cache" / "scleraforce" / "libraries"
     cached_library(study, folder=cache, workers=1, solve=solve_analytic)
     copytree(next(cache.glob("*.zarr")), folder / "responses")
-    generate_dataset(study, folder / "dataset", library=LIBRARY, workers=1)
-    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
+    generate_dataset(study, folder / "dataset", library=analytic_frames.LIBRARY, workers=1)
+    write_fixed_reader(folder / "reader", analytic_frames.SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
 
 
 def _sections(forces_n):
