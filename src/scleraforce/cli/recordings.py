@@ -16,7 +16,6 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.intervals import Stretch
-    from scleraforce.reader.metrics import Proportion
 
 CALIBRATED = 3  # frames of each recording for the eye's modulus, where the others are read
 
@@ -192,13 +191,13 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
     classes = range(len(evaluation.confusion))
     yield "target \\ read" + "".join(f"{label:>8}" for label in classes) + "   recall (95 % interval)"
     for label, row, share in zip(classes, evaluation.confusion, evaluation.recall, strict=True):
-        yield f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {_share(share)}"
+        yield f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {share.words()}"
     precisions = (f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision)
     yield "precision    " + "".join(f"{share:>8}" for share in precisions)
     total, usable = evaluation.accuracy, evaluation.usable.accuracy
-    yield f"accuracy      {_share(total)}: {total.hits} of {total.total}"
+    yield f"accuracy      {total.words()}: {total.hits} of {total.total}"
     if usable.total < total.total:
-        yield f"  usable only {_share(usable)}: {usable.hits} of {usable.total}"
+        yield f"  usable only {usable.words()}: {usable.hits} of {usable.total}"
 
 
 def _forces(evaluation: "Evaluation") -> Iterator[str]:
@@ -213,8 +212,8 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
     if true.total:
         true_mn = from_si(mean_absolute_error(evaluation.true_forces), "mn")
         yield f"              {true_mn:.2f} mN against the true forces of truth.json"
-        yield f"90 % interval holds the true force in {_share(true)}: {true.hits} of {true.total}"
-    yield f"90 % interval and label agree in {_share(logged)}: {logged.hits} of {logged.total}"
+        yield f"90 % interval holds the true force in {true.words()}: {true.hits} of {true.total}"
+    yield f"90 % interval and label agree in {logged.words()}: {logged.hits} of {logged.total}"
     compared = evaluation.true_forces or evaluation.forces
     if len({trial.eye for trial in compared}) > 1:
         yield wrapped(held_by_eye(compared), "  by eye: ")
@@ -223,8 +222,3 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
 
 def _notes(evaluation: "Evaluation") -> Iterator[str]:
     yield from (wrapped(note, "note: ") for note in evaluation.notes)
-
-
-def _share(share: "Proportion") -> str:
-    low, high = share.interval
-    return f"{share.value:.2f} ({low:.2f} to {high:.2f})" if share.total else "-"

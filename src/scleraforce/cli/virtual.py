@@ -9,9 +9,7 @@ import click
 
 from scleraforce.cli.options import PATH, Quantity, in_si, new_file, options
 from scleraforce.cli.output import Command, Report, count_bar, share_bar
-from scleraforce.errors import StudyError
 from scleraforce.study import Study
-from scleraforce.study.fields import check_quantity
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
@@ -92,14 +90,9 @@ class _Forces(click.ParamType[tuple[float, ...]]):
         if isinstance(value, tuple):
             return value
         try:
-            forces_mn = [float(entry) for entry in value.split(",")]
-            for force_mn in forces_mn:
-                check_quantity("force_mn", force_mn)
+            return tuple(Quantity("force_mn").convert(each, param, ctx) for each in map(float, value.split(",")))
         except ValueError:
             self.fail(f"{value!r} is not a list of forces in mN; give for example 2,10,40", param, ctx)
-        except StudyError as fault:
-            self.fail(str(fault).partition(": ")[2], param, ctx)
-        return tuple(to_si(force_mn, "mn") for force_mn in forces_mn)
 
 
 @click.command(cls=Command)

@@ -57,6 +57,15 @@ class Proportion:
         """Lower and upper end of the 95 % Wilson interval."""
         return wilson_interval(self.hits, self.total)
 
+    def words(self, nothing: str = "-") -> str:
+        """Return the value with its interval as text; `nothing` where `total` is 0.
+
+        >>> Proportion(42, 45).words()
+        '0.93 (0.82 to 0.98)'
+        """
+        low, high = self.interval
+        return f"{self.value:.2f} ({low:.2f} to {high:.2f})" if self.total else nothing
+
 
 def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> Integers:
     """Count the trials by target (row) and predicted (column) class, shape (classes, classes)."""

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from importlib.resources import files
-from math import isnan
 from pathlib import Path
 from typing import Literal, NewType
 
@@ -18,7 +17,7 @@ from scleraforce.arrays import Integers
 from scleraforce.errors import InputError
 from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import Proportion, precision, recall
+from scleraforce.reader.metrics import precision, recall
 from scleraforce.report.files import data_uri
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
@@ -141,18 +140,6 @@ NOTHING = "\N{EN DASH}"  # in a cell that has no value
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def share(proportion: Proportion) -> str:
-    """Return a proportion with its 95 % Wilson interval as text.
-
-    >>> share(Proportion(42, 45))
-    '0.93 (0.82 to 0.98)'
-    """
-    if isnan(proportion.value):
-        return NOTHING
-    low, high = proportion.interval
-    return f"{proportion.value:.2f} ({low:.2f} to {high:.2f})"
-
-
 def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     """Return the classes with their bounds.
 
@@ -167,10 +154,10 @@ def confusion_table(confusion: Integers, bounds_n: Sequence[float], caption: str
     """Return a confusion matrix, rows targets, with recall and precision; misread trials are highlighted."""
     names = class_names(bounds_n)
     rows = [
-        [f"target {name}", *counts.tolist(), share(found)]
+        [f"target {name}", *counts.tolist(), found.words(NOTHING)]
         for name, counts, found in zip(names, confusion, recall(confusion), strict=True)
     ]
-    rows.append(["precision", *(share(right) for right in precision(confusion)), ""])
+    rows.append(["precision", *(right.words(NOTHING) for right in precision(confusion)), ""])
     wrong = [(r, c + 1) for r, c in np.argwhere(confusion > 0).tolist() if r != c]
     head = ["", *(f"predicted {number}" for number in range(len(names))), "recall"]
     return table(head, rows, caption, wrong)

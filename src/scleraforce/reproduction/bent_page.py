@@ -68,9 +68,9 @@ def reader_words(run: Run) -> str:
 def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
     both, true = (paper, reader), reader.true_forces
     rows: list[list[object]] = [
-        ["trials read right", *(html.share(one.accuracy) for one in both)],
-        ["the same, of the usable ones", *(html.share(one.usable.accuracy) for one in both)],
-        ["dangerous forces seen (recall of class 2)", *(html.share(one.recall[-1]) for one in both)],
+        ["trials read right", *(one.accuracy.words(html.NOTHING) for one in both)],
+        ["the same, of the usable ones", *(one.usable.accuracy.words(html.NOTHING) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(one.recall[-1].words(html.NOTHING) for one in both)],
         ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
         ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],

@@ -103,9 +103,11 @@ class Entry:
             raise MessageError(str(fault)) from fault
 
 
-KEYS = Entry(
-    number=1, time_s=0.0, at_s=0.0, event="tick", state="WATCHING", code=1, sub_code=0, cause=None, message=""
-).as_json().keys()  # fmt: skip
+# Shown before the first decision.
+START = Entry(
+    number=0, time_s=0.0, at_s=0.0, event="start", state="NOT_READY", code=13, sub_code=0, cause=None, message=""
+)
+KEYS = START.as_json().keys()
 
 
 def _verdict_of(value: dict[str, Any]) -> Verdict | None:

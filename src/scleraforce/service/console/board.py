@@ -9,7 +9,7 @@ from math import isfinite
 from statistics import median
 from typing import Any
 
-from scleraforce.service.messages import CompanionMessage, Decided, Entry, Outline, Rates
+from scleraforce.service.messages import START, CompanionMessage, Decided, Entry, Outline, Rates
 
 SENTENCES = {
     "SILENCE": "No frame came from the scanner for too long.",
@@ -41,9 +41,6 @@ WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it 
 READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
-START = Entry(
-    number=0, time_s=0.0, at_s=0.0, event="start", state="NOT_READY", code=13, sub_code=0, cause=None, message=""
-)  # shown before the first decision
 READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
 
 
