@@ -14,17 +14,8 @@ from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 
 import pytest
-from workers import (
-    NEEDS_DASK,
-    Cluster,
-    ends_its_process,
-    fails_oddly,
-    leave_a_mark_for_each,
-    no_preparation,
-    slowly_tripled,
-    tripled,
-    waits_for_ever,
-)
+import workers as tasks
+from workers import NEEDS_DASK, Cluster, no_preparation, slowly_tripled, tripled, waits_for_ever
 
 from scleraforce import cluster as cluster_module, processes as processes_module
 from scleraforce.cluster import cluster_workers
@@ -88,8 +79,8 @@ def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang():
 def test_what_a_worker_raises_reaches_the_caller():
     for prepare, kind, words in (
         (no_preparation, InputError, "this eye is too small"),
-        (fails_oddly, SolverError, "OddError in a worker: 7 and this"),
-        (ends_its_process, SolverError, "a worker ended"),
+        (tasks.fails_oddly, SolverError, "OddError in a worker: 7 and this"),
+        (tasks.ends_its_process, SolverError, "a worker ended"),
     ):
         with pytest.raises(kind, match=words):
             list(work_units(prepare, [7], 1))
@@ -101,7 +92,7 @@ def test_results_come_in_the_order_of_the_units():
 
 
 def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
-    results = work_in_order(partial(leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
+    results = work_in_order(partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
     for unit in results:
         following, deadline = tmp_path / str(unit + 1), time.monotonic() + 300.0
         while unit < 3 and not following.exists():
@@ -201,7 +192,7 @@ def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch
     with pytest.raises(InputError, match="this eye is too small"):
         list(work_in_order(no_preparation, range(3), workers, ahead=2))
     with pytest.raises(SolverError, match="die one after the other"):
-        list(work_units(ends_its_process, [7], workers))
+        list(work_units(tasks.ends_its_process, [7], workers))
     monkeypatch.setattr(processes_module, "_version", lambda: "0.0.1")
     with pytest.raises(InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"):
         list(work_units(slowly_tripled, [1], workers))

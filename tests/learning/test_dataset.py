@@ -21,16 +21,8 @@ from small_recordings import calibration_text
 from reference_walls import cut_section
 from scleraforce import study as st
 from scleraforce.errors import DatasetError, InputError, StudyError
-from scleraforce.learning.dataset import (
-    DTYPES,
-    SLICES,
-    CalibratedModulus,
-    create_dataset,
-    draft_plan,
-    open_dataset,
-    plan_dataset,
-    read_population_modulus,
-)
+from scleraforce.learning import dataset as data
+from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, draft_plan, open_dataset, plan_dataset
 from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, ScanPlane
@@ -306,7 +298,7 @@ def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=No
 
 
 def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
-    calibration = CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32)
+    calibration = data.CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32)
     partial_store(tmp_path / "d", calibration=calibration)
     assert zarr.open_group(tmp_path / "d", mode="r").attrs["calibration"] == asdict(calibration)
     for name, other in {"study": small_study(seed=1), "youngs_modulus_pa": 0.31e6, "calibration": None}.items():
@@ -415,7 +407,7 @@ def test_a_force_beyond_the_library_is_named(study, library):
 def test_the_populations_modulus_is_read_with_its_provenance(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(calibration_text(0.27, mechanics="linear"))
-    found = read_population_modulus(file)
+    found = data.read_population_modulus(file)
     assert found.youngs_modulus_pa == pytest.approx(0.27e6)
     assert (found.mechanics, found.path) == ("linear", str(file))
     assert found.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()

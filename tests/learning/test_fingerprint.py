@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from provenance.fingerprint import (
-    Fingerprint,
-    classifier_fingerprint,
-    finder_fingerprint,
-    interval_fingerprint,
-    item,
-    moved,
-    reader_fingerprint,
-)
+from provenance import fingerprint
+from provenance.fingerprint import Fingerprint, moved
 from scleraforce.library.files import load_library
 from scleraforce.models import SHIPPED_LIVING, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader, load_model
@@ -43,7 +36,7 @@ def study_of(folder: Path) -> Study:
 
 def test_the_shipped_reader_is_trained_as_today() -> None:
     library = load_library(SHIPPED_READER / "library.npz")
-    now = reader_fingerprint(study_of(SHIPPED_READER), library)
+    now = fingerprint.reader_fingerprint(study_of(SHIPPED_READER), library)
     assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
     found = moved_since(SHIPPED_READER, now)
     assert not found, "run `make model`; if an entry of a path moved, raise library.plan.METHOD first"
@@ -52,35 +45,36 @@ def test_the_shipped_reader_is_trained_as_today() -> None:
 @pytest.mark.slow
 def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
     library, network = load_library(SHIPPED_READER / "library.npz"), (SHIPPED_READER / "model.onnx").read_bytes()
-    now = interval_fingerprint(study_of(SHIPPED_READER), library, network)
+    now = fingerprint.interval_fingerprint(study_of(SHIPPED_READER), library, network)
     assert set(now) == INTERVALS
     assert not moved_since(SHIPPED_READER, now), "run `make model`"
 
 
 @pytest.mark.parametrize(
-    ("folder", "fingerprint"), [(SHIPPED_PAPER, classifier_fingerprint), (SHIPPED_WALL_FINDER, finder_fingerprint)]
+    ("folder", "compute"),
+    [(SHIPPED_PAPER, fingerprint.classifier_fingerprint), (SHIPPED_WALL_FINDER, fingerprint.finder_fingerprint)],
 )
-def test_the_shipped_classifier_and_wall_finder_are_trained_as_today(folder: Path, fingerprint) -> None:
-    found = moved(record_of(folder)["fingerprint"], fingerprint(study_of(folder)))
+def test_the_shipped_classifier_and_wall_finder_are_trained_as_today(folder: Path, compute) -> None:
+    found = moved(record_of(folder)["fingerprint"], compute(study_of(folder)))
     assert not found, "run `make paper` or `make wall-finder`"
 
 
 def test_another_seed_moves_all_of_a_fingerprint() -> None:
     other = replace(Study(), scenes=replace(Study().scenes, seed=1))
-    now = finder_fingerprint(other)
+    now = fingerprint.finder_fingerprint(other)
     assert moved_since(SHIPPED_WALL_FINDER, now) == sorted(now)
 
 
 def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance() -> None:
     values = 1e-7 * np.sin(np.arange(1000.0))
-    before = {"a": item(values)}
-    assert moved(before, {"a": item(values * (1.0 + 1e-8))}) == []
+    before = {"a": fingerprint.item(values)}
+    assert moved(before, {"a": fingerprint.item(values * (1.0 + 1e-8))}) == []
     others = (values * 1.001, values[::-1], np.where(values > 0.999e-7, np.nan, values), values[:20], [])
     for other in others:
-        assert moved(before, {"a": item(other)}) == ["a"]
-    assert moved(before, {"a": item(values * 1.001, tolerance=0.01)}) == []
+        assert moved(before, {"a": fingerprint.item(other)}) == ["a"]
+    assert moved(before, {"a": fingerprint.item(values * 1.001, tolerance=0.01)}) == []
     assert moved(before, {"b": before["a"]}) == ["a", "b"]
-    assert moved({"a": item([])}, {"a": item([])}) == []
+    assert moved({"a": fingerprint.item([])}, {"a": fingerprint.item([])}) == []
 
 
 def test_the_shipped_reader_is_of_the_default_study_whole_and_small() -> None:
@@ -96,7 +90,7 @@ def test_the_shipped_reader_of_living_eyes_is_of_its_preset() -> None:
     for section in ("eye", "needle", "slice", "classes", "calibration", "library", "reader"):
         assert getattr(reader.study, section) == getattr(preset, section), f"[{section}]: run `make living`"
     assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
-    now = reader_fingerprint(reader.study, reader.library)
+    now = fingerprint.reader_fingerprint(reader.study, reader.library)
     assert not moved_since(SHIPPED_LIVING, now), "run `make living`"
 
 

@@ -10,25 +10,8 @@ from itertools import count
 
 import numpy as np
 import pytest
-from small_monitor import (
-    COLUMNS,
-    HANGS,
-    MATRIX,
-    RAISES,
-    ROWS,
-    TOKEN,
-    UNUSABLE,
-    FakeCompanion,
-    NoGuard,
-    Peer,
-    Running,
-    TurnedClock,
-    frame_of,
-    serving,
-    small_monitor,
-    small_server,
-    verdict,
-)
+import small_monitor as rule
+from small_monitor import FakeCompanion, Peer, Running, TurnedClock, frame_of, serving, small_monitor
 from waiting import FUSE_S, wait_until
 
 from scleraforce.monitor.events import Cause
@@ -57,7 +40,7 @@ def scanner(port: int, clock: TurnedClock) -> Iterator[Peer]:
         yield peer
 
 
-def reset(port: int, token: str = TOKEN) -> tuple[bool, str]:
+def reset(port: int, token: str = rule.TOKEN) -> tuple[bool, str]:
     return ask_reset("127.0.0.1", port, token, within_s=FUSE_S)
 
 
@@ -98,21 +81,21 @@ def test_a_peer_is_answered_in_the_header_version_that_it_speaks(port: int, cloc
 
 def send_together(peer: Peer, forces_un: list[int], first: int = 0) -> None:
     """Send a few frames, no more than a socket holds, of which the server sees none before all have come."""
-    images = [Image(frame_of(force_un, 1000 + n)[None], MATRIX) for n, force_un in enumerate(forces_un, first)]
+    images = [Image(frame_of(force_un, 1000 + n)[None], rule.MATRIX) for n, force_un in enumerate(forces_un, first)]
     assert peer.clock
     with peer.clock.held():
         peer.link.sendall(b"".join(encode(image, "Scanner", time_s=2e9 + n) for n, image in enumerate(images, first)))
 
 
 def wrong_checksum(peer: Peer) -> None:
-    data = bytearray(encode(Image(frame_of(10_000, 7)[None], MATRIX), "Scanner", time_s=2e9))
+    data = bytearray(encode(Image(frame_of(10_000, 7)[None], rule.MATRIX), "Scanner", time_s=2e9))
     data[-1] ^= 1
     peer.link.sendall(data)
 
 
 def cut_short(peer: Peer) -> None:
-    peer.say(Image(np.zeros((1, 2, 2), np.uint16), MATRIX, (COLUMNS, ROWS, 1), (0, 0, 0)))
-    peer.say(Image(np.zeros((1, 2, 2), np.uint16), MATRIX, (COLUMNS, ROWS, 1), (1, 0, 0)))
+    peer.say(Image(np.zeros((1, 2, 2), np.uint16), rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, 0, 0)))
+    peer.say(Image(np.zeros((1, 2, 2), np.uint16), rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (1, 0, 0)))
 
 
 def flood(peer: Peer) -> None:
@@ -124,11 +107,11 @@ def flood(peer: Peer) -> None:
 
 
 def scaled(peer: Peer) -> None:
-    peer.say(Image(frame_of(10_000, 7)[None], (MATRIX[0] * 1.02, *MATRIX[1:])))
+    peer.say(Image(frame_of(10_000, 7)[None], (rule.MATRIX[0] * 1.02, *rule.MATRIX[1:])))
 
 
 def half(peer: Peer) -> None:
-    peer.link.sendall(encode(Image(frame_of(10_000, 7)[None], MATRIX), "Scanner", time_s=2e9)[:500])
+    peer.link.sendall(encode(Image(frame_of(10_000, 7)[None], rule.MATRIX), "Scanner", time_s=2e9)[:500])
 
 
 def frozen(peer: Peer) -> None:
@@ -151,8 +134,8 @@ def silence(peer: Peer) -> None:
 
 FAULTS: dict[str, tuple[Callable[[Peer], object], Cause]] = {
     "class 2": (lambda peer: peer.show(35.0), Cause.DANGEROUS_CLASS),
-    "not usable": (lambda peer: peer.show(0, frame_of(UNUSABLE, 1)), Cause.UNUSABLE),
-    "an exception of the reader": (lambda peer: peer.show(0, frame_of(RAISES, 1)), Cause.EXCEPTION),
+    "not usable": (lambda peer: peer.show(0, frame_of(rule.UNUSABLE, 1)), Cause.UNUSABLE),
+    "an exception of the reader": (lambda peer: peer.show(0, frame_of(rule.RAISES, 1)), Cause.EXCEPTION),
     "silence": (silence, Cause.SILENCE),
     "half a frame": (lambda peer: (half(peer), silence(peer)), Cause.SILENCE),
     "frozen": (frozen, Cause.FROZEN),
@@ -184,8 +167,8 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(scanner: P
     scanner.watch()
     frames, whole = json.loads(scanner.texts()[-1].text)["frame"], frame_of(10_000, 9)
     upper, lower = (
-        Image(whole[None, rows], MATRIX, (COLUMNS, ROWS, 1), (0, rows.start, 0))
-        for rows in (slice(0, ROWS // 2), slice(ROWS // 2, ROWS))
+        Image(whole[None, rows], rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, rows.start, 0))
+        for rows in (slice(0, rule.ROWS // 2), slice(rule.ROWS // 2, rule.ROWS))
     )
     scanner.say(upper)
     wrong_checksum(scanner)
@@ -197,13 +180,13 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(scanner: P
 def test_a_frame_that_cannot_be_right_counts_also_where_a_newer_one_came_with_it(scanner: Peer) -> None:
     scanner.watch()
     small, newer = (
-        Image(frame_of(force_un, 4)[None, :rows], MATRIX) for force_un, rows in ((10_000, -1), (10_010, ROWS))
+        Image(frame_of(force_un, 4)[None, :rows], rule.MATRIX) for force_un, rows in ((10_000, -1), (10_010, rule.ROWS))
     )
     scanner.link.sendall(encode(small, "Scanner", time_s=2e9) + encode(newer, "Scanner", time_s=2e9 + 1))
     assert scanner.wait_for_code(3).subcode == Cause.SIZE.value
 
 
-@pytest.mark.parametrize(("cause", "force_un"), [(Cause.DANGEROUS_CLASS, 35_000), (Cause.EXCEPTION, RAISES)])
+@pytest.mark.parametrize(("cause", "force_un"), [(Cause.DANGEROUS_CLASS, 35_000), (Cause.EXCEPTION, rule.RAISES)])
 def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, cause: Cause, force_un: int) -> None:
     scanner.watch()
     read = scanner.readings()
@@ -250,7 +233,7 @@ def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(p
     granted, message = reset(port, "wrong")
     assert not granted
     assert "token" in message
-    assert ask_reset("127.0.0.1", port, TOKEN)[0] is True
+    assert ask_reset("127.0.0.1", port, rule.TOKEN)[0] is True
     scanner.heard.clear()
     scanner.show(10.0)
     assert scanner.wait_for_code(1).subcode == 0
@@ -289,7 +272,7 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
 def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    server, port = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
+    server, port = rule.small_server(rule.NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
     heard, now_s, hear = list[int](), count(10.0, 1.1e-3), server._hear
     monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
     monkeypatch.setattr(server, "_hear", lambda client: (heard.append(client.number), hear(client)))
@@ -367,7 +350,7 @@ def kill(number: signal.Signals) -> Callable[[Running, Peer], None]:
 DEATHS: dict[str, Callable[[Running, Peer], None]] = {
     "killed": kill(signal.SIGKILL),
     "stopped": kill(signal.SIGSTOP),
-    "a tight loop": lambda _, scanner: scanner.show(0, frame_of(HANGS, 1)),
+    "a tight loop": lambda _, scanner: scanner.show(0, frame_of(rule.HANGS, 1)),
 }
 
 
@@ -469,7 +452,7 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(cl
         assert [question.number for question in questions] == list(range(1, 13))
         opinion = messages.OpinionGiven(
             order=questions[-1].order,
-            verdict=verdict(31.0, (30.0, 32.0), predicted=2, probabilities=(0.0, 0.0, 1.0)),
+            verdict=rule.verdict(31.0, (30.0, 32.0), predicted=2, probabilities=(0.0, 0.0, 1.0)),
         )  # fmt: skip
         companions[OPINION].says(opinion)
         status = scanner.wait_for_code(3)
