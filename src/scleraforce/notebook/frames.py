@@ -14,17 +14,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+import scleraforce.known.calibration_file as calibration_file
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError, StudyError
-from scleraforce.known import (
-    NOTHING_KNOWN,
-    Known,
-    Modulus,
-    calibration_file,
-    completed,
-    known_globe,
-    known_of_recording,
-)
+from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
@@ -33,15 +26,8 @@ from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.folder import (
-    Recording,
-    RecordingInfo,
-    ScaledFrame,
-    Scanner,
-    read_recording,
-    read_scaled_frame,
-    recording_of,
-)
+from scleraforce.recording import folder
+from scleraforce.recording.folder import Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
@@ -271,11 +257,16 @@ def reading(
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known, notes = completed(given, stated), list(seen.notes)
     if calibration is not None:
-        summary, name = summary_of_calibration(calibration), _eye_name(eye, seen.info)
+        summary, name = summary_of_calibration(calibration), eye
+        if name is None and seen.info is not None:
+            name = seen.info.eye.id
+        if name is None:
+            words = "a calibration has several, and no recording.toml beside the frame names this one"
+            raise InputError(f"eye: missing; {words}")
         known = calibration_file.known_of_eye(known, summary, name)
         notes += filter(None, [calibration_file.foreign_modulus(summary, name)])
     if seen.info is not None:
-        place = recording_of(Path(_place(frame))) or _place(frame)
+        place = folder.recording_of(Path(_place(frame))) or _place(frame)
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
     asked, model = model, reader.suited(model, known)
     if model.path != asked.path:
@@ -333,7 +324,7 @@ def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
 def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False) -> ScaledFrame:
     """Return a frame with its scale: given, else the recording's or the file's, else assumed, of a named source."""
     if isinstance(frame, str | PathLike):
-        return read_scaled_frame(Path(frame), given, (assumed, source), transpose)
+        return folder.read_scaled_frame(Path(frame), given, (assumed, source), transpose)
     pixels: Any = np.asarray(frame)  # the reader checks its type
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
@@ -374,16 +365,6 @@ def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummar
 
     text = json.dumps(calibration_as_json(calibration), allow_nan=False)
     return calibration_file.summary_of(calibration_file.parse_calibration_file(text.encode(), "the calibration"))
-
-
-def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:
-    if eye is not None:
-        return eye
-    if info is None:
-        raise InputError(
-            "eye: missing; a calibration has several, and no recording.toml beside the frame names this one"
-        )
-    return info.eye.id
 
 
 def opened(given: Given | Sequence[Given]) -> list[Recording]:
