@@ -11,17 +11,8 @@ from select import select
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
-from scleraforce.service import messages
-from scleraforce.service.clients import (
-    REST_S,
-    Clients,
-    Connection,
-    Outgoing,
-    RateLimiter,
-    ServerSettings,
-    reading_messages,
-    status_message,
-)
+from scleraforce.service import clients as peers, messages
+from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimiter, ServerSettings
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
@@ -120,7 +111,7 @@ class Server:
             if client in self._clients:
                 self._hear(client)
             if self.session.clock() > end_s:  # pause for a moment, or until the scanner sends
-                select([who for who in self._clients if who is self._scanner], [], [], REST_S)
+                select([who for who in self._clients if who is self._scanner], [], [], peers.REST_S)
                 break
         self._lose(self.session.clock())
         if self.session.behind and self._scanner not in ready:
@@ -224,7 +215,7 @@ class Server:
         self._clients.broadcast(self._status(), frame.at_s)
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.at_s)
-        self._clients.broadcast(Outgoing(READING_DEVICE, reading_messages(entry), session.wall_clock), now_s)
+        self._clients.broadcast(Outgoing(READING_DEVICE, peers.reading_messages(entry), session.wall_clock), now_s)
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
@@ -236,7 +227,7 @@ class Server:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)
 
     def _status(self) -> Outgoing:
-        return Outgoing(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
+        return Outgoing(STATUS_DEVICE, (peers.status_message(self.session.decision),), self.session.wall_clock)
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
         """Decide on an event other than a frame; send the decision to the clients if it changes."""
