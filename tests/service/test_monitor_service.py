@@ -11,18 +11,9 @@ import pytest
 from small_monitor import FakeCompanion
 from waiting import FUSE_S
 
+from scleraforce import known as declared
 from scleraforce.errors import InputError
-from scleraforce.known import (
-    OPEN,
-    REFERENCE_RIGIDITY,
-    SEALED,
-    UNKNOWN,
-    Known,
-    KnownGlobe,
-    known_globe,
-    stated_eye,
-    stated_globe,
-)
+from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.folder import ForceInfo
@@ -31,7 +22,7 @@ from scleraforce.service.companions import OPINION, Companions
 from scleraforce.service.messages import Alive, SelfReport
 from scleraforce.study import Study
 
-CALIBRATED = KnownGlobe(
+CALIBRATED = declared.KnownGlobe(
     kind="sealed", lowest=SEALED.lowest, highest=SEALED.highest, mean=REFERENCE_RIGIDITY, sd=1e6, calibrated=True
 )
 
@@ -45,7 +36,7 @@ def test_a_recording_states_the_declared_globe() -> None:
         (known_globe("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
         (CALIBRATED, SEALED),  # its rigidity is in the calibration
     ):
-        assert stated_globe(stated_eye("mine", Known(globe=known))) == stated
+        assert declared.stated_globe(declared.stated_eye("mine", Known(globe=known))) == stated
 
 
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:

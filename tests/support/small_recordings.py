@@ -26,15 +26,8 @@ from scleraforce.learning.generate import generate_dataset
 from scleraforce.library.build import cached_library
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.recording.folder import (
-    EyeInfo,
-    ForceInfo,
-    NeedleInfo,
-    OctInfo,
-    RecordingInfo,
-    frame_digest,
-    read_recording,
-)
+from scleraforce.recording import folder as recorded
+from scleraforce.recording.folder import frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.frames import AnsweredFrame, look_at_all
@@ -77,11 +70,11 @@ def write_small_recording(
     return folder
 
 
-LOGGED_INFO = RecordingInfo(
-    EyeInfo("eye"),
-    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=5e-4),
-    ForceInfo("fz", -1),
+LOGGED_INFO = recorded.RecordingInfo(
+    recorded.EyeInfo("eye"),
+    recorded.OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    recorded.NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    recorded.ForceInfo("fz", -1),
 )
 
 

@@ -25,9 +25,15 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 SEED = 0  # of the drawn frame
-MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
-LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or other light is in the noise
-LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, the same
+# Of a quantity: the median beyond which it is noted.
+NOTED = {
+    "noise_looks": (1.5, "the noise is averaged ({median:.1f} looks) or smoothed, or the display is not logarithmic: "
+                    "its scale is taken from the wall's speckle; a study draws noise of one look, which is rougher"),
+    "noise_misfit_db": (0.5, "the noise differs by {median:.1f} dB from that of a {kind} display: it is processed, or "
+                        "contains other light"),
+    "speckle_skew": (-0.05, "the wall's speckle has a skew of {median:.2f} in dB, speckle of one look has -0.20: it "
+                     "contains fibres, or the display is not {kind}, and levels in dB are wrong"),
+}  # fmt: skip
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 
 
@@ -200,11 +206,8 @@ def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
 def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     from scleraforce.laboratory.scanner import MeasuredRange
 
-    kind = measured.display.name
-    roll_off, looks, misfit, skew, slope = (
-        measured.ranges[name]
-        for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
-    )
+    kind, ranges = measured.display.name, measured.ranges
+    slope, roll_off = ranges["spread_slope"], ranges["roll_off_db_per_m"]
     if not isinstance(slope, MeasuredRange):
         yield f"the display is assumed to be {kind}: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
@@ -212,21 +215,10 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
             "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
         )
-    if isinstance(looks, MeasuredRange) and looks.median > MOST_LOOKS:
-        yield (
-            f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its "
-            "scale is taken from the wall's speckle; a study draws noise of one look, which is rougher"
-        )
-    if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
-        yield (
-            f"the noise differs by {misfit.median:.1f} dB from that of a {kind} display: it is processed, or contains "
-            "other light"
-        )
-    if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
-        yield (
-            f"the wall's speckle has a skew of {skew.median:.2f} in dB, speckle of one look has -0.20: it contains "
-            f"fibres, or the display is not {kind}, and levels in dB are wrong"
-        )
+    for name, (most, words) in NOTED.items():
+        found = ranges[name]
+        if isinstance(found, MeasuredRange) and found.median > most:
+            yield words.format(median=found.median, kind=kind)
     if overlap < DRAWN_OVERLAP:
         yield (
             f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "
