@@ -77,6 +77,8 @@ def test_a_declared_relaxation_is_used_unchanged() -> None:
     assert elastic_n[0] == pytest.approx(path.elastic_n(frames_of(pushes))[0], rel=0.01)
     elastic_n, _ = found_in(path, frames_of(pushes), rng, KnownRelaxation.declared(()))
     assert elastic_n == pytest.approx(FORCES_N, abs=1e-15)
+    _, found = found_in(path, frames_of(pushes), rng, KnownRelaxation.declared([(0.2, 1.0)]))
+    assert np.shape(found.held_covariance) == (1, 1)
 
 
 def test_histories_are_of_the_frames() -> None:

@@ -124,6 +124,14 @@ def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus
     assert calibrated_modulus(read_calibration(file), "stranger") is None
 
 
+def test_an_eye_of_the_population_leans_as_the_calibrated_ones_if_all_of_them_state_it(tmp_path: Path) -> None:
+    file, lean = tmp_path / "calibration.json", {"lean_deg": 20.0}
+    for eyes, lean_rad in (({"a": lean, "b": {"lean_deg": 30.0}}, np.radians(25.0)), ({"a": lean, "b": {}}, None)):
+        file.write_text(calibration_text(0.25, eyes))
+        found = known_of_eye(Known(), read_calibration(file), "stranger").calibrated_lean_rad
+        assert found == (lean_rad and pytest.approx(lean_rad))
+
+
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 

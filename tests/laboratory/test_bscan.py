@@ -17,6 +17,7 @@ from scleraforce.laboratory.light import (
     Cover,
     Line,
     NeedleShaft,
+    Pose,
     Press,
     Shadow,
     sample_conjunctiva,
@@ -307,9 +308,11 @@ def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_r
 
 def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip() -> None:
     angle_rad, tilt_rad = radians(30.0), radians(5.0)
+    up = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=tilt_rad).place_points(np.array([[0.0, -1.0]]))[0]
+    assert up[0] / -up[1] == pytest.approx(tan(tilt_rad))  # the normal leans to growing columns
     inside, column = steel(tilt_rad, angle_rad=angle_rad).inside, np.arange(OCT.columns)
     middle = [float(column[inside[row]].mean()) for row in (60, 180)]
-    assert (middle[0] - middle[1]) * COLUMN_M == pytest.approx(120 * DEPTH_M * tan(angle_rad - tilt_rad), rel=0.05)
+    assert (middle[0] - middle[1]) * COLUMN_M == pytest.approx(120 * DEPTH_M * tan(angle_rad + tilt_rad), rel=0.05)
     straight, bevelled = (steel(angle_rad=0.2, bevel_rad=bevel).inside for bevel in (pi / 2, 0.4))
     for shaft in (straight, bevelled):
         last = np.flatnonzero(shaft.any(axis=1))[-1]

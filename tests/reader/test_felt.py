@@ -185,6 +185,7 @@ def test_a_reading_of_nan_does_not_enter_the_history() -> None:
 
 
 OWN = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
+OTHERS = replace(OWN, source="population")
 DEG = np.pi / 180.0
 # Known inputs of an eye; the factors of its force along the needle: least, likeliest, most; leans that differ, if any.
 LEANS = {
@@ -192,7 +193,8 @@ LEANS = {
     "declared": (Known(lean_rad=(0.5, 0.5)), (np.cos(0.5), 1 / np.cos(0.5), 1 / np.cos(0.5)), (0.5,)),
     "not known": (Known(lean_rad=(0.0, 45 * DEG)), (np.sqrt(0.5), 1 / np.cos(22.5 * DEG), np.sqrt(2.0)), (22.5 * DEG,)),
     "as in the calibration": (Known(modulus=OWN, calibrated_lean_rad=0.3), (1 / np.cos(0.3),) * 3, ()),
-    "declared again": (Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.3, 0.3)), (1 / np.cos(0.3),) * 3, ()),
+    "declared again": (Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.33, 0.33)), (1 / np.cos(0.33),) * 3, ()),
+    "of others, who leaned so": (Known(modulus=OTHERS, calibrated_lean_rad=0.3), (1 / np.cos(0.3),) * 3, ()),
     "another one": (
         Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.6, 0.6)),
         (np.cos(0.6) / np.cos(0.3) ** 2, 1 / np.cos(0.6), 1 / np.cos(0.6)), (0.3, 0.6),
@@ -202,7 +204,10 @@ LEANS = {
     ),
     "absorbed": (Known(modulus=OWN), (1.0, 1.0, 1.0), ()),
     "not in the calibration": (
-        Known(modulus=OWN, lean_rad=(0.0, 0.0)), (np.sqrt(0.5), 1.0, np.sqrt(2.0)), (22.5 * DEG,),
+        Known(modulus=OTHERS, lean_rad=(0.0, 0.0)), (np.sqrt(0.5), 1.0, np.sqrt(2.0)), (22.5 * DEG,),
+    ),
+    "known nowhere": (
+        Known(modulus=OWN, lean_rad=(0.0, 45 * DEG)), (np.sqrt(0.5), 1.0, np.sqrt(2.0)), (22.5 * DEG, 22.5 * DEG),
     ),
 }  # fmt: skip
 
@@ -223,7 +228,7 @@ def test_a_needle_that_leans_feels_the_force_along_it(case: str, relaxation: Kno
         low_n, high_n = (factor * np.hypot(end_n - force_n, NINETY_PERCENT * sd_n) for end_n in (low_n, high_n))
         assert leaning.interval_n == pytest.approx((max(least * force_n - low_n, 0.0), most * force_n + high_n))
     assert (leaning.lean_rad is None) == (case in ("nothing is said", "absorbed"))
-    assert bool(leaning.warnings) == (case == "not in the calibration")
+    assert bool(leaning.warnings) == (case in ("not in the calibration", "known nowhere"))
 
 
 def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it() -> None:
@@ -234,6 +239,8 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_c
     for known, contradicts in (
         (steeper, False), (replace(steeper, lean_azimuth_rad=0.0), True), (Known(lean_rad=(0.1, 0.1)), True),
         (replace(steeper, lean_azimuth_rad=np.arccos(np.tan(seen))), False),
+        (Known(lean_rad=(seen, seen), lean_azimuth_rad=np.pi), True),  # to the other side
+        (Known(lean_rad=(0.0, 45 * DEG), lean_azimuth_rad=0.0), False),
     ):  # fmt: skip
         found = Lean.of(known, seen)
         assert found.ends_rad == known.lean_rad

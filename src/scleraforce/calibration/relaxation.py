@@ -112,7 +112,7 @@ def _spread(found: Floats, sd_of_one: float) -> Matrix:
     count = len(found)
     if count == 1:
         return rows(sd_of_one**2 * np.eye(found.shape[1]))
-    return rows((1.0 + 1.0 / count) * (count - 1) / max(count - 3, 1) * np.cov(found.T))
+    return rows((1.0 + 1.0 / count) * (count - 1) / max(count - 3, 1) * np.atleast_2d(np.cov(found.T)))
 
 
 def _found(felt_n: Floats, time_s: Floats, contact: Flags) -> KnownRelaxation:

@@ -204,8 +204,8 @@ class Known:
     b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus. Tissue whose
     `relaxation` is not known is read as elastic; a globe without `leak_time_s` does not leak. `lean_rad` has the ends
     of the angle between the needle and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
-    plane's lateral axis. An eye's own modulus is of forces along the normal if its calibration knew the lean,
-    `calibrated_lean_rad`; otherwise of forces along the needle of its calibration.
+    plane's lateral axis. A calibration's modulus is of forces along the normal if it knew the lean,
+    `calibrated_lean_rad`; otherwise of forces along its needle.
     """
 
     modulus: Modulus | None = None

@@ -273,7 +273,10 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
     if own is None or modulus is None or modulus.source != "own":
         relaxation = known.relaxation or population_relaxation(summary)
-        return replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
+        known = replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
+        leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
+        stated = [lean for lean in leans if lean is not None]
+        return replace(known, calibrated_lean_rad=sum(stated) / len(stated) if 0 < len(stated) == len(leans) else None)
     globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
     known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m, calibrated_lean_rad=own.lean_rad)
     relaxation = own.relaxation or known.relaxation

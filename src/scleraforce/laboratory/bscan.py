@@ -73,7 +73,7 @@ def _signed_distances(shaft: NeedleShaft, across: Floats, down: Floats, tilt_rad
     Points of the plane are (across, out of it, up) from the tip's place in the picture; the contact lies `gap_m` behind
     the plane. The longest point of a bevelled end lies at the shaft's lower side.
     """
-    angle, radius_m = shaft.angle_rad - tilt_rad, shaft.diameter_m / 2
+    angle, radius_m = shaft.angle_rad + tilt_rad, shaft.diameter_m / 2
     axis = np.array([sin(angle) * cos(shaft.lean_rad), -sin(shaft.lean_rad), cos(angle) * cos(shaft.lean_rad)])
     upper = -1.0 if angle > 0.0 else 1.0  # the side that the light falls on: a bevel is held up
     aside = upper * np.array([cos(angle), 0.0, -sin(angle)])

@@ -268,6 +268,8 @@ def reading(
     if seen.info is not None:
         place = folder.recording_of(Path(_place(frame))) or _place(frame)
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
+    if known.leak_time_s is not None:
+        notes.append("leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak")
     asked, model = model, reader.suited(model, known)
     if model.path != asked.path:
         notes.append(f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes")
@@ -290,6 +292,8 @@ def given_eye(given: Mapping[str, Any]) -> Known:
         if given[key] is not None:
             check_quantity(key, given[key])
     lean_rad = given["lean_rad"]
+    if isinstance(lean_rad, str) and lean_rad != "unknown":
+        raise InputError(f"lean_rad: {lean_rad!r}; give a number or 'unknown'")
     if lean_rad not in (None, "unknown"):
         check_quantity("lean_rad", lean_rad)
     for key in ("plane_direction_rad", "stiffening"):

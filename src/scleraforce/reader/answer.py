@@ -151,7 +151,7 @@ class Answer:
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
-            "lean_deg": None if self.lean_rad is None else from_si(sum(self.lean_rad) / 2, "deg"),
+            "lean_deg": from_si(self.lean_rad[0], "deg") if self.lean_rad and len(set(self.lean_rad)) == 1 else None,
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,
             "reason": self.reason,

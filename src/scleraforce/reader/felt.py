@@ -38,6 +38,8 @@ MOST_LEAN_RAD = radians(45.0)  # of a needle whose lean is not known: injections
 FRICTIONS = (0.0, 0.3, inf)  # the last one sticks
 # Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2 degrees of its declaration.
 LEAN_SD = hypot(0.06, radians(2.0))
+SAME_LEAN_RAD = radians(2.0)  # leans that differ by less are one
+MOST_SEEN_RAD = radians(75.0)
 SEEN_LEAN_ERROR_RAD = radians(6.0)  # of a shaft in a picture, and of the normal there
 NOT_CALIBRATED = "the calibration does not know its needle's lean: the interval spans 0 to 45 degrees"
 
@@ -113,20 +115,20 @@ class Lean:
         `seen_rad`: the angle from the normal to the shaft, towards growing columns on its way up.
 
         >>> Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
-        ('the needle leans by 29 degrees in the picture, the declared lean allows 11',)
+        ('the needle leans by 29 degrees in the picture (above 0: right), the declared lean allows -11 to 11',)
         """
         calibrated = known.calibrated_lean_rad
         stated = known.lean_rad if calibrated is None else known.lean_rad or (calibrated, calibrated)
         ends = stated if stated is not None or seen_rad is None else (abs(seen_rad), abs(seen_rad))
         if ends is None:
             return cls(None)
-        doubts = () if stated is None else _contradicted(stated[1], known.lean_azimuth_rad, seen_rad)
-        absorbed = known.has_own_modulus and calibrated is None
+        doubts = () if stated is None else _contradicted(stated, known.lean_azimuth_rad, seen_rad)
+        absorbed = calibrated is None and known.modulus is not None and known.modulus.source != "stated"
         if absorbed and stated is None:  # as in the calibration, whatever that was
             return cls(ends)
         before = (0.0, MOST_LEAN_RAD) if absorbed else (calibrated or 0.0,) * 2
         likeliest = 1.0 if absorbed else 1.0 / cos(sum(ends) / 2)
-        if ends == before:
+        if not absorbed and max(abs(end - before[0]) for end in ends) <= SAME_LEAN_RAD:
             return cls(ends, (likeliest,) * 3, 0.0, doubts)
         factors = [
             _along(end, friction) / (_along(other, friction) * (1.0 if absorbed else cos(other)))
@@ -144,26 +146,28 @@ def _along(lean_rad: float, friction: float) -> float:
     return cos(lean_rad - push_rad) / cos(push_rad)
 
 
-def _contradicted(most_rad: float, azimuth_rad: float | None, seen_rad: float | None) -> tuple[str, ...]:
-    """Return a sentence if a shaft in the picture contradicts a lean of up to `most_rad`."""
+def _contradicted(ends_rad: tuple[float, float], azimuth_rad: float | None, seen_rad: float | None) -> tuple[str, ...]:
+    """Return a sentence if a shaft in the picture contradicts a lean between two ends."""
     if seen_rad is None:
         return ()
-    if azimuth_rad is None:
-        expected_rad, off_rad = most_rad, abs(seen_rad) - most_rad
-    else:
-        expected_rad = atan(tan(most_rad) * cos(azimuth_rad))
-        off_rad = abs(seen_rad - expected_rad)
-    if off_rad <= SEEN_LEAN_ERROR_RAD:
+    sides = (-1.0, 1.0) if azimuth_rad is None else (cos(azimuth_rad),)
+    allowed = [atan(tan(end) * side) for end in ends_rad for side in sides]
+    if min(allowed) - SEEN_LEAN_ERROR_RAD <= seen_rad <= max(allowed) + SEEN_LEAN_ERROR_RAD:
         return ()
-    shown, allowed = degrees(abs(seen_rad)), degrees(abs(expected_rad))
-    return (f"the needle leans by {shown:.0f} degrees in the picture, the declared lean allows {allowed:.0f}",)
+    shown, low, high = map(degrees, (seen_rad, min(allowed), max(allowed)))
+    allows = f"the declared lean allows {low:.0f} to {high:.0f}"
+    return (f"the needle leans by {shown:.0f} degrees in the picture (above 0: right), {allows}",)
 
 
 def seen_lean(answer: Answer) -> float | None:
-    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up."""
+    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up.
+
+    None if no shaft is seen, or one that no needle has: farther off the normal than a lean may be declared.
+    """
     if answer.needle is None or answer.fit is None:
         return None
-    return answer.needle.angle_rad - float(answer.fit.unknown[ROTATION])
+    seen_rad = answer.needle.angle_rad - float(answer.fit.unknown[ROTATION])
+    return seen_rad if abs(seen_rad) <= MOST_SEEN_RAD else None
 
 
 @dataclass(frozen=True, eq=False)

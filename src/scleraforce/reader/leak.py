@@ -39,7 +39,8 @@ class Leak:
         for _ in range(1 if dense else READINGS):
             leaked_m3 = self._after(before_m3, dent_m3, held_s)
             answer = read(replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3))))
-            if answer.iop_at_dent_pa is None:
+            if answer.iop_at_dent_pa is None:  # nothing shows that the dent is there still
+                dent_m3 = 0.0
                 break
             dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, answer.iop_at_dent_pa))
         return answer, replace(self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s)
