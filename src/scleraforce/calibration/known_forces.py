@@ -284,8 +284,9 @@ def read_again(
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
     found, rests = list[KnownForce | None](), [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
+    priors_at = {pa: [prior_of(replace(each, iop_pa=pa), study.reader) for each in certain] for pa in set(rests)}
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
-        priors = [prior_of(replace(each, iop_pa=rest_pa), study.reader) for each in certain]
+        priors = priors_at[rest_pa]
         at, smoothing_m = (near, seen.lateral_m, seen.depth_m), study.calibration.surface_smoothing_m
         fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
         if fit is None or not _read(fit):

@@ -79,9 +79,8 @@ class EyeCalibration:
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
     tissue whose walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the needle in the last
     recording; if it is known, forces are parts along the wall's normal, and E is of these. With a library, modulus and
-    rigidity are
-    from the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are for figures, and are
-    empty if read from a file.
+    rigidity are from the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are for
+    figures, and are empty if read from a file.
     """
 
     id: str

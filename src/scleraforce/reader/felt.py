@@ -24,6 +24,7 @@ from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library.unknowns import ROTATION
 from scleraforce.mechanics.relaxation import line_weights
 from scleraforce.reader.answer import Answer, Reading
+from scleraforce.study.fields import allowed
 
 Given = TypeVar("Given", Answer, Reading)
 
@@ -39,8 +40,8 @@ FRICTIONS = (0.0, 0.3, inf)  # the last one sticks
 # Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2 degrees of its declaration.
 LEAN_SD = hypot(0.06, radians(2.0))
 SAME_LEAN_RAD = radians(2.0)  # leans that differ by less are one
-MOST_SEEN_RAD = radians(75.0)
 SEEN_LEAN_ERROR_RAD = radians(6.0)  # of a shaft in a picture, and of the normal there
+NO_RELAXATION = KnownRelaxation.declared(())
 NOT_CALIBRATED = "the calibration does not know its needle's lean: the interval spans 0 to 45 degrees"
 
 
@@ -167,20 +168,20 @@ def seen_lean(answer: Answer) -> float | None:
     if answer.needle is None or answer.fit is None:
         return None
     seen_rad = answer.needle.angle_rad - float(answer.fit.unknown[ROTATION])
-    return seen_rad if abs(seen_rad) <= MOST_SEEN_RAD else None
+    return seen_rad if abs(seen_rad) <= (allowed("lean_rad").high or 0.0) else None
 
 
 @dataclass(frozen=True, eq=False)
 class History:
     """Memory of an eye's tissue after the frames so far: mean (term,) and covariance (term, term) of m_i, in N.
 
-    Without a relaxation the tissue is elastic; `known` has the needle's lean. `most_n`: the largest elastic force that
-    an eye bears. After gaps m_i may be up to `less_n` smaller and `more_n` larger, (term,). `time_s`, `elastic_n`: the
-    last frame's, None before it; `dense`: it followed another one closely, or the sequence is a monitor's, which is
-    always dense.
+    `known` has how the tissue relaxes (by default it is elastic) and the needle's lean. `most_n`: the largest elastic
+    force that an eye bears. After gaps m_i may be up to `less_n` smaller and `more_n` larger, (term,). `time_s`,
+    `elastic_n`: the last frame's, None before it; `dense`: it followed another one closely, or the sequence is a
+    monitor's, which is always dense.
     """
 
-    relaxation: KnownRelaxation
+    known: Known
     most_n: float
     mean_n: Floats
     covariance: Floats
@@ -190,16 +191,20 @@ class History:
     elastic_n: float = 0.0
     dense: bool = False
     of_monitor: bool = False
-    known: Known = NOTHING_KNOWN
+
+    @property
+    def relaxation(self) -> KnownRelaxation:
+        """The relaxation of the tissue."""
+        return self.known.relaxation or NO_RELAXATION
 
     @classmethod
     def unknown(cls, known: Known, max_force_n: float) -> "History":
         """Return the history of an eye before its first frame; `max_force_n`: the largest force on the needle."""
-        relaxation = known.relaxation or KnownRelaxation.declared(())
+        relaxation = known.relaxation or NO_RELAXATION
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
         nothing_n = np.zeros(terms)
-        return cls(relaxation, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n, known=known)
+        return cls(known, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n)
 
     @classmethod
     def monitored(cls, known: Known, max_force_n: float) -> "History":
