@@ -211,7 +211,7 @@ def _eye_words(known: "Known") -> str:
 
 
 def _lean_words(known: "Known") -> str | None:
-    if known.has_own_modulus or known.lean_rad is not None:
+    if known.has_calibrated_modulus or known.lean_rad is not None:
         return None
     return "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
 

@@ -229,6 +229,11 @@ class Known:
         return self.modulus is not None and self.modulus.source == "own"
 
     @property
+    def has_calibrated_modulus(self) -> bool:
+        """True if E was found on frames of the eye or of others."""
+        return self.modulus is not None and self.modulus.source != "stated"
+
+    @property
     def scatter(self) -> float:
         """Factor of intervals from the scatter of the eye's frames of known force."""
         return 1.0 if self.discrepancy is None else self.discrepancy.scatter

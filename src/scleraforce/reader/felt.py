@@ -124,7 +124,7 @@ class Lean:
         if ends is None:
             return cls(None)
         doubts = () if stated is None else _contradicted(stated, known.lean_azimuth_rad, seen_rad)
-        absorbed = calibrated is None and known.modulus is not None and known.modulus.source != "stated"
+        absorbed = calibrated is None and known.has_calibrated_modulus
         if absorbed and stated is None:  # as in the calibration, whatever that was
             return cls(ends)
         before = (0.0, MOST_LEAN_RAD) if absorbed else (calibrated or 0.0,) * 2
