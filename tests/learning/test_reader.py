@@ -14,6 +14,7 @@ from analytic_library import solve_analytic
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.learning import reader
+from scleraforce.learning.descent import chosen_device
 from scleraforce.learning.samples import Source
 from scleraforce.learning.train import train_reader
 from scleraforce.library.build import build_library
@@ -193,3 +194,14 @@ def test_a_training_ends_with_intervals_that_are_measured(library, tmp_path: Pat
     assert "measured on" in (tmp_path / "model" / "card.md").read_text()
     train_reader(library, study, tmp_path / "again", workers=1)
     assert load_model(tmp_path / "again").record["intervals"] == intervals
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_a_gpu_is_taken_if_it_is_there_and_refused_if_it_is_not(found: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: found)
+    assert chosen_device("cpu") == "cpu"
+    assert chosen_device("auto") == ("cuda" if found else "cpu")
+    for name in ("gpu",) if found else ("gpu", "cuda"):
+        with pytest.raises(InputError, match=r"^device: "):
+            chosen_device(name)
+    assert not found or chosen_device("cuda") == "cuda"

@@ -242,6 +242,11 @@ class Known:
 NOTHING_KNOWN = Known()
 
 
+def one_lean(ends_rad: tuple[float, float] | None) -> float | None:
+    """Return the lean of two ends that are the same, else None."""
+    return ends_rad[0] if ends_rad is not None and ends_rad[0] == ends_rad[1] else None
+
+
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
     return Known(

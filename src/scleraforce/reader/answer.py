@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, fields
 from math import hypot, isfinite
 from typing import Any
 
+from scleraforce.known import one_lean
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
@@ -151,7 +152,7 @@ class Answer:
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
-            "lean_deg": from_si(self.lean_rad[0], "deg") if self.lean_rad and len(set(self.lean_rad)) == 1 else None,
+            "lean_deg": from_si(one_lean(self.lean_rad), "deg"),
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,
             "reason": self.reason,

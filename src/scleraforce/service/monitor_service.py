@@ -19,7 +19,7 @@ from time import monotonic
 import cv2
 
 from scleraforce.errors import InputError
-from scleraforce.known import Known, stated_eye
+from scleraforce.known import Known, one_lean, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
 from scleraforce.reader.felt import History
@@ -182,7 +182,7 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     needle = NeedleInfo(
         gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad,
-        lean_rad=known.lean_rad[0] if known.lean_rad and len(set(known.lean_rad)) == 1 else None,
+        lean_rad=one_lean(known.lean_rad),
     )  # fmt: skip
     return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 
