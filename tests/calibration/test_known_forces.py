@@ -167,6 +167,13 @@ def corrected(after: Settled) -> list[float]:
     return [float(discrepancy.corrected_n(np.array([one.library_n]))[0]) / one.force_n for one in after.again if one]
 
 
+def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
+    (frame, *_), known = read_frames(), known_of(MODULUS_PA)
+    leaked = [read_again([frame], replace(known, iop_pa=iop_pa), LIBRARY, STUDY)[0] for iop_pa in (270.0, 135.0)]
+    assert read_again([frame, frame], known, LIBRARY, STUDY, [270.0, 135.0]) == leaked
+    assert leaked[0] != leaked[1]
+
+
 def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus() -> None:
     moduli = (known_of(MODULUS_PA), known_of(1.05 * MODULUS_PA))
     for here, there in zip(*(read_again(read_frames(), each, LIBRARY, STUDY) for each in moduli), strict=True):
