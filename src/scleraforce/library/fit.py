@@ -45,7 +45,6 @@ NO_WALL_M = 20e-6
 DRAWS = 512
 
 
-@lru_cache
 @lru_cache(maxsize=64)
 def law_of(globe: KnownGlobe) -> Law:
     """Return the law of a globe."""
