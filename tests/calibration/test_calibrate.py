@@ -15,7 +15,8 @@ from small_recordings import calibration_of_a_sealed_eye
 
 from ideal_boundaries import virtual_sections
 from scleraforce.calibration import calibrate
-from scleraforce.calibration.calibrate import calibrate_recordings, frame_order
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.forces import frame_order
 from scleraforce.calibration.known_forces import TissueTrial
 from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError

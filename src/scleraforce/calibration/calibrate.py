@@ -14,7 +14,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.forces import FrameForces, frame_forces, frame_order
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
 from scleraforce.calibration.registration import PoseBelief, first_belief
 from scleraforce.calibration.relaxation import STEP_S, with_elastic_forces
@@ -358,32 +358,6 @@ def _calibrate_eye(
     if library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
     return _settled(eye, assimilation.known_after(session), taken, refused, library, study, rested)
-
-
-def frame_order(
-    force_n: Floats, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
-) -> list[int]:
-    """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
-
-    All in their own order, or in `rising` order; if only some are wanted, the first few that show where the eye lies
-    (up to `min_force_n`), then the frames of the highest force and of even shares of it, which tell modulus and
-    rigidity apart, in rising order, then the others as substitutes. Shallow dents hardly show the rigidity: they give
-    the modulus, and from there the way to both is short. A deep one alone leaves a bent valley of both.
-    """
-    if frames is None and not rising:
-        return list(range(len(included)))
-    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= min_force_n]
-    left = [index for index, inside in enumerate(included) if inside and force_n[index] > min_force_n]
-    left.sort(key=lambda index: -force_n[index])
-    if frames is None:
-        return [*light, *reversed(left), *(index for index, inside in enumerate(included) if not inside)]
-    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
-    for share in np.arange(frames, 0, -1) / frames:
-        if left:
-            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
-            left.remove(nearest)
-            chosen.append(nearest)
-    return [*light[:frames], *reversed(chosen), *left]
 
 
 def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:

@@ -54,6 +54,32 @@ def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces
     return FrameForces(force_n - zero[0] - zero[1] * since_s, since_s, zero, covariance)
 
 
+def frame_order(
+    force_n: Floats, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
+) -> list[int]:
+    """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
+
+    All in their own order, or in `rising` order; if only some are wanted, the first few that show where the eye lies
+    (up to `min_force_n`), then the frames of the highest force and of even shares of it, which tell modulus and
+    rigidity apart, in rising order, then the others as substitutes. Shallow dents hardly show the rigidity: they give
+    the modulus, and from there the way to both is short. A deep one alone leaves a bent valley of both.
+    """
+    if frames is None and not rising:
+        return list(range(len(included)))
+    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= min_force_n]
+    left = [index for index, inside in enumerate(included) if inside and force_n[index] > min_force_n]
+    left.sort(key=lambda index: -force_n[index])
+    if frames is None:
+        return [*light, *reversed(left), *(index for index, inside in enumerate(included) if not inside)]
+    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
+    for share in np.arange(frames, 0, -1) / frames:
+        if left:
+            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
+            left.remove(nearest)
+            chosen.append(nearest)
+    return [*light[:frames], *reversed(chosen), *left]
+
+
 def rest_zeros(contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Floats) -> tuple[Floats, Floats]:
     """Return time since the log's beginning and mean force of every rest between two pushes, each (rest,).
 

@@ -20,9 +20,16 @@ from scipy.sparse import csr_array, eye_array, hstack
 
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
-from scleraforce.calibration.calibrate import frame_order
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
-from scleraforce.calibration.forces import LABEL_SD_N, PUSH_N, REST_SD_N, ZERO_PRIOR, FrameForces, zero_line
+from scleraforce.calibration.forces import (
+    LABEL_SD_N,
+    PUSH_N,
+    REST_SD_N,
+    ZERO_PRIOR,
+    FrameForces,
+    frame_order,
+    zero_line,
+)
 from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import PoseBelief, place_section
