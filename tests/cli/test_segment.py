@@ -70,7 +70,41 @@ def test_a_mask_that_is_there_and_differs_is_kept_unless_forced(frame, tmp_path:
     assert mask.read_bytes() == b"mine"
     shell.run("segment", frame, "--out", tmp_path, "--force")
     shell.run("segment", frame, "--out", tmp_path)  # the same mask again
-    assert not list(tmp_path.glob(".*"))
+    assert [path.name for path in tmp_path.iterdir()] == ["0001.png"]
+
+
+@pytest.fixture
+def dark(tmp_path: Path) -> Path:
+    """A frame without a wall."""
+    cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((64, 80), np.uint16))
+    return tmp_path / "dark.png"
+
+
+def test_a_frame_has_a_mask_or_a_guess_and_never_both(frame, dark, tmp_path: Path, shell) -> None:
+    out, given = tmp_path / "out", ("segment", dark, "--out", tmp_path / "out", "--overlay")
+    guesses = ["dark.guess.overlay.png", "dark.guess.png"]
+    assert "1 of 1 frames are not usable" in shell.text(*given)
+    assert sorted(path.name for path in out.iterdir()) == guesses
+    dark.write_bytes(frame.read_bytes())  # with a wall
+    assert "dark.guess.png: exists already" in shell.refused(*given)
+    assert sorted(path.name for path in out.iterdir()) == guesses
+    shell.run(*given, "--force")
+    assert sorted(path.name for path in out.iterdir()) == ["dark.overlay.png", "dark.png"]
+
+
+def test_a_mask_and_a_guess_of_one_name_are_refused(frame, dark, tmp_path: Path, shell) -> None:
+    (tmp_path / "dark.guess.png").write_bytes(frame.read_bytes())
+    out = tmp_path / "out"
+    assert "use two folders" in shell.refused("segment", dark, tmp_path / "dark.guess.png", "--out", out)
+    assert "would replace" in shell.refused("segment", tmp_path / "dark.guess.png", dark, "--out", tmp_path)
+
+
+def test_unusable_frames_are_exit_code_3_if_that_is_strict(frame, dark, tmp_path: Path, shell) -> None:
+    given = ("segment", frame, dark, "--out", tmp_path / "out", "--strict")
+    shell.run(*given[:2], *given[3:])
+    out, _ = shell.run(*given, code=3)
+    assert out.splitlines()[-1] == "1 of 2 frames are not usable"
+    shell.run(*given, tmp_path / "nowhere.png", code=2)
 
 
 def test_a_mask_never_replaces_a_frame(frame, shell) -> None:
@@ -86,12 +120,12 @@ def test_a_transposed_frame_gives_the_transposed_mask(frame, tmp_path: Path, she
     np.testing.assert_array_equal(pixels(tmp_path / "b" / "turned.png").T, pixels(tmp_path / "a" / "0001.png"))
 
 
-def test_a_frame_without_a_wall_is_reported_and_gets_an_empty_mask(tmp_path: Path, shell) -> None:
-    cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((64, 80), np.uint16))
-    (entry,) = shell.json("segment", tmp_path / "dark.png", "--out", tmp_path / "out")["frames"]
+def test_a_frame_without_a_wall_is_reported_and_gets_an_empty_mask(dark, tmp_path: Path, shell) -> None:
+    (entry,) = shell.json("segment", dark, "--out", tmp_path / "out")["frames"]
     assert (entry["usable"], entry["thickness_um"]) == (False, None)
     assert "empty" in entry["reason"]
-    assert not pixels(tmp_path / "out" / "dark.png").any()
+    assert entry["mask"] == str(tmp_path / "out" / "dark.guess.png")
+    assert not pixels(tmp_path / "out" / "dark.guess.png").any()
 
 
 def test_a_scale_that_nothing_states_is_assumed_and_noted(frame, loose, tmp_path: Path, shell) -> None:

@@ -40,7 +40,7 @@ def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_s
     (entry,) = shell.json("segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind)["frames"]
     assert not entry["usable"]
     assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
-    assert (tmp_path / "scene.png").is_file()
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
 
 
 def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(tmp_path, shell) -> None:
@@ -55,8 +55,8 @@ def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it
         ("a", (), checked), ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
         ("c", ("--wall-finder", "none"), unchecked),
     ):  # fmt: skip
-        shell.run("segment", path, "--out", tmp_path / name, *SIZE, *words)
-        assert np.array_equal(cv2.imread(str(tmp_path / name / "scene.png"), cv2.IMREAD_UNCHANGED), expected)
+        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)["frames"]
+        assert np.array_equal(cv2.imread(entry["mask"], cv2.IMREAD_UNCHANGED), expected)
 
 
 def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:

@@ -38,6 +38,8 @@ WORDS = {  # name and unit of each key, for people
     "globe": ("globe", ""),
     RIGIDITY: ("k", " mmHg^(1/3)/µl"),
 }
+GUESS, OVERLAY = ".guess.png", ".overlay.png"
+ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that `segment` may write for a frame
 Value = float | str | None
 Sources = list[tuple[str, Value, str]]  # key, value, source
 
@@ -48,6 +50,7 @@ Sources = list[tuple[str, Value, str]]  # key, value, source
 @options(*FRAME_SIZE)
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
 @options("wall_finder", "force", force="Replace masks that exist.")
+@click.option("--strict", is_flag=True, help="Exit with code 3 if a frame is not usable.")
 def segment(
     frames: tuple[Path, ...],
     out: Path,
@@ -55,6 +58,7 @@ def segment(
     overlay: bool,
     wall_finder: Path | None,
     force: bool,
+    strict: bool,
     **size: float | None,
 ) -> Report:
     """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
@@ -67,7 +71,8 @@ def segment(
 
     Two methods find the wall and check each other: edge detection, and a
     network trained on drawn scenes. A frame is not usable if they differ by
-    more than their uncertainties allow.
+    more than their uncertainties allow; its mask is NAME.guess.png, never
+    NAME.png.
 
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
@@ -89,22 +94,27 @@ def segment(
         *(wrapped(words, "note: ") for words in _assumed(segmented)),
     ]
     faults = [one for _, one in found if isinstance(one, InputError)]
-    return Report({"out": str(out), "frames": entries}, lines, faults)
+    unusable = sum(not one["usable"] for one in entries)
+    if segmented:
+        lines.append(f"{unusable} of {len(entries)} frames are not usable")
+    return Report({"out": str(out), "frames": entries}, lines, faults, code=3 if strict and unusable else 0)
 
 
 def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
+    """Return the frames and their masks; raises `InputError` if two pictures could have the same name."""
     found = [pair for path in given for pair in _frames_of(path)]
     recordings = {recording.resolve() for _, recording in found if recording is not None}
     frames, masks, taken = {frame.resolve() for frame, _ in found}, dict[Path, Path](), dict[Path, Path]()
     for frame, recording in found:
         folder = out / recording.resolve().name if recording is not None and len(recordings) > 1 else out
-        mask = folder / f"{frame.stem}.png"
-        if mask in taken:
-            raise InputError(f"{frame}: its mask would be {mask}, as that of {taken[mask]}; use two folders")
-        if mask.resolve() in frames:
-            raise InputError(f"--out: the mask {mask} would replace a frame; choose another folder")
-        masks[frame] = mask
-        taken[mask] = frame
+        masks[frame] = folder / f"{frame.stem}.png"
+        for ending in ENDINGS:
+            picture = masks[frame].with_suffix(ending)
+            if picture in taken:
+                raise InputError(f"{frame}: its mask would be {picture}, as that of {taken[picture]}; use two folders")
+            if picture.resolve() in frames:
+                raise InputError(f"--out: the mask {picture} would replace a frame; choose another folder")
+            taken[picture] = frame
     return masks
 
 
@@ -128,10 +138,11 @@ def _segment_frame(
     usual = OctStudy()
     assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
     frame, found = segmented(path, size, assumed, finder, transpose)
-    _write(mask, found.mask.T if transpose else found.mask, force)
+    mask, other = (mask, mask.with_suffix(GUESS)) if found.usable else (mask.with_suffix(GUESS), mask)
+    _write(mask, other, found.mask.T if transpose else found.mask, force)
     if overlay:
-        picture = draw_overlay(frame.pixels, found)
-        _write(mask.with_suffix(".overlay.png"), picture.swapaxes(0, 1) if transpose else picture, force)
+        picture, (drawn, other) = draw_overlay(frame.pixels, found), (one.with_suffix(OVERLAY) for one in (mask, other))
+        _write(drawn, other, picture.swapaxes(0, 1) if transpose else picture, force)
     return {
         "file": str(path),
         "mask": str(mask),
@@ -146,17 +157,21 @@ def _segment_frame(
     }
 
 
-def _write(path: Path, picture: "Pixels", force: bool) -> None:
+def _write(path: Path, other: Path, picture: "Pixels", force: bool) -> None:
+    """Write a picture under the name for its verdict; `other`, for the other verdict, never exists at the same time."""
     import cv2
     import numpy as np
 
-    from scleraforce.whole_files import KINDS, read_bytes, write_whole
+    from scleraforce.whole_files import KINDS, read_bytes, renamed_when_whole
 
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
-    if not force and path.exists() and read_bytes(path, KINDS["frame"]) != data:
-        raise InputError(f"{path}: exists already and differs; choose another --out, or --force to replace it")
+    for one in (path, other):
+        if not force and one.exists() and (one == other or read_bytes(one, KINDS["frame"]) != data):
+            raise InputError(f"{one}: exists already and differs; choose another --out, or --force to replace it")
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(data, path)
+    with renamed_when_whole(path) as part:
+        part.write_bytes(data)
+        other.unlink(missing_ok=True)
 
 
 def _wall_line(entry: Mapping[str, Any]) -> str:

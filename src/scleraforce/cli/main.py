@@ -70,7 +70,8 @@ class _LazyGroup(click.Group):
 def cli() -> None:
     """Read the force of a needle on the eye from a single OCT slice.
 
-    Exit codes: 0 done, 1 internal fault, 2 bad input or usage, 130 interrupted.
+    Exit codes: 0 done, 1 internal fault, 2 bad input or usage, 3 unusable frames
+    (segment --strict), 130 interrupted.
     """
 
 
