@@ -1,12 +1,13 @@
 """The wall finder: Dice on drawn scenes and phantom frames beside the classical method, latency, and a sheet of scans.
 
     python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--sheet FILE]
+    python benchmarks/bench_wall_finder.py [MODEL] --study benchmarks/far_scanner.toml
 
 MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default. Scenes are drawn from its study
 with another seed, and judged in the columns where the wall can be seen or is absent; phantoms are frames of
-`render_bscan` over the study's phantom ranges. "together" is what `segment` writes; its row "usable" has the frames
-that it lets pass. `--sheet` writes a PNG of the scans in ../shared/real-oct, if that exists: left `find_wall`, middle
-the network, right both together.
+`render_bscan` over the paper's phantom ranges, or over the scanner's of `--study`. "together" is what `segment` writes;
+its row "usable" has the frames that it lets pass. `--sheet` writes a PNG of the scans in ../shared/real-oct, if that
+exists: left `find_wall`, middle the network, right both together.
 """
 
 import argparse
@@ -34,7 +35,7 @@ from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
-from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw
+from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw, read_study
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 STUDY = Study()
@@ -54,19 +55,19 @@ def scenes(study: ScenesStudy, count: int) -> Iterator[Case]:
             yield scene.frame, scene.scale, scene.mask, scene.judged
 
 
-def phantoms(count: int) -> Iterator[Case]:
-    """Yield phantom frames of spherical walls with dents of 0 to 3 mm, with their truth."""
+def phantoms(count: int, study: Study) -> Iterator[Case]:
+    """Yield phantom frames of a study's scanner, of spherical walls with dents of 0 to 3 mm, with their truth."""
     rng = np.random.default_rng(5)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     for dent_m in np.linspace(0.0, 3e-3, count):
         depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
         outer = np.stack([lateral, depth], axis=1)
         section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
-        optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
-        surface_m, down_m, aside_m, tilt_rad = (draw(getattr(STUDY.phantom, name), rng) for name in PLACED)
+        optics = sample_optics(study.phantom, study.oct, rng)
+        surface_m, down_m, aside_m, tilt_rad = (draw(getattr(study.phantom, name), rng) for name in PLACED)
         pose = Pose(lateral_m=aside_m, depth_m=surface_m + down_m, tilt_rad=tilt_rad)
-        bscan = render_bscan(pose.place(section), STUDY.oct, optics, rng)
-        yield bscan.frame, PixelScale.of(STUDY.oct), bscan.truth_mask, np.ones(bscan.frame.shape[1], dtype=np.bool_)
+        bscan = render_bscan(pose.place(section), study.oct, optics, rng)
+        yield bscan.frame, PixelScale.of(study.oct), bscan.truth_mask, np.ones(bscan.frame.shape[1], dtype=np.bool_)
 
 
 def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
@@ -120,7 +121,7 @@ def print_rows(name: str, shares: dict[str, list[float]], usable: NDArray[np.boo
 
 def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> None:
     """Print how long each part takes for a frame of 512 x 512 pixels of 16 bits: passed time, and the processor's."""
-    frame, scale, *_ = next(phantoms(1))
+    frame, scale, *_ = next(phantoms(1, STUDY))
     rows, columns = study.rows, study.columns
     small = reduced_frame(frame, rows, columns)[None]
     parts: dict[str, Callable[[], object]] = {
@@ -176,6 +177,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--phantoms", type=int, default=60)
     parser.add_argument("--readings", type=int, default=100)
+    parser.add_argument("--study", type=read_study, default=STUDY, help="of the phantoms' scanner")
     parser.add_argument("--sheet", type=Path, help="PNG of the real scans")
     given = parser.parse_args()
     cv2.setNumThreads(1)
@@ -183,7 +185,7 @@ def main() -> None:
     print(f"{'Dice of':22}{'frames':>8}{'mean':>8}{'median':>8}{'5 %':>8}{'least':>8}")
     study = folder_study(read_folder(given.model))
     print_dice("scenes", scenes(replace(study.scenes, seed=given.seed), given.scenes), finder)
-    print_dice("phantoms", phantoms(given.phantoms), finder)
+    print_dice("phantoms", phantoms(given.phantoms, given.study), finder)
     print_latency(finder, study.wall_finder, given.readings)
     if given.sheet:
         if not REAL.is_dir():

@@ -2,7 +2,8 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,10 @@ from scleraforce.laboratory.scanner_display import (
     spread_slope,
 )
 from scleraforce.laboratory.scanner_light import SurfaceLight, reflections
+from scleraforce.laboratory.scenes import draw_scene
+from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.study import PhantomStudy, parse_study
+from scleraforce.study.fields import fixed
 
 SEEDS = range(7000, 7006)
 FEW = range(7010, 7013)  # where three frames are enough
@@ -147,12 +151,45 @@ def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing(sc
     text = study_text(scanner, ['evil"\n[eye]\nradius_mm = 1', *["b.png"] * 30], "2026-11-23", "1.2.3")
     study = parse_study(text)
     assert (study.oct.columns, study.oct.rows, study.eye) == (512, 512, parse_study("").eye)
-    assert study.phantom == scanner.phantom()
-    assert set(tomllib.loads(text)) == {"oct", "phantom"}
+    assert (study.phantom, study.scenes) == (scanner.phantom(), scanner.scenes())
+    assert set(tomllib.loads(text)) == {"oct", "phantom", "scenes"}
     assert "1.2.3 on 2026-11-23, on 31 frame(s)" in text
     assert "and 11 more" in text
     assert "# choroid_level_db: not measured, as in the paper's study: " in text
     assert study.phantom.choroid_level_db == PhantomStudy().choroid_level_db
+
+
+def bare(section: Any, **values: float) -> Any:
+    """The section without anything that only some scenes show, and with these values."""
+    given = {item.name: getattr(section, item.name) for item in fields(section)}
+    shares = {name for name, value in given.items() if isinstance(value, float)}
+    some = dict.fromkeys((*shares, *(name for name in given if name.endswith("_count"))), 0.0) | values
+    return replace(section, **{name: value if name in shares else fixed(value) for name, value in some.items()})
+
+
+def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> None:
+    """Its display is linear, its light dim, its pixels few: scenes of round eyes are measured like its frames."""
+    far = replace(SCANNER, width_m=11e-3, depth_m=3.4e-3, columns=256, rows=200)
+    optics = {"snr_db": 16.0, "axial_resolution_m": 45e-6, "lateral_resolution_m": 130e-6, "band_m": 0.0}
+    eyes = drawn_eyes(range(7900, 7904), far, display="linear", display_floor_db=-30.0, display_range_db=53.0, **optics)
+    scenes = measure_scanner(eyes).scenes()
+    round_eyes = replace(
+        scenes,
+        window=bare(scenes.window, view_m=0.0, tilt_rad=0.0, surface_share=0.15),
+        eye=bare(scenes.eye, half_sphere_share=1.0, wave_m=0.0, sclera_radius_m=12e-3, sclera_thickness_m=0.8e-3),
+        tissue=bare(scenes.tissue, profile_db=0.0, texture_db=0.0, reflection_db=6.0, attenuation_per_m=1000.0),
+        over=bare(scenes.over),
+        scanner=bare(scenes.scanner, linear_share=scenes.scanner.linear_share, rolloff_db=0.0, noise_tilt_db=0.0),
+    )
+    drawn = [draw_scene(round_eyes, number).frame for number in range(4)]
+    again = measure_scanner(imaged(frame, far) for frame in drawn)
+    assert again.display.name == "linear"
+    assert again.ranges["snr_db"].median == pytest.approx(16.0, abs=3.0)
+    for key in ("axial_resolution_m", "lateral_resolution_m"):
+        assert again.ranges[key].median == pytest.approx(optics[key], rel=0.15)
+    seen, alike = (np.stack([reduced_frame(frame, 128, 176) for frame in frames]) + 1.0
+                   for frames in ([eye.pixels for eye in eyes], drawn))  # fmt: skip
+    assert histogram_overlap(seen, alike, 2) > 0.8
 
 
 DISPLAY_FEW = range(7110, 7113)
@@ -213,19 +250,21 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
     assert fit_display(eye, LOGARITHMIC).kind is LOGARITHMIC
 
 
-def test_a_wall_of_even_light_tells_no_display_and_a_logarithmic_one_is_taken() -> None:
-    eyes = drawn_eyes(DISPLAY_FEW[:1], attenuation_per_m=20.0, display="root", display_range_db=42.0)
+@pytest.mark.parametrize("display", DISPLAY_KINDS)
+def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str) -> None:
+    shown = {"display": display, "display_range_db": 42.0, "display_floor_db": -12.0}
+    eyes = drawn_eyes(DISPLAY_FEW[:1], replace(SCANNER, bits=16), attenuation_per_m=20.0, **shown)
     slope = spread_slope(eyes[0])
     assert isinstance(slope, Unmeasured)
     assert "too even" in slope.reason
-    assert display_kind([slope]) is LOGARITHMIC
+    assert display_kind([slope], eyes).name == display
 
 
 def test_the_kind_is_that_of_most_frames() -> None:
     slopes = [Estimate(value=value, error=0.1) for value in (0.1, 1.5, 1.4)]
-    assert display_kind([*slopes, Unmeasured("dark")]).name == "linear"
-    assert display_kind([Estimate(value=0.38, error=0.1)]).name == "logarithmic"
-    assert display_kind([Estimate(value=0.40, error=0.1)]).name == "root"
+    assert display_kind([*slopes, Unmeasured("dark")], []).name == "linear"
+    assert display_kind([Estimate(value=0.38, error=0.1)], []).name == "logarithmic"
+    assert display_kind([Estimate(value=0.40, error=0.1)], []).name == "root"
 
 
 def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:

@@ -66,8 +66,9 @@ def scanner(
     It writes a study whose [phantom] has the measured ranges of noise, display,
     speckle, attenuation, reflection of the surface, the layer below the wall,
     shadows, lines and black bands. `phantom --study` draws such frames, and
-    `train LIBRARY --kind raw-reader --study` learns to read them. (No other
-    network learns from [phantom].) The picture beside the study compares a real
+    `train LIBRARY --kind raw-reader --study` learns to read them. Its [scenes]
+    have the frame's size, speckle, light, noise and display, and `train --kind
+    wall-finder --study` learns them. The picture beside the study compares a real
     frame and a drawn one, with their histograms. Quantities that cannot be
     measured keep the values of the paper's study; the report names them.
 
@@ -209,7 +210,7 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     kind, ranges = measured.display.name, measured.ranges
     slope, roll_off = ranges["spread_slope"], ranges["roll_off_db_per_m"]
     if not isinstance(slope, MeasuredRange):
-        yield f"the display is assumed to be {kind}: {slope.reason}"
+        yield f"the display is taken to be {kind} from its noise: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         yield (
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "

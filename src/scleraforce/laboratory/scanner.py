@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import scanner_light
 from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import BscanOptics, Line, Shadow, sample_optics
+from scleraforce.laboratory.light import BscanOptics, Drawn, Line, Shadow, sample_optics
 from scleraforce.laboratory.scanner_display import (
     LOGARITHMIC,
+    ONE_LOOK_DB,
     QUARTILES_DB,
     Display,
     DisplayKind,
@@ -30,7 +31,7 @@ from scleraforce.laboratory.scanner_display import (
 )
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
-from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, Sampled, Study, format_study
+from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, ScenesStudy, Study, format_study
 from scleraforce.study.fields import field_key, field_unit
 
 FIELDS = {item.name: item for item in fields(PhantomStudy)}
@@ -50,6 +51,18 @@ NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_ske
 AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
 LEAST_PIXELS = 500
 OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
+# Of [scenes.tissue] and [scenes.scanner]: what is measured, and how exactly it is known: in dB, or as a share of it.
+SCENES = {
+    "snr_db": ("snr_db", 3.0),  # of other eyes
+    "speckle_rows": ("axial_resolution_m", 0.1),
+    "speckle_columns": ("lateral_resolution_m", 0.1),
+    "looks": ("noise_looks", AVERAGED - 1.0),
+    "line_db": ("line_level_db", 1.0),
+    "line_m": ("line_thickness_m", 0.1),
+    "display_floor_db": ("display_floor_db", 1.0),
+    "band_fraction": ("band_m", 0.0),
+}
+LEAST_GAMMA, GAMMA_PER_DB = 0.1, 1.2  # noise of one look seen with a gamma of 1.1 misfits an exponential by 0.08 dB
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +94,7 @@ class MeasuredRange:
 class MeasuredScanner:
     """A scanner: its `display`; ranges, or reasons, by the field's name, in SI; counts of each frame; frames.
 
-    A display that could not be measured (`spread_slope` has no range) is taken for a logarithmic one.
+    If the wall does not show the display's kind (`spread_slope` has no range), it is taken from the noise.
     """
 
     display: DisplayKind
@@ -91,22 +104,54 @@ class MeasuredScanner:
 
     def phantom(self) -> PhantomStudy:
         """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
-        measured: dict[str, Any] = {
-            name: _sampled(name, found) for name in MEASURED if isinstance(found := self.ranges[name], MeasuredRange)
+        known = {name: found for name in MEASURED if isinstance(found := self.ranges[name], MeasuredRange)}
+        ranges = _measured(PhantomStudy(), {name: (found.low, found.high) for name, found in known.items()})
+        choices: dict[str, Any] = {
+            name: Choice(tuple(map(float, sorted(counts[:MOST_COUNTS])))) for name, counts in self.counts.items()
         }
-        for name, counts in self.counts.items():
-            chosen = sorted(counts)
-            if len(chosen) > MOST_COUNTS:
-                chosen = [chosen[n] for n in np.linspace(0, len(chosen) - 1, MOST_COUNTS).round().astype(int)]
-            measured[name] = Choice(tuple(float(count) for count in chosen))
-        return PhantomStudy(display=self.display.name, **measured)
+        return replace(ranges, display=self.display.name, **choices)
+
+    def scenes(self) -> ScenesStudy:
+        """Return the sections that draw scenes as this scanner shows them; unmeasured values keep their defaults.
+
+        So does the tissue, except its light: other eyes differ.
+        """
+        size, scenes = oct_of(self.frames[0].eye), ScenesStudy()
+        row_m, column_m = size.depth_m / size.rows, size.width_m / size.columns
+        units = {"speckle_rows": row_m, "speckle_columns": column_m, "band_fraction": size.width_m}
+        ends = {
+            key: _wider(found, exact if key.endswith("_db") else exact * found.median, units.get(key, 1.0))
+            for key, (name, exact) in SCENES.items()
+            if isinstance(found := self.ranges[name], MeasuredRange)
+        }
+        at_top = [float(np.mean(frame.eye.pixels >= frame.display.top)) for frame in self.frames]
+        misfit_db = max(frame.display.misfit_db for frame in self.frames)
+        off = max(LEAST_GAMMA, GAMMA_PER_DB * misfit_db)
+        ends["gamma"] = tuple(np.clip((1.0 - off, 1.0 + off), *scenes.scanner.gamma.bounds))
+        ends |= {"bits": (size.bits,) * 2, "saturated_fraction": (min(at_top) / 2, max(at_top) * 2)}
+        tissue = {"snr_db": ends.pop("snr_db")}
+        if self.display is not LOGARITHMIC:
+            del ends["display_floor_db"]  # they begin at black
+        given: dict[str, Any] = {"line_count": self.phantom().line_count} if "line_db" in ends else {}
+        given["band_share"] = float(ends.get("band_fraction", (0.0, 1.0))[1] > 0.0)
+        if isinstance(self.ranges["spread_slope"], MeasuredRange) or misfit_db < ONE_LOOK_DB:
+            given |= {f"{kind}_share": float(self.display.name == kind) for kind in ("linear", "root")}
+        window = {key: (getattr(size, key),) * 2 for key in ("rows", "columns", "width_m")}
+        window["depth_share"] = (size.depth_m / size.width_m,) * 2
+        window["pixel_m"] = (0.9 * row_m, 1.1 * row_m)  # so the last digit of the size changes no rows
+        return replace(
+            scenes,
+            window=_measured(scenes.window, window),
+            tissue=_measured(scenes.tissue, tissue),
+            scanner=replace(_measured(scenes.scanner, ends), **given),
+        )
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     """Measure a scanner on frames of an eye at rest, at least one."""
     seen = list(eyes)
     slopes = [spread_slope(eye) for eye in seen]
-    kind = display_kind(slopes)
+    kind = display_kind(slopes, seen)
     measured = [_measure(eye, kind, slope) for eye, slope in zip(seen, slopes, strict=True)]
     strengths, angle = scanner_light.reflections([surface for _, surface in measured])
     frames = tuple(
@@ -203,11 +248,22 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     return replace(found, low=float(ends[0]), high=float(ends[1]))
 
 
-def _sampled(name: str, found: MeasuredRange) -> Sampled:
-    """Return a range as a study has it, to four digits in the key's unit."""
-    unit = field_unit(FIELDS[name])
-    low, high = (unit.to_si(float(f"{unit.from_si(end):.4g}")) for end in (found.low, found.high))
-    return Choice((low,)) if low == high else Range(min=low, max=high)
+def _wider(found: MeasuredRange, exact: float, unit: float) -> tuple[float, float]:
+    """Return a range's ends in a unit, each side wider by its error, and by more if frames are few."""
+    more = exact + (found.high - found.low) / max(found.seen - 1, 1)
+    return (0.0 if found.at_most else (found.low - more) / unit), (found.high + more) / unit
+
+
+def _measured(section: Drawn, ends: Mapping[str, tuple[float, float]]) -> Drawn:
+    """Return a section of a study with these ranges, to four digits in the keys' units, within the keys' bounds."""
+    ranges: dict[str, Any] = {}
+    for item in fields(section):
+        if item.name in ends:
+            unit = field_unit(item)
+            both = np.clip([unit.from_si(end) for end in ends[item.name]], unit.low, unit.high)
+            low, high = (unit.to_si(float(f"{end:.4g}")) for end in both)
+            ranges[item.name] = Choice((low,)) if low == high else Range(min=low, max=high)
+    return replace(section, **ranges)
 
 
 BINS = 64
@@ -263,13 +319,12 @@ def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
 
 
 MOST_NAMES = 20  # of frames that are listed
-OCT_KEYS = ("width_mm", "depth_mm", "columns", "rows", "bits", "refractive_index")
 
 
 def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, version: str) -> str:
     """Return the text of the study file, with the frames' names, the date and the version of scleraforce."""
-    study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom())
-    sections = _sections(format_study(study))
+    study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom(), scenes=scanner.scenes())
+    sections, plain = (_sections(format_study(each)) for each in (study, Study()))
     keys = {name: field_key(item) for name, item in FIELDS.items()}
     listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
     if len(names) > MOST_NAMES:
@@ -277,15 +332,15 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
     lines = [
         f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on {len(names)} frame(s):",
         *listed,
-        "# All other values, also of eye, needle and forces, are the paper's study's.",
+        "# All other values, also of eye, needle and forces, are the paper's study's, and the scenes' defaults.",
         "",
         "[oct]",
-        *(sections["oct"][key] for key in OCT_KEYS),
+        *sections["oct"].values(),
         "",
         "[phantom]  # levels in dB are ratios of intensity",
     ]
     slope = scanner.ranges["spread_slope"]
-    taken = f"  # taken for granted: {slope.reason}" if isinstance(slope, Unmeasured) else ""
+    taken = f"  # from the noise: {slope.reason}" if isinstance(slope, Unmeasured) else ""
     lines.append(f"{sections['phantom']['display']}{taken}")
     lines += [_line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED[:OF_FRAMES]]
     for count in COUNTS:
@@ -294,6 +349,8 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
         lines += [
             _line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED if name.startswith(kind)
         ]
+    for name in ("scenes.window", "scenes.tissue", "scenes.scanner"):
+        lines += ["", f"[{name}]", *(line for key, line in sections[name].items() if line != plain[name][key])]
     return "\n".join(lines) + "\n"
 
 

@@ -185,6 +185,9 @@ DISPLAY_KINDS: Mapping[str, DisplayKind] = {
         DisplayKind(name="linear", shown=np.copy, level_db=level_db),
     )
 }
+ONE_LOOK_DB = (
+    0.2  # misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more looks over 0.3
+)
 MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
 
 
@@ -201,11 +204,18 @@ def spread_slope(eye: ImagedEye) -> Measured:
     return fitted(slope, (most - least) / 2.0, MOST_ERROR, "the wall's light is too even to tell the display's scale")
 
 
-def display_kind(slopes: Sequence[Measured]) -> DisplayKind:
-    """Return the kind of the display of frames with these slopes; logarithmic if no slope was measured."""
+def display_kind(slopes: Sequence[Measured], eyes: Sequence[ImagedEye]) -> DisplayKind:
+    """Return the kind of the display of frames with these slopes.
+
+    If no slope was measured, it is the kind on which the noise has one look, and logarithmic if it has more on all.
+    """
     known = [slope.value for slope in slopes if isinstance(slope, Estimate)]
     if not known:
-        return LOGARITHMIC
+        misfits_db = {
+            float(np.median([_scale(air_counts(eye), eye, kind)[2] for eye in eyes])): kind
+            for kind in DISPLAY_KINDS.values()
+        }
+        return misfits_db[least] if (least := min(misfits_db)) < ONE_LOOK_DB else LOGARITHMIC
     found = float(np.median(known))
     return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
 
