@@ -6,6 +6,7 @@ as plain ones first; a group then changes them.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import asin, log10, pi, radians
 
 import numpy as np
@@ -226,6 +227,13 @@ def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return eye, replace(own, phantom=phantom)
 
 
+def _cut_to(width_m: float, eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
+    """Return an open eye in frames that are cut to a width, without black bands at their sides."""
+    columns = round(study.oct.columns * width_m / study.oct.width_m)
+    phantom, oct_study = replace(study.phantom, band_m=fixed(0.0)), replace(study.oct, width_m=width_m, columns=columns)
+    return eye, replace(study, phantom=phantom, oct=oct_study)
+
+
 def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
     low, high = sampled.bounds
     return Range(min=factor * low + more, max=factor * high + more)
@@ -316,6 +324,15 @@ GROUPS: Mapping[str, Group] = {
         error_mn=1.0,
         leans=_sliding,
     ),
+    **{
+        f"narrow-{width_mm}": Group(
+            words=f"frames {width_mm} mm wide; globe open and declared",
+            own=partial(_cut_to, 1e-3 * width_mm),
+            accuracy_percent=90,
+            error_mn=1.5,
+        )
+        for width_mm in (5, 7, 10)
+    },
 }
 
 

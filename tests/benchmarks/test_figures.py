@@ -140,6 +140,14 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
         assert ("turn" in truth["frames"][0]) == (paths == 3)
 
 
+def test_narrow_frames_have_the_pixels_of_wide_ones():
+    wide = draw_eyes("plain", 1, STUDY)[0].study.oct
+    for width_mm in (5, 7, 10):
+        scanner = draw_eyes(f"narrow-{width_mm}", 1, STUDY)[0].study.oct
+        assert (scanner.width_m, scanner.rows, scanner.depth_m) == (1e-3 * width_mm, wide.rows, wide.depth_m)
+        assert scanner.width_m / scanner.columns == pytest.approx(wide.width_m / wide.columns, rel=0.01)
+
+
 def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
     for group in ("leaning", "sliding"):
         for drawn in draw_eyes(group, 5, STUDY):

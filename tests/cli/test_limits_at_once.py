@@ -16,7 +16,8 @@ CHANGES = {
     "gauge = 22": "gauge = 30",
 }
 SENTENCES = (
-    "frames of 6 x 4 mm: at most 6.0 mm of the wall are visible; at least 9.8 mm are needed",
+    "frames of 6 x 4 mm: at most 6.0 mm of the wall are visible; at least 9.8 mm are needed without a calibration, "
+    "and by the monitor",
     "IOP 15 mmHg, the model was trained on 0.5 to 5 mmHg",
     "wall thickness 1000 µm, the model was trained on 380 to 900 µm",
     "needle of 30 gauge, the model was trained on 22 gauge (0.7 mm)",

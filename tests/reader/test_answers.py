@@ -39,8 +39,10 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Range
 
 
-def answer(frame: np.ndarray, known: Known | None = KNOWN, model: ForceReader | None = None) -> Answer:
-    return (model or force_reader()).read(frame, SCALE, known or Known())
+def answer(
+    frame: np.ndarray, known: Known | None = KNOWN, model: ForceReader | None = None, scale: PixelScale = SCALE
+) -> Answer:
+    return (model or force_reader()).read(frame, scale, known or Known())
 
 
 def withdrawn(found: Answer) -> str:
@@ -171,8 +173,29 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     close = PixelScale(lateral_m=5e-3 / 512, depth_m=SCALE.depth_m)
     frame = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
     model = force_reader()
-    for found in (model.read(frame, close, KNOWN), model.read_live(frame, close, KNOWN)):
-        assert "of the wall are visible" in withdrawn(found)
+    assert "mm are needed by the network" in withdrawn(model.read_live(frame, close, KNOWN))
+    for modulus in (None, Modulus.stated(MODULUS_PA)):
+        found = model.read(frame, close, replace(KNOWN, modulus=modulus))
+        assert withdrawn(found).endswith("mm are needed without a calibration")
+        assert found.can_calibrate
+
+
+def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals() -> None:
+    widths = []
+    for width_m in (15e-3, 10e-3, 5e-3):
+        scanner = replace(STUDY.oct, width_m=width_m)
+        frame = image(wall_section(tip_of(0.015), lateral_m=0.0), scanner=scanner)
+        found = answer(frame, scale=PixelScale.of(scanner))
+        assert found.usable
+        assert found.force_n == pytest.approx(0.015, abs=1.2e-3)
+        assert found.interval_n[0] < 0.015 < found.interval_n[1]
+        assert ("needed by the network" in "".join(found.warnings)) == (width_m < 15e-3)
+        low_n, high_n = dict(found.readings)["fit"].interval_n
+        widths.append(high_n - low_n)
+    assert widths == sorted(widths)
+    scanner = replace(STUDY.oct, width_m=4.5e-3)
+    frame = image(wall_section(tip_of(0.015), lateral_m=0.0), scanner=scanner)
+    assert withdrawn(answer(frame, scale=PixelScale.of(scanner))).endswith("at least 3.5 mm are needed")
 
 
 def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning() -> None:

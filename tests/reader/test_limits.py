@@ -108,13 +108,15 @@ def test_each_quantity_that_is_outside_has_a_sentence_of_its_own() -> None:
 
 
 def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was() -> None:
-    for width_mm in (6.0, 9.5, 9.8, 9.9, 10.5, 20.0):
+    for width_mm in (3.0, 3.45, 6.0, 9.5, 9.8, 9.9, 10.5, 20.0):
         scan = replace(SCAN, width_m=width_mm * 1e-3)
         lateral_m = (np.arange(scan.columns) + 0.5 - scan.columns / 2) * scan.width_m / scan.columns
-        refused = too_little_wall(lateral_m, np.zeros(scan.columns), STUDY.slice)
-        (said,) = limits(READER, STUDY, Known(), scan) or (None,)
-        assert (said is None) == (refused is None)
-        assert refused is None or (said is not None and said.endswith(refused))
+        wall = lateral_m, np.zeros(scan.columns), STUDY.slice
+        refused, calibrated = (too_little_wall(*wall, is_calibrated=is_own) for is_own in (False, True))
+        assert (calibrated is None) == (width_mm > 3.5)
+        (said,) = limits(READER, STUDY, Known(), scan) or ("",)
+        assert bool(said) == bool(limits(RAW_READER, STUDY, Known(), scan)) == (refused is not None)
+        assert (calibrated or refused or "") in said
     narrow = replace(STUDY, slice=replace(STUDY.slice, columns=60))
     assert least_wall_m(narrow.slice) == pytest.approx(60 / STUDY.slice.columns * least_wall_m(STUDY.slice))
     assert limits(READER, narrow, Known(), replace(SCAN, width_m=6e-3)) == ()

@@ -235,7 +235,8 @@ class ForceReader(Reader):
 
     def _unread_slices(self, seen: verdicts.Look, known: Known) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
-        return self.refusal(known) or (verdicts.NEEDLE_SEEN if seen.needle else None)
+        reason = self.refusal(known) or (verdicts.NEEDLE_SEEN if seen.needle else None)
+        return reason or verdicts.seen_by_network(seen.extent_m, self.study.slice)
 
     def library_for(self, known: Known) -> Library:
         """Return the library of an eye's tissue at its contact, or at the middle of the study's angles if unknown.
@@ -257,13 +258,13 @@ class ForceReader(Reader):
         outside = outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
         if reason := outside or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m):
             return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
-        if reason := verdicts.too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice):
-            return unusable(self.classes, reason)
+        places = boundaries.lateral_m, boundaries.depth_m[0]
+        if reason := verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus):
+            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
         return self._fitted(seen, boundaries, known)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
-        short = verdicts.wall_seen(seen.extent_m, self.study.slice)
-        if reason := self._unread_slices(seen, known) or short:
+        if reason := self._unread_slices(seen, known):
             return unusable(self.classes, reason)
         return verdicts.judged_answer(self.read_slices(seen.cuts, known), "network", seen.dent_leaves, self.study)
 
@@ -341,7 +342,7 @@ class RawReader(Reader):
             other_index(self.study, scale.refractive_index)
             or self.refusal(known)
             or verdicts.needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
-            or verdicts.wall_seen(seen.extent_m, self.study.slice)
+            or verdicts.seen_by_network(seen.extent_m, self.study.slice)
         )
         if reason:
             return unusable(self.classes, reason)

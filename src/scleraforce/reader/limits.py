@@ -12,7 +12,7 @@ from pathlib import Path
 from scleraforce.errors import ModelError
 from scleraforce.known import NOTHING_KNOWN, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
 from scleraforce.models import folder_study, model_folder, model_name, read_folder
-from scleraforce.reader.verdicts import least_wall_m, read_by_fit, wall_seen
+from scleraforce.reader.verdicts import LEAST_FRAME_M, least_wall_m, read_by_fit, wall_seen
 from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
@@ -79,8 +79,10 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     if kind not in KINDS:
         return ()
     study = folder_study(folder)
-    width = _Compared("width", None, Range(min=least_wall_m(study.slice), max=inf), "mm", "mm")
-    frames = (("width of the frames", width.covered), ("depth of the frames", _least_depth(study)))
+    width = f"{from_si(least_wall_m(study.slice), 'mm'):.4g} mm or more"
+    if kind == READER:
+        width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
+    frames = (("width of the frames", width), ("depth of the frames", _least_depth(study)))
     compared = (_of_slices if kind == CLASSIFIER else _of_walls)(study, NOTHING_KNOWN, None)
     return (*frames, *((entry.name, entry.covered) for entry in compared), ("needle", _needle_words(study)))
 
@@ -94,11 +96,11 @@ def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | No
     if kind == CLASSIFIER:
         sealed = open_doubts(None if known.globe is None else known.globe.kind)
         compared = _sentences(_of_slices(study, known, scan))
-        return (*_unseen(study, scan), *sealed, *compared, *_other_needle(study, gauge))
+        return (*_unseen(study, scan, kind), *sealed, *compared, *_other_needle(study, gauge))
     refused = _refusals(known, read_by_fit(study.reader), study.library)
     others = _sentences(entry for entry in _of_walls(study, known, scan) if entry.name not in EYE)
     index = other_index(study, scan.refractive_index) if kind == RAW_READER else None
-    return (*_unseen(study, scan), *refused, *others, *_other_needle(study, gauge), *([index] if index else ()))
+    return (*_unseen(study, scan, kind), *refused, *others, *_other_needle(study, gauge), *([index] if index else ()))
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
@@ -180,7 +182,7 @@ def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
     return tuple(sentence for entry in compared if (sentence := entry.outside))
 
 
-def _unseen(study: Study, scan: OctInfo) -> tuple[str, ...]:
+def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     """Return why frames show too little of a wall: they are too narrow, or less deep than its curve or its dents.
 
     Of a sphere of radius R that touches the top edge, a frame of depth d shows 2 sqrt(R^2 - (R - d)^2).
@@ -191,13 +193,14 @@ def _unseen(study: Study, scan: OctInfo) -> tuple[str, ...]:
     window = study.slice
     most_m = min(between_columns_m, window.columns * window.pixel_m, 2.0 * sqrt(radius_m**2 - left_m**2))
     width_mm, depth_mm = from_si(scan.width_m, "mm"), from_si(scan.depth_m, "mm")
-    short = wall_seen(most_m, window)
-    if short:
-        return (f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most {short}",)
-    needed_mm = from_si(window.rows * window.pixel_m, "mm")
-    if depth_mm >= needed_mm:
-        return ()
-    return (f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm",)
+    frames = f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most"
+    if short := wall_seen(most_m, least_wall_m(window, scan.width_m if kind == READER else inf)):
+        return (f"{frames} {short}",)
+    narrow = wall_seen(most_m, least_wall_m(window), "are needed without a calibration, and by the monitor")
+    said, needed_mm = [f"{frames} {narrow}"] if narrow else [], from_si(window.rows * window.pixel_m, "mm")
+    if depth_mm < needed_mm:
+        said.append(f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm")
+    return tuple(said)
 
 
 def _least_depth(study: Study) -> str:
