@@ -186,7 +186,7 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
     assert again.display.name == "linear"
     assert again.ranges["snr_db"].median == pytest.approx(16.0, abs=3.0)
     for key in ("axial_resolution_m", "lateral_resolution_m"):
-        assert again.ranges[key].median == pytest.approx(optics[key], rel=0.15)
+        assert again.ranges[key].median == pytest.approx(optics[key], rel=0.25)
     seen, alike = (np.stack([reduced_frame(frame, 128, 176) for frame in frames]) + 1.0
                    for frames in ([eye.pixels for eye in eyes], drawn))  # fmt: skip
     assert histogram_overlap(seen, alike, 2) > 0.8
