@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+from select import select
 from threading import RLock, Thread
 from time import monotonic, time
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,19 +240,31 @@ def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator
 
 
 class Peer:
-    """One connection; `heard` has (device, message) of all that came. With a clock, a frame comes every 10 ms of it."""
+    """One connection; `heard` has (device, message) of all that came. With a clock, a frame comes every 10 ms of it.
+
+    While a peer hears, all receive, each into its `arrived`: the server drops messages to a client that does not read,
+    some 5 kB after the last that its system has acknowledged, which may take that 40 ms.
+    """
+
+    connected: ClassVar[set["Peer"]] = set()
 
     def __init__(self, port: int, version: int = 1, clock: TurnedClock | None = None) -> None:
         self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
         self.clock, self.closed = clock, False
         self.version, self.heard, self.decoder = version, list[tuple[str, Message]](), Decoder()
         self.versions: set[int] = set()
+        self.arrived: list[bytes] = []
+        self.connected.add(self)
 
     def __enter__(self) -> "Peer":
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.connected.discard(self)
         self.link.close()
+
+    def fileno(self) -> int:
+        return self.link.fileno()
 
     def say(self, message: Message, device: str = "Scanner", time_s: float | None = None, message_id: int = 0) -> None:
         if self.clock and isinstance(message, Image):
@@ -271,24 +284,31 @@ class Peer:
         self.hear(lambda peer: peer.readings() > before)
         assert self.readings() > before, "a frame was not answered"
 
-    def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float = FUSE_S) -> None:
-        """Take what comes until `done` or the time is over; a closed connection ends it as well."""
-        end_s = monotonic() + within_s
-        while not done(self) and (left_s := end_s - monotonic()) > 0:
-            self.link.settimeout(left_s)
-            try:
-                data = self.link.recv(1 << 16)
-            except TimeoutError:
-                return
-            except ConnectionResetError:
-                data = b""
-            if not data:
-                self.closed = True
-                return
-            for event in self.decoder.feed(data):
-                assert isinstance(event, Received)
-                self.versions.add(event.header.version)
-                self.heard.append((event.header.device, event.message))
+    def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float | None = None) -> None:
+        """Take what comes until `done`; a closed connection ends it as well, or a time that is given."""
+        end_s = monotonic() + (FUSE_S if within_s is None else within_s)
+        while not done(self) and not self.closed and (left_s := end_s - monotonic()) > 0:
+            if not self.arrived:
+                for peer in select([*self.connected], [], [], left_s)[0]:
+                    peer._receive()
+            arrived, self.arrived = self.arrived, []
+            for data in arrived:
+                self.closed = not data
+                for event in self.decoder.feed(data):
+                    assert isinstance(event, Received)
+                    self.versions.add(event.header.version)
+                    self.heard.append((event.header.device, event.message))
+        assert within_s is not None or self.closed or done(self), f"{self.readings()} readings, {self.statuses()[-1:]}"
+
+    def _receive(self) -> None:
+        """Take what has come from the system; nothing at the end of the connection."""
+        try:
+            data = self.link.recv(1 << 16)
+        except ConnectionResetError:
+            data = b""
+        self.arrived.append(data)
+        if not data:
+            self.connected.discard(self)
 
     def statuses(self) -> list[Status]:
         return [message for _, message in self.heard if isinstance(message, Status)]
