@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+from matplotlib.figure import Figure
 from small_recordings import looked_at_frames
 
 SIZE = ["--width-mm", 15, "--depth-mm", 4, "--refractive-index", 1]
@@ -57,9 +58,10 @@ def test_a_recording_means_all_its_frames_and_several_get_a_folder_each(recordin
 
 def test_two_frames_of_one_name_are_refused_before_anything_is_written(loose, tmp_path: Path, shell) -> None:
     (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "loose.png").write_bytes(loose.read_bytes())
     out = tmp_path / "out"
-    assert "its mask would be" in shell.refused("segment", loose, tmp_path / "b" / "loose.png", "--out", out)
+    for name in ("loose.png", "loose.guess.png"):
+        (tmp_path / "b" / name).write_bytes(loose.read_bytes())
+        assert "its mask would be" in shell.refused("segment", loose, tmp_path / "b" / name, "--out", out)
     assert not out.exists()
 
 
@@ -90,13 +92,6 @@ def test_a_frame_has_a_mask_or_a_guess_and_never_both(frame, dark, tmp_path: Pat
     assert sorted(path.name for path in out.iterdir()) == guesses
     shell.run(*given, "--force")
     assert sorted(path.name for path in out.iterdir()) == ["dark.overlay.png", "dark.png"]
-
-
-def test_a_mask_and_a_guess_of_one_name_are_refused(frame, dark, tmp_path: Path, shell) -> None:
-    (tmp_path / "dark.guess.png").write_bytes(frame.read_bytes())
-    out = tmp_path / "out"
-    assert "use two folders" in shell.refused("segment", dark, tmp_path / "dark.guess.png", "--out", out)
-    assert "would replace" in shell.refused("segment", tmp_path / "dark.guess.png", dark, "--out", tmp_path)
 
 
 def test_unusable_frames_are_exit_code_3_if_that_is_strict(frame, dark, tmp_path: Path, shell) -> None:
@@ -161,7 +156,40 @@ def test_bad_files_are_reported_and_the_others_are_segmented(frame, tmp_path: Pa
     ]
     assert "at least 16 x 16" in said[2]
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
-    assert "recording.toml" in shell.refused("segment", tmp_path, "--out", tmp_path / "out")
+
+
+def test_a_sheet_shows_the_images_of_a_folder_and_needs_no_masks(frame, dark, tmp_path: Path, shell) -> None:
+    (tmp_path / "read.me").touch()
+    sheet = tmp_path / "sheet.svg"
+    answer = shell.json("segment", tmp_path, frame, "--sheet", sheet)
+    assert [(one["file"], one["mask"]) for one in answer["frames"]] == [(str(dark), None), (str(frame), None)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dark.png", "read.me", "sheet.svg"]
+    before = sheet.read_bytes()
+    sheet.rename(tmp_path / "before.svg")
+    shell.run("segment", tmp_path, frame, "--sheet", sheet, "--out", tmp_path / "out")
+    assert sheet.read_bytes() == before
+
+
+@pytest.mark.parametrize("words", [
+    "", "empty --sheet s.png", "--sheet s.gif", "--sheet nowhere/s.png", "--sheet loose.png --force",
+    "--sheet out/loose.png --out out", "--sheet s.png --overlay", "--sheet s.png --wall-finder none",
+])  # fmt: skip
+def test_a_sheet_that_cannot_be_drawn_is_refused_before_the_work(words, loose, shell, monkeypatch) -> None:
+    monkeypatch.chdir(loose.parent)
+    Path("empty").mkdir()
+    Path("out").mkdir()
+    monkeypatch.setattr("scleraforce.cli.frames.each_of", pytest.fail)
+    shell.refused("segment", loose.name, *words.split())
+
+
+def test_ctrl_c_while_a_sheet_is_written_leaves_no_part_of_it(loose, dark, tmp_path: Path, shell, monkeypatch) -> None:
+    def interrupt(figure: Figure, *_: object) -> None:
+        assert [axes.texts[0].get_text() for axes in figure.axes] == ["dark.png", "loose.png"]  # the worst is first
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("scleraforce.report.files._save", interrupt)
+    shell.run("segment", loose, dark, "--sheet", tmp_path / "sheet.png", code=130)
+    assert sorted(tmp_path.iterdir()) == [dark, loose]
 
 
 def test_a_change_of_the_pixels_is_a_note(frame, loose, tmp_path: Path, shell) -> None:

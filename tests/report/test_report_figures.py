@@ -9,15 +9,26 @@ import pytest
 from foreign_files import with_log
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from small_recordings import evaluation_of, frame_answer, refused_frame, write_small_recording
+from small_recordings import evaluation_of, frame_answer, looked_at_frames, refused_frame, write_small_recording
 
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Section
+from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.notebook.frames import finder_of, segmented
 from scleraforce.reader.metrics import dice
-from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.folder import Recording, Scanner, read_recording
 from scleraforce.recording.labels import Trial
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import draw_read_forces, laid_on_surface
+from scleraforce.report.frame_figures import (
+    MOST,
+    WALLS,
+    WORST,
+    draw_read_forces,
+    draw_sheet,
+    laid_on_surface,
+    sheet_frame,
+    shown_on_sheet,
+)
 from scleraforce.report.recording_figures import draw_log
 
 
@@ -117,3 +128,28 @@ def test_a_figure_has_the_format_of_its_name_and_the_same_bytes_each_time(tmp_pa
     with pytest.raises(InputError, match=r"a\.xlsx.*\.png, \.svg, \.pdf"):
         write_figure(Figure(), tmp_path / "a.xlsx")
     assert len(list(tmp_path.iterdir())) == 6
+
+
+def test_a_sheet_shows_the_worst_frames_and_others_in_even_steps() -> None:
+    badness = [(number == 7, float(number)) for number in range(2000)]
+    shown = shown_on_sheet(badness)
+    assert shown[:WORST] == [7, *range(1999, 2000 - WORST, -1)]
+    assert len(shown) == MOST
+    assert np.ptp(np.diff(shown[WORST:])) <= 2  # in even steps, but for number 7
+    assert shown_on_sheet(badness[:5]) == [4, 3, 2, 1, 0]
+
+
+def test_a_frame_has_both_walls_where_they_are_seen_its_verdict_and_the_disagreement(tmp_path: Path) -> None:
+    looked_at_frames(tmp_path / "eye", 1)
+    path = tmp_path / "eye" / "frames" / "0001.png"
+    frame, found = segmented(path, Scanner(), Scanner(), finder_of(SHIPPED_WALL_FINDER))
+    assert found.methods is not None
+    unseen = replace(found.methods, classical=replace(found.methods.classical, inner_found=False))
+    refused = replace(found, usable=False, reason="too weak", methods=unseen)
+    figure = draw_sheet([sheet_frame("x" * 50 + ".png", frame, one) for one in (refused, found)], "2 frames")
+    words = f"usable, 562 µm, disagreement {found.methods.disagreement:.2f}"
+    assert [axes.get_xlabel() for axes in figure.axes] == [f"not {words.replace(' 562 µm,', '')}\ntoo weak", words]
+    for axes, classical in zip(figure.axes, (1, 2), strict=True):
+        assert axes.texts[0].get_text() == "…" + "x" * 23 + ".png"
+        assert [line.get_color() for line in axes.lines] == [WALLS[0][0]] * classical + [WALLS[1][0]] * 2
+        np.testing.assert_allclose(axes.lines[0].get_ydata() * found.rows - 0.5, found.methods.classical.outer_row)

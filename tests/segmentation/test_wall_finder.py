@@ -208,6 +208,8 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer + shift[0], inner + shift[1]))
     assert not checked.usable
     assert checked.reason.startswith(f"two methods to find the wall differ: {what}")
+    assert checked.methods.disagreement > 1.0
+    assert find_wall(bscan.frame, SCALE, finder=fixed_finder(outer, inner)).methods.disagreement < 0.1
 
 
 def test_a_network_that_is_unsure_does_not_contradict() -> None:

@@ -2,8 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache, partial
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, options
-from scleraforce.cli.output import Command, Report, each_of, is_json
+from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from scleraforce.known import Known
     from scleraforce.notebook.frames import Reading
     from scleraforce.reader.answer import Answer
-    from scleraforce.recording.folder import ScaledFrame, Scanner
+    from scleraforce.recording.folder import ScaledFrame
     from scleraforce.recording.pixels import Pixels
-    from scleraforce.segmentation.wall_finder import WallFinder
+    from scleraforce.segmentation.found import Segmentation
+
+    Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
 
 RIGIDITY, STIFFENING, LEAN = "rigidity_mmhg13_per_ul", "stiffening", "lean_deg"
 WORDS = {  # name and unit of each key, for people
@@ -38,6 +40,7 @@ WORDS = {  # name and unit of each key, for people
     "globe": ("globe", ""),
     RIGIDITY: ("k", " mmHg^(1/3)/µl"),
 }
+IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".dcm")  # of a folder that is not a recording
 GUESS, OVERLAY = ".guess.png", ".overlay.png"
 ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that `segment` may write for a frame
 Value = float | str | None
@@ -46,16 +49,17 @@ Sources = list[tuple[str, Value, str]]  # key, value, source
 
 @click.command(cls=Command)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the masks.")
 @options(*FRAME_SIZE)
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
-@options("wall_finder", "force", force="Replace masks that exist.")
+@options("sheet", "wall_finder", "force", force="Replace masks that exist.")
 @click.option("--strict", is_flag=True, help="Exit with code 3 if a frame is not usable.")
 def segment(
     frames: tuple[Path, ...],
-    out: Path,
+    out: Path | None,
     transpose: bool,
     overlay: bool,
+    sheet: Path | None,
     wall_finder: Path | None,
     force: bool,
     strict: bool,
@@ -74,15 +78,23 @@ def segment(
     more than their uncertainties allow; its mask is NAME.guess.png, never
     NAME.png.
 
-    Example: scleraforce segment recordings/eye-1 --out masks --overlay
+    FRAME may be a recording, or a folder of images.
+
+    Examples: scleraforce segment recordings/eye-1 --out masks --overlay
+
+    scleraforce segment my-scans --sheet sheet.png
     """
-    from scleraforce.notebook.frames import finder_of
+    import scleraforce.notebook.frames as notebook
     from scleraforce.recording.folder import Scanner
 
-    scanner, finder, masks = Scanner(**size), finder_of(wall_finder), _masks(frames, out)
-    found = list(
-        each_of(masks, lambda frame: _segment_frame(frame, masks[frame], scanner, transpose, finder, overlay, force))
-    )
+    if out is None and (overlay or sheet is None):
+        raise click.UsageError("--out is missing: the folder for masks and overlays; only a --sheet needs none")
+    if sheet is not None and wall_finder is None:
+        raise click.UsageError("--sheet shows how two methods differ; with --wall-finder none there is only one")
+    usual, finder, masks = OctStudy(), notebook.finder_of(wall_finder), _masks(frames, out, sheet)
+    assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
+    look = partial(notebook.segmented, given=Scanner(**size), assumed=assumed, finder=finder, transpose=transpose)
+    found = list(each_of(masks, lambda frame: _segment_frame(frame, masks[frame], look, transpose, overlay, force)))
     entries: list[dict[str, Any]] = [
         {"file": str(frame), "mask": None, "usable": False, "error": str(one)} if isinstance(one, InputError) else one
         for frame, one in found
@@ -95,59 +107,72 @@ def segment(
     ]
     faults = [one for _, one in found if isinstance(one, InputError)]
     unusable = sum(not one["usable"] for one in entries)
+    if segmented and sheet is not None:
+        _write_sheet(sheet, segmented, look)
+        lines.append(f"wrote {sheet}")
     if segmented:
         lines.append(f"{unusable} of {len(entries)} frames are not usable")
-    return Report({"out": str(out), "frames": entries}, lines, faults, code=3 if strict and unusable else 0)
+    result = {"out": out and str(out), "sheet": sheet and str(sheet), "frames": entries}
+    return Report(result, lines, faults, code=3 if strict and unusable else 0)
 
 
-def _masks(given: Sequence[Path], out: Path) -> dict[Path, Path]:
+def _masks(given: Sequence[Path], out: Path | None, sheet: Path | None) -> dict[Path, Path | None]:
     """Return the frames and their masks; raises `InputError` if two pictures could have the same name."""
     found = [pair for path in given for pair in _frames_of(path)]
     recordings = {recording.resolve() for _, recording in found if recording is not None}
-    frames, masks, taken = {frame.resolve() for frame, _ in found}, dict[Path, Path](), dict[Path, Path]()
+    frames = {frame.resolve() for frame, _ in found}
+    taken = {} if sheet is None else {sheet.resolve(): "the sheet"}
+    if out is None:
+        return {frame: None for frame, _ in found}
+    masks: dict[Path, Path | None] = {}
     for frame, recording in found:
         folder = out / recording.resolve().name if recording is not None and len(recordings) > 1 else out
-        masks[frame] = folder / f"{frame.stem}.png"
-        for ending in ENDINGS:
-            picture = masks[frame].with_suffix(ending)
-            if picture in taken:
-                raise InputError(f"{frame}: its mask would be {picture}, as that of {taken[picture]}; use two folders")
-            if picture.resolve() in frames:
+        mask = masks[frame] = folder / f"{frame.stem}.png"
+        for picture in map(mask.with_suffix, ENDINGS):
+            place = picture.resolve()
+            if place in taken:
+                raise InputError(f"{frame}: its mask would be {picture}, which is {taken[place]}; use two folders")
+            if place in frames:
                 raise InputError(f"--out: the mask {picture} would replace a frame; choose another folder")
-            taken[picture] = frame
+            taken[place] = f"that of {frame}"
     return masks
 
 
 def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
+    """Return the frames of a recording, of a folder of images, or the one at a path, with their recording."""
     from scleraforce.recording.folder import read_recording, recording_of
+    from scleraforce.recording.sources import files_of
 
     if not os.path.isdir(path):
         return [(path, recording_of(path))]
-    recording = read_recording(path)
-    return [(recording.frame_path(entry), path) for entry in recording.frames]
+    if (path / "recording.toml").exists():
+        recording = read_recording(path)
+        return [(recording.frame_path(entry), path) for entry in recording.frames]
+    images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
+    if not images:
+        raise InputError(f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder")
+    return [(file, recording_of(file)) for file in images]
 
 
 def _segment_frame(
-    path: Path, mask: Path, size: "Scanner", transpose: bool, finder: "WallFinder | None", overlay: bool, force: bool
+    path: Path, mask: Path | None, look: "Look", transpose: bool, overlay: bool, force: bool
 ) -> dict[str, Any]:
-    from scleraforce.notebook.frames import segmented
-    from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
 
-    usual = OctStudy()
-    assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
-    frame, found = segmented(path, size, assumed, finder, transpose)
-    mask, other = (mask, mask.with_suffix(GUESS)) if found.usable else (mask.with_suffix(GUESS), mask)
-    _write(mask, other, found.mask.T if transpose else found.mask, force)
-    if overlay:
-        picture, (drawn, other) = draw_overlay(frame.pixels, found), (one.with_suffix(OVERLAY) for one in (mask, other))
-        _write(drawn, other, picture.swapaxes(0, 1) if transpose else picture, force)
+    frame, found = look(path)
+    if mask is not None:
+        mask, other = (mask, mask.with_suffix(GUESS)) if found.usable else (mask.with_suffix(GUESS), mask)
+        pictures = {".png": found.mask, **({OVERLAY: draw_overlay(frame.pixels, found)} if overlay else {})}
+        for ending, picture in pictures.items():
+            upright = picture.swapaxes(0, 1) if transpose else picture
+            _write(mask.with_suffix(ending), other.with_suffix(ending), upright, force)
     return {
         "file": str(path),
-        "mask": str(mask),
+        "mask": None if mask is None else str(mask),
         "usable": found.usable,
         "reason": found.reason,
+        "disagreement": None if found.methods is None else found.methods.disagreement,
         "inner_found": found.inner_found,
         "thickness_um": None if isnan(found.thickness_m) else from_si(found.thickness_m, "um"),
         "needle": needle_entry(found.needle),
@@ -172,6 +197,22 @@ def _write(path: Path, other: Path, picture: "Pixels", force: bool) -> None:
     with renamed_when_whole(path) as part:
         part.write_bytes(data)
         other.unlink(missing_ok=True)
+
+
+def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: "Look") -> None:
+    """Draw frames with the walls of both methods, which are found again: all pictures need not be kept."""
+    from scleraforce.report.files import write_figure
+    from scleraforce.report.frame_figures import MOST, WORST, draw_sheet, sheet_frame, shown_on_sheet
+
+    numbers = shown_on_sheet([(not one["usable"], one["disagreement"] or 0.0) for one in entries])
+    paths = [Path(entries[number]["file"]) for number in numbers]
+    base = os.path.commonpath([path.absolute().parent for path in paths])
+    frames = [sheet_frame(os.path.relpath(path, base), *look(path)) for path in progress_bar(paths, "sheet")]
+    title, note = f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable", ""
+    if len(frames) < len(entries):
+        note = f"Shown: the {WORST} worst and {MOST - WORST} of the others."
+        say(f"{sheet}: {note}", err=True)
+    write_figure(draw_sheet(frames, title, note), sheet)
 
 
 def _wall_line(entry: Mapping[str, Any]) -> str:

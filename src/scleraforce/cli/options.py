@@ -65,9 +65,11 @@ def in_si(unit: HumanUnit) -> Callable[[click.Context, click.Parameter, float | 
 
 
 def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
-    """Check, before the work begins, that a file to write does not exist: the callback of an option."""
+    """Check, before the work begins, that a file to write does not exist, but its folder: the callback of an option."""
     if path is not None and path.exists():
         raise InputError(f"{path}: exists already; remove it or choose another name")
+    if path is not None and not path.absolute().parent.is_dir():
+        raise InputError(f"{path}: its folder does not exist")
     return path
 
 
@@ -97,6 +99,9 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "html": ("--html", {"type": PATH, "callback": new_file}, "Page to write as well; must not exist."),
     "plot": ("--plot", {"type": PATH, "callback": _new_figure},
              "Picture to write as well (PNG, SVG, PDF); must not exist."),
+    "sheet": ("--sheet", {"type": PATH, "callback": _new_figure},
+              "Picture of the frames with the walls of both methods, the worst first (PNG, SVG, PDF); must not exist. "
+              "Needs no --out."),
     "force": ("--force", {"is_flag": True}, "Replace files that exist."),
     "scheduler": ("--scheduler", {"metavar": "ADDRESS"}, "Dask scheduler whose workers do the work."),
     "workers": ("--workers", click.IntRange(min=1), "Number of processes; default: one for each core."),

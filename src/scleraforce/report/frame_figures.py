@@ -1,7 +1,9 @@
-"""Figures of an evaluation: frames, slices and walls, read over measured forces, and the result in one picture."""
+"""Figures of frames: slices and walls, read over measured forces, an evaluation in one picture, a sheet of frames."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
+from textwrap import shorten, wrap
 from typing import Any, Literal
 
 import numpy as np
@@ -14,10 +16,13 @@ from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import dice
+from scleraforce.recording.folder import ScaledFrame
 from scleraforce.recording.pixels import Pixels
 from scleraforce.report import files as style
-from scleraforce.report.frames import AnsweredFrame
+from scleraforce.report.frames import WIDTH, AnsweredFrame, evenly
 from scleraforce.report.recording_figures import DASHED, mark_bounds
+from scleraforce.segmentation.found import Segmentation, without_wall
+from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.units import from_si
 
 BOTH_COLOUR = "#555555"
@@ -307,3 +312,90 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
             axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")
     _draw_trials(bottom, evaluation)
     return figure
+
+
+MOST, WORST = 40, 24  # frames on a sheet; of these the first in the order
+COLUMNS, CELL_MM, GAP_MM, MARGIN_MM, TOP_MM = 4, 40.0, 2.0, 2.0, 14.0
+NAME_MM, LINE_MM = 6.0, 2.6  # below a frame: its name, and each line of words
+NAME_LETTERS, LETTERS = 28, 37  # in a line
+LINES = ("classical method (edges)", *WALLS[0], 1.2), ("network", *WALLS[1], 0.7)  # dashes over a broader line
+EXPLAINED = (
+    "Disagreement: the share of columns in which the methods differ by more than their uncertainties, or the network\n"
+    "is unsure of the wall's end, divided by the largest usable share. Unusable frames are first, and outlined."
+)
+
+
+@dataclass(frozen=True)
+class SheetFrame:
+    """A frame on a sheet: its name, its picture (row, column, colour), depth over width, its wall, and lines below."""
+
+    name: str
+    picture: Bytes
+    aspect: float
+    found: Segmentation
+    words: tuple[str, ...]
+
+
+def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFrame:
+    """Return a frame for a sheet: to scale if its size is stated, else with square pixels; at most as deep as wide."""
+    rows, columns = frame.pixels.shape
+    stated = "assumed" not in (frame.width_m.source, frame.depth_m.source)
+    aspect = min(frame.depth_m.value / frame.width_m.value if stated else rows / columns, 1.0)
+    size = max(1, round(WIDTH * aspect)), WIDTH
+    verdict, reason = "not usable", found.reason.removeprefix("two methods to find the wall differ: ")
+    if found.usable:
+        verdict, reason = "usable", "inner boundary not seen" if isnan(found.thickness_m) else ""
+        verdict += f", {from_si(found.thickness_m, 'um'):.0f} µm" if stated and not reason else ""
+    if found.methods is not None:
+        verdict += f", disagreement {found.methods.disagreement:.2f}"
+    words = verdict, *wrap(shorten(reason, 3 * LETTERS, placeholder="…"), LETTERS)
+    return SheetFrame(name, draw_overlay(frame.pixels, without_wall((rows, columns), ""), size), aspect, found, words)
+
+
+def shown_on_sheet(badness: Sequence[tuple[bool, float]]) -> list[int]:
+    """Return which frames a sheet shows, the worst first: all, or the worst and others in even steps."""
+    order = sorted(range(len(badness)), key=lambda n: badness[n], reverse=True)
+    return order[:WORST] + evenly(order[WORST:], MOST - WORST)
+
+
+@style.styled
+def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figure:
+    """Draw frames in their order, each with the walls of both methods, its verdict and the disagreement."""
+    rows = [frames[n : n + COLUMNS] for n in range(0, len(frames), COLUMNS)]
+    tall_mm = [
+        CELL_MM * max(one.aspect for one in row) + NAME_MM + LINE_MM * max(len(one.words) for one in row)
+        for row in rows
+    ]
+    wide_mm, high_mm = 2 * MARGIN_MM + COLUMNS * (CELL_MM + GAP_MM) - GAP_MM, TOP_MM + sum(tall_mm)
+    left, top = MARGIN_MM / wide_mm, 1.0 - MARGIN_MM / high_mm
+    figure = Figure(figsize=style.inches(wide_mm, high_mm))
+    figure.set_layout_engine("none")
+    figure.text(left, top, title, fontsize=9, fontweight="bold", va="top")
+    figure.text(left, top - 5.0 / high_mm, f"{EXPLAINED} {note}".strip(), fontsize=6, va="top")
+    handles = [Line2D([], [], color=colour, linestyle=line, linewidth=width) for _, colour, line, width in LINES]
+    figure.legend(handles, [name for name, *_ in LINES], loc="upper right", bbox_to_anchor=(1.0 - left, top), ncols=2,
+                  borderpad=0.0, borderaxespad=0.0)  # fmt: skip
+    grid = figure.add_gridspec(len(rows), COLUMNS, height_ratios=tall_mm, left=left, right=1.0 - left, bottom=0.0,
+                               top=1.0 - TOP_MM / high_mm, wspace=GAP_MM / CELL_MM, hspace=0.0)  # fmt: skip
+    for nth, one in enumerate(frames):
+        _draw_frame(figure.add_subplot(grid[divmod(nth, COLUMNS)]), one)
+    return figure
+
+
+def _draw_frame(axes: Axes, one: SheetFrame) -> None:
+    found, methods = one.found, one.found.methods
+    axes.imshow(one.picture, extent=(0.0, 1.0, 1.0, 0.0), aspect="auto")
+    if methods is not None:
+        classical, network, columns = methods.classical, methods.network, len(found.outer_row)
+        walls = (
+            (np.arange(columns), [classical.outer_row, classical.inner_row][: 1 + classical.inner_found]),
+            (network.column, np.where(network.there, [network.outer_row, network.inner_row], np.nan)),
+        )
+        for (column, rows), (_, colour, line, width) in zip(walls, LINES, strict=True):
+            x, y = (column + 0.5) / columns, (np.asarray(rows).T + 0.5) / found.rows
+            axes.plot(x, np.where(y < 1.0, y, np.nan), color=colour, linestyle=line, linewidth=width)
+    axes.set(xlim=(0.0, 1.0), ylim=(1.0, 0.0), xticks=[], yticks=[], box_aspect=one.aspect, anchor="NW")
+    axes.spines[:].set(visible=not found.usable, color=style.RED, linewidth=1.5)
+    name = one.name if len(one.name) <= NAME_LETTERS else f"…{one.name[1 - NAME_LETTERS :]}"
+    axes.annotate(name, (0, 0), (0, -3), "axes fraction", "offset points", va="top", fontsize=6.5, fontweight="bold")
+    axes.set_xlabel("\n".join(one.words), loc="left", fontsize=6, labelpad=11.0)

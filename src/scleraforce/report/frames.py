@@ -70,11 +70,12 @@ def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     """Return the frames that a page pictures, in their order: misread and unusable ones, then others in even steps."""
     first = [n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread]
     others = sorted(set(range(len(frames))) - set(first))
-    chosen = _evenly(first, MOST_PICTURES)
-    return tuple(frames[n] for n in sorted(chosen + _evenly(others, MOST_PICTURES - len(chosen))))
+    chosen = evenly(first, MOST_PICTURES)
+    return tuple(frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen))))
 
 
-def _evenly(numbers: list[int], most: int) -> list[int]:
+def evenly(numbers: list[int], most: int) -> list[int]:
+    """Return at most `most` of some numbers, in even steps."""
     if len(numbers) <= most:
         return numbers
     return [numbers[n] for n in np.linspace(0, len(numbers) - 1, most).round().astype(int)] if most else []

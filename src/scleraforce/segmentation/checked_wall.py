@@ -9,6 +9,7 @@ returned, and pages and masks show it.
 All comparisons are made at the columns that the network answers for, in rows of the full frame.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,7 @@ def checked_by(
     if part is None:
         return found
     seen = finder.find(frame)
+    methods = BothWalls(found, first, seen)
     reason = found.reason or (doubt(found, seen) and doubt(first, seen))
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
@@ -69,7 +71,7 @@ def checked_by(
         if not reason:
             _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
-    return replace(found, usable=not reason, reason=reason)
+    return replace(found, usable=not reason, reason=reason, methods=methods)
 
 
 def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
@@ -98,9 +100,22 @@ def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
 
 def doubt(other: Segmentation, seen: SeenWall) -> str:
     """Return what speaks against a wall once a network has looked, too, '' where nothing does."""
-    if not sees_wall(seen):
-        return "the network sees no wall where the other method finds one"
-    return _network_doubt(other, seen) or _ways_difference(other, seen)
+    return next((words for excess, words in _differences(other, seen) if excess > 1.0), "")
+
+
+@dataclass(frozen=True, eq=False)
+class BothWalls:
+    """The wall by each method: `classical` (`first` is the one on top of a conjunctiva), and the network's."""
+
+    classical: Segmentation
+    first: Segmentation
+    network: SeenWall
+
+    @property
+    def disagreement(self) -> float:
+        """The largest difference in multiples of the largest usable one: above 1 the frame is refused."""
+        each = (_differences(wall, self.network) for wall in (self.classical, self.first))
+        return min(max((excess for excess, _ in differences), default=0.0) for differences in each)
 
 
 def sees_wall(seen: SeenWall) -> bool:
@@ -108,37 +123,34 @@ def sees_wall(seen: SeenWall) -> bool:
     return int(np.count_nonzero(seen.there)) >= LEAST_SHAPE // 2
 
 
-def _network_doubt(other: Segmentation, seen: SeenWall) -> str:
-    """Return what makes the network's wall doubtful; '': it is sure, or the other method sees the same end."""
-    thickness = seen.inner_row - seen.outer_row
-    unsure = seen.there & (seen.inner_row < other.rows - 1.0) & (seen.inner_sd > UNSURE_THICKNESS * thickness)
-    if other.inner_found:
-        off = np.abs(seen.inner_row - other.inner_row[seen.frame_column])
-        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))  # NaN: it sees no wall
-    share = np.count_nonzero(unsure) / np.count_nonzero(seen.there)
-    if share > UNSURE_SHARE:
-        return f"the network does not know where the wall ends, in {share:.0%} of its columns"
-    return ""
-
-
-def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
-    """Return by how much both methods differ, '' where they may be that unsure."""
+def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, str]]:
+    """Yield each difference of a wall from the network's: in multiples of the largest usable one, and in words."""
     at = seen.frame_column
+    if not sees_wall(seen):
+        if np.isfinite(other.outer_row).any():
+            yield 1.0 / UNSEEN_SHARE, "the network sees no wall where the other method finds one"
+        return
+    thickness, off = seen.inner_row - seen.outer_row, np.abs(seen.inner_row - other.inner_row[at])
+    unsure = seen.there & (seen.inner_row < other.rows - 1.0) & (seen.inner_sd > UNSURE_THICKNESS * thickness)
+    if other.inner_found:  # which confirms the same end
+        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))  # NaN: it sees no wall
+    share = _share(unsure, seen.there)
+    yield share / UNSURE_SHARE, f"the network does not know where the wall ends, in {share:.0%} of its columns"
     both, either = _columns(other, seen)
-    if np.count_nonzero(either & ~both) > UNSEEN_SHARE * np.count_nonzero(either):
-        return _sentence("one sees wall where the other does not", either & ~both, either)
-    off = np.abs(seen.outer_row - other.outer_row[at])
-    differs = both & (off > SDS * np.hypot(seen.outer_sd, OTHER_ROWS))
-    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
-        return _sentence(f"its surface lies up to {off[differs].max():.0f} rows apart", differs, both)
-    if not other.inner_found:
-        return ""
-    off = np.abs(seen.inner_row - other.inner_row[at])
-    unsure = np.hypot(seen.inner_sd, OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row))
-    differs = both & (off > SDS * np.maximum(unsure, OTHER_ROWS)) & (other.inner_row[at] < other.rows)
-    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
-        return _sentence(f"its inner boundary lies up to {off[differs].max():.0f} rows apart", differs, both)
-    return ""
+    share = _share(either & ~both, either)
+    yield share / UNSEEN_SHARE, _sentence("one sees wall where the other does not", share)
+    above = np.abs(seen.outer_row - other.outer_row[at])
+    yield _distance("surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both)
+    if other.inner_found:
+        sd = np.maximum(np.hypot(seen.inner_sd, OTHER_INNER_SHARE * thickness), OTHER_ROWS)
+        differs = (off > SDS * sd) & (other.inner_row[at] < other.rows)
+        yield _distance("inner boundary", off, differs, both)
+
+
+def _distance(name: str, off: Curve, differs: Mask, both: Mask) -> tuple[float, str]:
+    differs = differs & both
+    share, rows = _share(differs, both), off[differs].max(initial=0.0)
+    return share / DIFFERING_SHARE, _sentence(f"its {name} lies up to {rows:.0f} rows apart", share)
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
@@ -154,8 +166,11 @@ def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
     return seen.there & there, either
 
 
-def _sentence(what: str, where: Mask, among: Mask) -> str:
-    share = np.count_nonzero(where) / np.count_nonzero(among)
+def _share(where: Mask, among: Mask) -> float:
+    return int(np.count_nonzero(where)) / max(int(np.count_nonzero(among)), 1)
+
+
+def _sentence(what: str, share: float) -> str:
     return f"two methods to find the wall differ: {what}, in {share:.0%} of its columns"
 
 

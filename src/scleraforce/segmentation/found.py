@@ -2,11 +2,15 @@
 
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.segmentation.needle import SeenNeedle
+
+if TYPE_CHECKING:
+    from scleraforce.segmentation.checked_wall import BothWalls
 
 WALL = 255
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
@@ -26,7 +30,7 @@ class Segmentation:
     seen and the mask ends 1 mm below the surface. `thickness_m`: median thickness along the surface's normal, NaN if
     the inner boundary was not found. `needle`: the needle that crosses the frame, or None; the columns that it hides
     have no boundaries. `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None if none is
-    looked for or seen.
+    looked for or seen. `methods`: the wall by each method, and their `disagreement`, if a network looked as well.
     """
 
     outer_row: Floats
@@ -39,6 +43,7 @@ class Segmentation:
     thickness_m: float
     needle: SeenNeedle | None = None
     conjunctiva_m: float | None = None
+    methods: "BothWalls | None" = None
 
     @cached_property
     def mask(self) -> Bytes:
