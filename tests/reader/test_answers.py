@@ -164,6 +164,23 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless() -> None:
         assert answer(image(ball(radius_m))).predicted == 2
 
 
+def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
+    lateral = np.linspace(-9e-3, 9e-3, 600)
+    depths = []
+    for radius_m, lean_rad in ((12e-3, -0.3), (7.8e-3, 0.03)):  # sclera and cornea meet 1 mm beside the middle
+        beside_m = (lateral + 1e-3) / 1.8 - radius_m * np.sin(lean_rad)
+        depths.append(0.8 * (radius_m * np.cos(lean_rad) - np.sqrt(np.maximum(radius_m**2 - beside_m**2, 0.0))))
+    outer = np.stack([lateral, np.minimum(*depths) - np.minimum(*depths).min() + 0.6e-3], axis=1)
+    outer = outer[outer[:, 1] < 4.5e-3]
+    down_m = 0.65e-3 * np.hypot(1.0, np.gradient(outer[:, 1], outer[:, 0]))
+    frame = image(Section(outer, outer + np.stack([0.0 * down_m, down_m], axis=1)))
+    agreeing = Reading(probabilities=(0.0, 0.1, 0.9), force_n=0.034, interval_n=(0.02, 0.05), contact_m=0.0)
+    for default in ("fit", "network"):
+        found = answer(frame, Known(), force_reader(agreeing, default))
+        assert "without a dent" in withdrawn(found)
+        assert dict(found.readings)["fit"].force_n > 0.02
+
+
 def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_from() -> None:
     model = force_reader()
     model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(min=0.3e-3, max=0.9e-3)))

@@ -19,6 +19,7 @@ from scleraforce.library.responses import Library
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
 from scleraforce.reader.answer import METHODS, Answer, Reading, disagreement, fit_reading, spanned_interval, unusable
+from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
@@ -286,6 +287,7 @@ class ForceReader(Reader):
             answer = self._unchecked(seen, fit, by_fit, unread)
         else:
             answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
+        answer = unless_at_rest(answer, fit, boundaries, self.study.classes.bounds_n[0])
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
     def _unchecked(self, seen: verdicts.Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
