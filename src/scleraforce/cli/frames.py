@@ -191,7 +191,7 @@ def _write(path: Path, other: Path, picture: "Pixels", force: bool) -> None:
 
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
     for one in (path, other):
-        if not force and one.exists() and (one == other or read_bytes(one, KINDS["frame"]) != data):
+        if not force and one.exists() and read_bytes(one, KINDS["frame"]) != data:
             raise InputError(f"{one}: exists already and differs; choose another --out, or --force to replace it")
     path.parent.mkdir(parents=True, exist_ok=True)
     with renamed_when_whole(path) as part:

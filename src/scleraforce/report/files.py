@@ -1,6 +1,7 @@
 """The common style of figures, and functions that draw an image and write a figure."""
 
 import base64
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from importlib.resources import files
@@ -84,7 +85,8 @@ def write_figure(figure: Figure, path: Path) -> None:
 
 def _save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
     """Write a figure under the common style, without a date: the same figure gives the same bytes."""
-    with mpl.rc_context(fname=str(STYLE)):
+    with mpl.rc_context(fname=str(STYLE)), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # of a file's name: it is shown as a box
         figure.savefig(target, format=kind, metadata=UNDATED[kind])
 
 

@@ -317,7 +317,7 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
 MOST, WORST = 40, 24  # frames on a sheet; of these the first in the order
 COLUMNS, CELL_MM, GAP_MM, MARGIN_MM, TOP_MM = 4, 40.0, 2.0, 2.0, 14.0
 NAME_MM, LINE_MM = 6.0, 2.6  # below a frame: its name, and each line of words
-NAME_LETTERS, LETTERS = 28, 37  # in a line
+NAME_LETTERS, LETTERS = 25, 37  # in a line
 LINES = ("classical method (edges)", *WALLS[0], 1.2), ("network", *WALLS[1], 0.7)  # dashes over a broader line
 EXPLAINED = (
     "Disagreement: the share of columns in which the methods differ by more than their uncertainties, or the network\n"
