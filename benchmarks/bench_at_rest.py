@@ -3,9 +3,9 @@
     python benchmarks/bench_at_rest.py [MODEL ...] [--readings 120] [--seed 3] [--sheet FILE]
 
 MODELs are readers, the two bundled ones by default. Each scan is read at drawn scales: frames 6 to 20 mm wide and 0.3
-to 1 times as deep, of optical or geometric depth; a third of the readings know a drawn modulus and IOP, a third a
-thickness.
-Printed are the usable readings above the lowest class; `--sheet` writes their walls (red) and fits (white) as a PNG.
+to 1 times as deep, of optical or geometric depth. A third of the readings has a calibrated modulus and an IOP, a third
+a thickness. Printed are the usable readings above the lowest class; `--sheet` writes their walls (red) and fits (white)
+as a PNG.
 """
 
 import argparse
@@ -33,8 +33,8 @@ CELL = (300, 420)  # rows and columns of a picture in the sheet
 def read_at_random(model: Reader, frame: Pixels, rng: np.random.Generator) -> tuple[Answer, PixelScale]:
     """Read a scan at a drawn scale, as an eye of which nothing, modulus and IOP, or the thickness is known."""
     width_m, ratio, trained = rng.uniform(*WIDTH_M), rng.uniform(*DEPTH_RATIO), model.study.reader
-    modulus, iop_pa = Modulus.stated(draw(trained.youngs_modulus_pa, rng)), draw(trained.iop_pa, rng)
-    thickness_m = draw(trained.thickness_m, rng)
+    modulus = Modulus(mean_pa=draw(trained.youngs_modulus_pa, rng), sd_pa=0.0, source="own")
+    iop_pa, thickness_m = draw(trained.iop_pa, rng), draw(trained.thickness_m, rng)
     eyes = Known(), Known(modulus=modulus, iop_pa=iop_pa), Known(thickness_m=thickness_m)
     rows, columns = frame.shape
     scale = PixelScale(

@@ -65,7 +65,7 @@ def ball(radius_m: float) -> Section:
     return Section(centre + radius_m * around, centre + (radius_m - 0.6e-3) * around)
 
 
-@pytest.mark.parametrize("force_n", [0.003, 0.015, 0.035])
+@pytest.mark.parametrize("force_n", [0.003, 0.007, 0.015, 0.035])
 def test_a_frame_of_known_force_is_read_with_force_interval_and_contact(force_n: float) -> None:
     agreeing = Reading(probabilities=(0.3, 0.3, 0.4), force_n=force_n, interval_n=(0.0, 0.06), contact_m=0.3e-3)
     found = answer(image(wall_section(tip_of(force_n))), model=force_reader(agreeing))

@@ -59,12 +59,7 @@ def distances(fit: BoundaryFit, lateral_m: Floats, outer_m: Floats) -> tuple[flo
         weighted = basis * weight[:, None]
         normal = weighted @ basis.swapaxes(1, 2) + RIDGE * np.eye(basis.shape[1])
         off = wanted - (np.linalg.solve(normal, weighted @ wanted[:, None]).swapaxes(1, 2) @ basis)[:, 0]
-        weight = _weights(off)
-    dented = (depth_m - dented_m) / sd_m
-    resting = float((weight * off**2).mean(axis=1).min())
-    return float((_weights(dented) * dented**2).mean()), resting, float(width_m / CORRELATED_M)
-
-
-def _weights(off: Floats) -> Floats:
-    weights: Floats = 1.0 / (1.0 + (off / CAUCHY) ** 2)
-    return weights
+        weight = 1.0 / (1.0 + (off / CAUCHY) ** 2)
+    off = np.vstack([off, (depth_m - dented_m) / sd_m])
+    found = (off**2 / (1.0 + (off / CAUCHY) ** 2)).mean(axis=1)
+    return float(found[-1]), float(found[:-1].min()), float(width_m / CORRELATED_M)
