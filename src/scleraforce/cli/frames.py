@@ -166,10 +166,10 @@ def _segment_frame(
         pictures = {".png": found.mask, **({OVERLAY: draw_overlay(frame.pixels, found)} if overlay else {})}
         for ending, picture in pictures.items():
             upright = picture.swapaxes(0, 1) if transpose else picture
-            _write(mask.with_suffix(ending), other.with_suffix(ending), upright, force)
+            _write(mask.with_suffix(ending), (other, other.with_suffix(OVERLAY)), upright, force)
     return {
         "file": str(path),
-        "mask": None if mask is None else str(mask),
+        "mask": mask and str(mask),
         "usable": found.usable,
         "reason": found.reason,
         "disagreement": None if found.methods is None else found.methods.disagreement,
@@ -182,21 +182,22 @@ def _segment_frame(
     }
 
 
-def _write(path: Path, other: Path, picture: "Pixels", force: bool) -> None:
-    """Write a picture under the name for its verdict; `other`, for the other verdict, never exists at the same time."""
+def _write(path: Path, others: Sequence[Path], picture: "Pixels", force: bool) -> None:
+    """Write a picture under the name for its verdict; `others`, of the other verdict, never exist at the same time."""
     import cv2
     import numpy as np
 
     from scleraforce.whole_files import KINDS, read_bytes, renamed_when_whole
 
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
-    for one in (path, other):
+    for one in (path, *others):
         if not force and one.exists() and read_bytes(one, KINDS["frame"]) != data:
             raise InputError(f"{one}: exists already and differs; choose another --out, or --force to replace it")
     path.parent.mkdir(parents=True, exist_ok=True)
     with renamed_when_whole(path) as part:
         part.write_bytes(data)
-        other.unlink(missing_ok=True)
+        for other in others:
+            other.unlink(missing_ok=True)
 
 
 def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: "Look") -> None:
