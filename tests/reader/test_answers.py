@@ -261,6 +261,21 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
     assert wide.interval_n[1] > 0.03
 
 
+def test_a_dent_of_which_the_flanks_alone_are_in_view_is_read_unless_the_network_doubts_its_class() -> None:
+    tip_m = 6.5e-3
+    frame, wall = image(wall_section(tip_m, surface_m=1.2e-3)), (THICKNESS_M, IOP_PA / MODULUS_PA, tip_m)
+    force_n, modulus_pa = (one * MODULUS_PA / 1.9 for one in (float(LIBRARY.forces(*np.array(wall)[:, None])[0]), 1.0))
+    soft = replace(
+        KNOWN, modulus=Modulus(mean_pa=modulus_pa, sd_pa=0.01 * modulus_pa, source="own"), iop_pa=IOP_PA / 1.9
+    )
+    assert np.isfinite(find_wall(frame, SCALE).outer_row).mean() < 0.4
+    higher = replace(FIVE_MN, force_n=1.4 * force_n, interval_n=(1.3 * force_n, 1.5 * force_n))
+    read = answer(frame, soft, force_reader(higher))
+    assert (read.usable, read.predicted, read.interval_n[1]) == (True, 2, 1.5 * force_n)
+    assert read.force_n == pytest.approx(force_n, rel=0.06)
+    assert "leaves the window" in withdrawn(answer(frame, soft, force_reader(FIVE_MN)))
+
+
 def test_a_dent_farther_from_the_pole_needs_a_larger_force() -> None:
     frame = image(wall_section(tip_of(0.02)))
     middle = answer(frame)

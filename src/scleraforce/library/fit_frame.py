@@ -83,7 +83,7 @@ def fit_frame(
                 at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
                 sd_m[count] = INNER_SD_M if boundary else OUTER_SD_M
                 count += 1
-    if outer < 2 * UNKNOWNS:
+    if outer < UNKNOWNS:
         return False
     as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
     places = at_m[:count], outer, smoothing_m

@@ -236,7 +236,7 @@ def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) ->
     return bool(both.mean() >= CALIBRATED_SHARE)
 
 
-WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this
+WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this, or of the class
 
 
 def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> Answer:
@@ -247,7 +247,8 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     reason = contact_outside(reading, study.reader)
     if reason:
         return unusable(classes, reason)
-    if leaves and not reading.width_n < WIDEST_N:
+    one_class = study.classes.classify(reading.interval_n[0]) == study.classes.classify(reading.interval_n[1])
+    if leaves and not (one_class or reading.width_n < WIDEST_N):
         return unusable(
             classes,
             "the dent leaves the window of the slice, and its flanks leave the force uncertain by "

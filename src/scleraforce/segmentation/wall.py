@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from scleraforce.arrays import Counts, Flags, Integers
+from scleraforce.arrays import Counts, Flags, Floats, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import look
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.found import Segmentation, blank_fault, surface_fault, without_wall
+from scleraforce.segmentation.found import LEAST_COVER, Segmentation, blank_fault, surface_fault, without_wall
 from scleraforce.segmentation.grid import LEAST_SHAPE, Grid, counts_of, grid_size, imaged_part
 from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit
 from scleraforce.segmentation.needle import find_needle
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 COUNTED = np.dtype(np.uint8), np.dtype(np.uint16)
+LARGEST_LEFT = 0.5  # of the imaged width may be below the frame
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
 
@@ -117,12 +118,22 @@ class Part(NamedTuple):
         cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
             self.frame, self.first, self.is_bytes, brightest, self.missing, behind, self.workplace, self.left, rows
         )
-        fault = surface_fault(seen, min(width, FINE_COLUMNS), contrast, noise)
+        points = min(width, FINE_COLUMNS)
+        if LEAST_SHAPE <= seen < LEAST_COVER * points:
+            points -= round(min(_left_share(rows[0], shape[0]), LARGEST_LEFT) * points)
+        fault = surface_fault(seen, points, contrast, noise)
         if seen < LEAST_SHAPE:
             return (cells, floor, saturated, begin), without_wall(shape, fault or "no wall was found")
         found = not isnan(thickness_m)
         wall = Segmentation(rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m)
         return (cells, floor, saturated, begin), wall
+
+
+def _left_share(outer_row: Floats, rows: int) -> float:
+    """Return the share of columns in which a surface has left the frame: between two in its lowest quarter."""
+    seen = np.flatnonzero(np.isfinite(outer_row))
+    is_low = outer_row[seen] >= 0.75 * rows
+    return float((np.diff(seen) - 1)[is_low[:-1] & is_low[1:]].sum() / len(outer_row))
 
 
 def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
