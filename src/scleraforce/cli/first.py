@@ -156,7 +156,7 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
     """
     from scleraforce.models import model_name
     from scleraforce.processes import available_cores
-    from scleraforce.reader.metrics import band_of
+    from scleraforce.reader.metrics import SHARED_ERROR, band_of, held_by_eye
     from scleraforce.reproduction.run import framed_for_laboratory, open_run
     from scleraforce.reproduction.stages import reproduce as run_stages
     from scleraforce.study.unused import refuse_unused
@@ -165,8 +165,8 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
     refuse_unused(study, "reproduce")
     study = framed_for_laboratory(study) if file is None else study
     run = open_run(out, study, workers or available_cores(), train=train)
-    reader = f"the bundled reader, {model_name(run.reader)!r} (--train trains one)"
-    reader = "a reader that this run trains" if train else reader
+    bundled = f"the bundled reader, {model_name(run.reader)!r} (--train trains one)"
+    reader = "a reader that this run trains" if train else bundled
     say(f"reads walls of finite strain with {reader}", err=True)
     found = run_stages(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
     evaluation, others, bent = found.evaluation, found.to_the_bounds, found.bent_reader
@@ -184,7 +184,7 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
         "reader": {"model": model_name(run.reader), "trained": train},
         "seconds": found.seconds | {"total": round(seconds, 2)},
     }  # fmt: skip
-    accuracy = evaluation.accuracy
+    accuracy, logged, true = evaluation.accuracy, bent.coverage, bent.true_coverage
     counted = {
         "with forces up to the bounds of the classes": others,
         "on walls of finite strain: the paper's method": found.bent_paper,
@@ -197,7 +197,9 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
             f"{accuracy.hits} of {accuracy.total} simulated trials read right "
             f"({from_si(accuracy.value, 'percent'):.0f} %)",
             *(f"{words} {one.accuracy.hits} of {one.accuracy.total}" for words, one in counted.items()),
-            _coverage_words(bent),
+            f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(bent.true_forces)}; they "
+            f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
+            f"{SHARED_ERROR}",
             f"wrote {run.report} in {seconds:.0f} s",
         ],
     )
@@ -210,17 +212,6 @@ TRUE = ("true_mae_mn", "true_coverage", "true_coverage_by_eye")
 def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
     answer = evaluation.as_json()
     return {key: answer[key] for key in keys}
-
-
-def _coverage_words(evaluation: "Evaluation") -> str:
-    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye
-
-    logged, true = evaluation.coverage, evaluation.true_coverage
-    return (
-        f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(evaluation.true_forces)}; they "
-        f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
-        f"{SHARED_ERROR}"
-    )
 
 
 @contextmanager

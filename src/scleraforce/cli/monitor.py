@@ -89,7 +89,11 @@ def monitor(
     """
     if not sys.platform.startswith("linux"):
         raise InputError(f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}")
-    _fill_standard_files()
+    for number in range(3):  # a closed one of the three standard files is opened, or a socket would become one of them
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
     with one_thread():  # the second core is for the other processes
         from platformdirs import user_state_path
 
@@ -185,7 +189,9 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
     if relaxation is not None and any(relaxation.shares):
         lost = from_si(sum(relaxation.shares), "percent")
         yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
-    for warning in filter(None, (doubt, _lean_words(settings.known), *reader.limits(settings.known, scan))):
+    any_lean = settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
+    lean = "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
+    for warning in filter(None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))):
         yield f"warning    {warning}"
     yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
@@ -208,12 +214,6 @@ def _eye_words(known: "Known") -> str:
             "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
         )
     )
-
-
-def _lean_words(known: "Known") -> str | None:
-    if known.has_calibrated_modulus or known.lean_rad is not None:
-        return None
-    return "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
 
 
 def globe_words(known: "Known", reads_force: bool) -> str:
@@ -254,15 +254,6 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _fill_standard_files() -> None:
-    """Open closed ones of the three standard files, or a socket would become one of them."""
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)
 
 
 def _write_line(text: str) -> None:

@@ -195,7 +195,7 @@ class _Show:
 
         log = self._log
         took_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
-        median, p99, most = np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else (None,) * 3
+        latency_ms = np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else None
         withdrawal = log.first_doubt(0.0, (3,))
         return {
             "recording": str(self._recording.path),
@@ -207,7 +207,7 @@ class _Show:
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
-            "latency_ms": {"median": median, "p99": p99, "max": most} if len(took_ms) else None,
+            "latency_ms": latency_ms and dict(zip(("median", "p99", "max"), latency_ms, strict=True)),
             "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
             "withdrawal": None if withdrawal is None else self._change_record(withdrawal),

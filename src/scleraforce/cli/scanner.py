@@ -54,12 +54,7 @@ def _new_study(ctx: click.Context, option: click.Parameter, path: Path) -> Path:
               help="Study file to write (.toml); its picture has the same name, .png.")  # fmt: skip
 @options("wall_finder")
 def scanner(
-    frames: tuple[Path, ...],
-    transpose: bool,
-    bits: int | None,
-    out: Path,
-    wall_finder: Path | None,
-    **size: float | None,
+    frames: tuple[Path, ...], transpose: bool, bits: int | None, out: Path, wall_finder: Path | None, **size: Any
 ) -> Report:
     """Measure a scanner on its own frames of an eye at rest, for a simulation.
 

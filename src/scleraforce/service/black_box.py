@@ -48,7 +48,9 @@ class BlackBox:
 
     def turn(self) -> None:
         """Listen to the monitor, write one frame, give a sign of life when due; wait if there is nothing to do."""
-        self._hear(0.0 if self._next_taker() else self._pause_s())
+        due_s = min(self._alive_s, self._journal.sync_due_s) - time.monotonic()
+        pause_s = max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
+        self._hear(0.0 if self._next_taker() else pause_s)
         if (taker := self._next_taker()) is not None:
             (self._session if taker is self._session.taker else self._withdrawals).write_frame(taker)
         self._withdrawals.turn(ended=self.ended)
@@ -62,10 +64,6 @@ class BlackBox:
         """Return the taker of the oldest frame, which is overwritten first."""
         takers = [taker for taker in (self._withdrawals.taker, self._session.taker) if taker and taker.next]
         return min(takers, key=lambda taker: taker.next or 0, default=None)
-
-    def _pause_s(self) -> float:
-        due_s = min(self._alive_s, self._journal.sync_due_s) - time.monotonic()
-        return max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
 
     def _hear(self, pause_s: float) -> None:
         if self.ended:

@@ -3,12 +3,12 @@
 import os
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from select import select
+from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import Any, Self, TypeVar
 
 import msgspec
@@ -145,7 +145,7 @@ class Channel:
         self._end.close()
 
 
-def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
+def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence[int]) -> Popen[bytes]:
     """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and not before.
 
     No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
@@ -157,13 +157,8 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
     before = signal.pthread_sigmask(signal.SIG_BLOCK, UNHEARD)
     try:
         with one_thread():
-            return subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-                pass_fds=descriptors,
-                start_new_session=True,
+            return Popen(
+                command, stdin=DEVNULL, stdout=DEVNULL, stderr=errors, pass_fds=descriptors, start_new_session=True
             )
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -196,7 +191,7 @@ class Child:
         self.channel.close()
         try:
             return self.process.wait(within_s)
-        except subprocess.TimeoutExpired:
+        except TimeoutExpired:
             self.process.kill()
             return self.process.wait()
 

@@ -193,11 +193,9 @@ class Connection:
 
     def _flush(self) -> None:
         """Continue a message that was sent in part: a peer must never get half of one."""
-        try:
+        with suppress(BlockingIOError):
             while self._rest:
                 self._rest = self._rest[self._link.send(self._rest) :]
-        except BlockingIOError:
-            pass
 
     def close(self, *, discard: bool = False) -> None:
         """End the connection, also where another process holds a duplicate; `discard` what has not arrived."""

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.service.channel import Channel, ChannelClosedError
-from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
+from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, SelfReport
 from scleraforce.units import from_si
 
 FILE_BYTES = 16 * 2**20
@@ -204,7 +204,7 @@ class Journal:
         self._faults[name] = detail = f"{name}: {fault}"
         if not name.startswith("log"):
             self.note(detail)
-        self._send(SelfReport(detail=detail))
+        self.send(SelfReport(detail=detail))
 
     def mended(self, name: str) -> None:
         """Forget a fault."""
@@ -225,13 +225,10 @@ class Journal:
 
     def sign_of_life(self) -> None:
         """Send the monitor a sign of life, with the present faults."""
-        self._send(Alive(faults=tuple(self._faults.values())))
+        self.send(Alive(faults=tuple(self._faults.values())))
 
-    def kept(self, folder: Path) -> None:
-        """Report to the monitor that a withdrawal is complete."""
-        self._send(WithdrawalKept(folder=str(folder)))
-
-    def _send(self, message: CompanionMessage) -> None:
+    def send(self, message: CompanionMessage) -> None:
+        """Send the monitor a message, unless it has ended."""
         with suppress(ChannelClosedError):  # the black box notices it when it listens
             self._channel.send(message)
 

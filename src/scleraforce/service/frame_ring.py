@@ -78,7 +78,7 @@ class FrameRing:
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
         """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
-        size, available = _size(frames, rows, columns), available_bytes()
+        size, available = frames * (8 + 2 * rows * columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
                 f"memory: the last {frames} frames of {rows} x {columns} pixels take {from_si(size, 'mb'):,.0f} MB "
@@ -113,7 +113,3 @@ class FrameRing:
         pixels = np.empty(self.shape, dtype=np.uint16)
         os.preadv(self.place.descriptor, [pixels.data], self._numbers.nbytes + slot * pixels.nbytes)
         return pixels if self._numbers[slot] == number else None
-
-
-def _size(frames: int, rows: int, columns: int) -> int:
-    return frames * (8 + 2 * rows * columns)

@@ -18,7 +18,7 @@ from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.recording.writing import FORCE_STEP_S, ForceWriter, RecordingWriter
 from scleraforce.service.decision_log import Journal
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import BlackBoxSettings, Entry
+from scleraforce.service.messages import BlackBoxSettings, Entry, WithdrawalKept
 
 MOST_LINES = 20_000
 HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
@@ -66,20 +66,14 @@ class RobotForce:
         if len(values) == 1:
             values = [self._info.contact_sign * values[0]]
         self.columns = (f"{self._info.axis}_n",) if len(values) == 1 else FORCE_COLUMNS[1 : 1 + len(values)]
-        step = max(floor(at_s / FORCE_STEP_S), self._step)
-        sample = self._begin(step) if step > self._step else None
+        step, sample = max(floor(at_s / FORCE_STEP_S), self._step), None
+        if step > self._step:
+            if self._count:
+                sample = (self._step + 0.5) * FORCE_STEP_S, tuple(total / self._count for total in self._sums)
+                self.samples.append(sample)
+            self._step, self._count, self._sums = step, 0, [0.0] * len(self.columns)
         self._sums = [total + value for total, value in zip(self._sums, values, strict=True)]
         self._count += 1
-        return sample
-
-    def _begin(self, step: int) -> ForceSample | None:
-        """Begin a step; return the sample of the one before."""
-        sample = None
-        if self._count:
-            sample = (self._step + 0.5) * FORCE_STEP_S, tuple(total / self._count for total in self._sums)
-            self.samples.append(sample)
-        self._step, self._count = step, 0
-        self._sums = [0.0] * len(self.columns)
         return sample
 
 
@@ -209,7 +203,6 @@ class Withdrawals:
 
     def __init__(self, settings: BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal) -> None:
         self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
-        self._keep_s = settings.keep_s
         self._frames: deque[tuple[float, int]] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
@@ -219,7 +212,7 @@ class Withdrawals:
     def remember(self, entry: Entry, line: bytes) -> bool:
         """Remember the line and the frame of a decision; return whether the frame is new (opinions name it again)."""
         self._lines.append((entry.at_s, line))
-        while self._lines[0][0] < entry.at_s - self._keep_s:
+        while self._lines[0][0] < entry.at_s - self._settings.keep_s:
             self._lines.popleft()
         if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
             return False
@@ -250,7 +243,7 @@ class Withdrawals:
 
     def _begin(self, cause: str, entry: Entry, beginning: SessionBeginning) -> _Writing:
         """Begin the recording of the seconds up to an entry."""
-        since_s = entry.at_s - self._keep_s
+        since_s = entry.at_s - self._settings.keep_s
         stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
         folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
         partial, comment = folder.parent / f".{folder.name}.partial", f"{beginning.comment} Kept: {cause}."
@@ -290,7 +283,7 @@ class Withdrawals:
             self._journal.note(f"kept {taker.written} frames in {folder}; {taker.lost} were lost")
             if reason:
                 self._journal.note(f"{folder}: the robot's force gives no labels: {reason}")
-            self._journal.kept(folder)
+            self._journal.send(WithdrawalKept(folder=str(folder)))
         except OSError as fault:
             shutil.rmtree(taker.folder, ignore_errors=True)
             self._journal.fault(WITHDRAWAL, fault)

@@ -129,7 +129,8 @@ class Server:
 
     def _hear(self, client: Connection) -> None:
         now_s = self.session.clock()
-        may_scan = self._may_scan(client, now_s)
+        vacant = self._scanner is None or self._scanner not in self._clients
+        may_scan = vacant or client is self._scanner or now_s - self._scanned_s > self.session.limits.silence_s
         events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
         at_s = self.session.clock()
         frames: list[Frame] = []
@@ -149,11 +150,6 @@ class Server:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")
 
-    def _may_scan(self, client: Connection, now_s: float) -> bool:
-        """Return whether a client's images are accepted."""
-        vacant = self._scanner is None or self._scanner not in self._clients
-        return vacant or client is self._scanner or now_s - self._scanned_s > self.session.limits.silence_s
-
     def _hear_event(self, client: Connection, event: PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, Broken):
@@ -165,19 +161,15 @@ class Server:
                 self._clients.send(client, self._status(), at_s)
             case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
                 self._reset_by_client(client, text, at_s)
-            case Received(message=Sensor(values)):
-                self._keep_force(client, event.header.device, values, at_s)
+            case Received(message=Sensor(values)) if client.forces.take(at_s) and self._forces.take(at_s):
+                time_s, device = self.session.wall_clock(), event.header.device
+                force = messages.ForceHeard(at_s=at_s, time_s=time_s, values=values, device=device)
+                self._companions.send(BLACK_BOX, force, at_s)
+            case Received(message=Sensor()):  # beyond a robot's rate: it must not delay a decision
+                self._left_out += 1
             case BadChecksum() | Malformed() | Broken():
                 self._take_faulty(client, event, at_s, may_scan)
         return None
-
-    def _keep_force(self, client: Connection, device: str, values: tuple[float, ...], at_s: float) -> None:
-        """Pass a force to the black box; forces beyond a robot's rate are dropped, so that they delay no decision."""
-        if not (client.forces.take(at_s) and self._forces.take(at_s)):
-            self._left_out += 1
-            return
-        force = messages.ForceHeard(at_s=at_s, time_s=self.session.wall_clock(), values=values, device=device)
-        self._companions.send(BLACK_BOX, force, at_s)
 
     def _assemble(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
@@ -201,10 +193,8 @@ class Server:
             self._note_client(f"client {client.address}: {event.reason}", client)
             return
         client.frames = FrameAssembler()  # no frame may mix parts from before and after the error
-        if isinstance(event, BadChecksum):
-            self._decide("checksum", Fault(at_s, Cause.CHECKSUM, event.reason))
-        else:
-            self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, event.reason))
+        name, cause = ("checksum", Cause.CHECKSUM) if isinstance(event, BadChecksum) else ("bad image", Cause.BAD_IMAGE)
+        self._decide(name, Fault(at_s, cause, event.reason))
 
     # Decisions, and messages to clients.
 
@@ -276,8 +266,7 @@ class Server:
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         clients = tuple(
-            {"address": client.address, "role": "scanner" if client is self._scanner else "listener"}
-            for client in self._clients
+            {"address": who.address, "role": "scanner" if who is self._scanner else "listener"} for who in self._clients
         )
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = messages.Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)

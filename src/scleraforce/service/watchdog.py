@@ -155,10 +155,8 @@ class Watchdog:
                 continue
             try:
                 gone = not client.recv(1 << 20)
-            except BlockingIOError:
-                gone = False
-            except OSError:
-                gone = True
+            except OSError as fault:
+                gone = not isinstance(fault, BlockingIOError)
             if gone:
                 self._clients.pop(number).close()
 

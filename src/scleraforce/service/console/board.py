@@ -171,22 +171,19 @@ class Board:
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
         """Return all that a page shows, except the picture; the history begins with step number `since`."""
+        entry = self._entry
+        read = self._reading[1].as_json() if self._reading and now_s - self._frame_s <= READING_S else None
+        latencies_ms = [latency_ms for at_s, latency_ms in self._latencies if now_s - at_s <= LATENCY_S]
         return {
             "kind": "state",
             "now": now_s / STEP_S,
             "monitor": self.monitor(now_s),
-            **self._decision(),
-            "reading": self._shown_reading(now_s),
-            "latency_ms": self._latency_ms(now_s),
+            "reading": read and {name: read[name] for name in READING},
+            "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)] if latencies_ms else None,
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,
             "clients": self._rates.clients if self._rates else [],
             "steps": [step.as_json() for step in self.history.since(since)],
-        }
-
-    def _decision(self) -> dict[str, Any]:
-        entry = self._entry
-        return {
             "state": entry.state,
             "cause": entry.cause,
             "detail": entry.present if entry.cause else detail_of(entry.message, entry.state),
@@ -194,16 +191,6 @@ class Board:
             "present": sentence_of(entry.present_cause) if entry.present_cause else "",
             "withdrawn_s": entry.withdrawn_s,
         }
-
-    def _shown_reading(self, now_s: float) -> dict[str, Any] | None:
-        if self._reading is None or now_s - self._frame_s > READING_S:
-            return None
-        record = self._reading[1].as_json()
-        return {name: record[name] for name in READING}
-
-    def _latency_ms(self, now_s: float) -> list[float] | None:
-        found = [latency_ms for at_s, latency_ms in self._latencies if now_s - at_s <= LATENCY_S]
-        return [round(median(found), 2), round(max(found), 2)] if found else None
 
     def picture(self) -> tuple[int, Outline | None] | None:
         """Return the number of the frame to show, and its outline; None before the first frame."""

@@ -156,7 +156,9 @@ class Hub:
         urgent = False
         for message in heard:
             if isinstance(message, messages.ResetAnswered):
-                self._answer(message)
+                future = self._waiting.pop(message.request, None)
+                if future is not None and not future.done():
+                    future.set_result((message.granted, message.message))
             if isinstance(message, messages.Decided):
                 self.thrift.answered(message.entry.latency_ms, message.entry.overtaken, now_s)
             urgent = self.board.take(message, now_s) or urgent
@@ -185,18 +187,15 @@ class Hub:
             self.pages.discard(silent)
         self.pages.add(page)
 
-    def _answer(self, answered: messages.ResetAnswered) -> None:
-        future = self._waiting.pop(answered.request, None)
-        if future is not None and not future.done():
-            future.set_result((answered.granted, answered.message))
-
     async def reset(self, token: str) -> ResetAnswer:
         """Ask the monitor for a reset; return whether it was granted, and the monitor's message.
 
         Only the right token reaches the monitor, so wrong ones can never keep the operator waiting.
         """
         if not self._token.knows(token):
-            self._count_wrong()
+            self._wrong_tokens += 1
+            if self._wrong_tokens == 1:  # the monitor gets one message on all that come within `WRONG_S`
+                asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
             await asyncio.sleep(WRONG_S)
             return False, "the token is wrong; the monitor printed the right one at its start"
         number = next(self._numbers)
@@ -208,12 +207,6 @@ class Hub:
             return False, "the monitor does not answer"
         finally:
             self._waiting.pop(number, None)
-
-    def _count_wrong(self) -> None:
-        """Count a wrong token; the number within `WRONG_S` is sent to the monitor at once."""
-        self._wrong_tokens += 1
-        if self._wrong_tokens == 1:
-            asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
 
     def _send_wrong(self) -> None:
         self.send(messages.WrongTokens(count=self._wrong_tokens))
@@ -276,7 +269,11 @@ class Page:
             self.wake.clear()
             share = self.hub.thrift.share(monotonic())
             if self._keeps_up:
-                await self._send_state(share)
+                state = self.hub.board.as_json(monotonic(), self.step)
+                if state["steps"]:
+                    self.step = state["steps"][-1][0]  # which may still change
+                self.sent += 1
+                await self.socket.send_text(json.dumps({**state, "thrift": share.level, "number": self.sent}))
                 await self._send_picture(share)
             due_s = monotonic() + share.update_s
             try:
@@ -284,13 +281,6 @@ class Page:
             except TimeoutError:
                 now_s = monotonic()
                 self.hub.thrift.woke(now_s - due_s, now_s)
-
-    async def _send_state(self, share: Share) -> None:
-        state = self.hub.board.as_json(monotonic(), self.step)
-        if state["steps"]:
-            self.step = state["steps"][-1][0]  # which may still change
-        self.sent += 1
-        await self.socket.send_text(json.dumps({**state, "thrift": share.level, "number": self.sent}))
 
     async def _send_picture(self, share: Share) -> None:
         chosen, now_s = self.hub.board.picture(), monotonic()
