@@ -288,7 +288,7 @@ class ForceReader(Reader):
         else:
             answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
         if not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
-            answer = unless_at_rest(answer, fit, boundaries, self.study.classes.bounds_n[0])
+            answer = unless_at_rest(answer, fit, boundaries, self.study)
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
     def _unchecked(self, seen: verdicts.Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
