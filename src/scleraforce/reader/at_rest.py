@@ -2,7 +2,7 @@
 
 A cornea or a limbus in a picture that was stretched looks like a wall with a shallow dent, and flatter than an eye. The
 section of an eye without a needle is the arc of an ellipse at any scale, or two arcs that meet at a limbus: here of
-third order. Beside a true dent the wall is no flatter than the eye.
+third order. A true dent does not flatten the wall beside it.
 """
 
 from dataclasses import replace
