@@ -226,14 +226,8 @@ def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
 @cache
 def _path() -> AxisymmetricPath:
     library = _reader().library
-    return axisymmetric_path(
-        library.radius_m,
-        THICKNESS_M,
-        library.poisson_ratio,
-        library.needle_radius_m,
-        IOP_PA / MODULUS_PA,
-        tips_m=np.linspace(0.0, TIP_M, 5)[1:],
-    )
+    wall = library.radius_m, THICKNESS_M, library.poisson_ratio, library.needle_radius_m, IOP_PA / MODULUS_PA
+    return axisymmetric_path(*wall, tips_m=np.linspace(0.0, TIP_M, 5)[1:])
 
 
 TRIALS: Mapping[str, Callable[[], Finding]] = {SOLVE: _solve, READ: _read, TRAIN: _train}

@@ -8,40 +8,24 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from small_recordings import calibration_text
+from commands import said
+from small_recordings import LOGGED_INFO, calibration_text
 
-from scleraforce.cli.main import run
 from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.recording.folder import frame_digest, read_recording
+from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.slice import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
+from scleraforce.study.toml import format_record
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
 ROWS, COLUMNS = 256, 300
 SCALE = PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
-RECORDING_TOML = """
-[eye]
-id = "{eye}"
-thickness_m = 6e-4
-[oct]
-columns = 300
-rows = 256
-bits = 12
-width_m = 15e-3
-depth_m = 4e-3
-[needle]
-gauge = 22
-slice_gap_m = {gap}
-[force]
-axis = "fz"
-contact_sign = -1
-"""
 
 
 def draw_frame(dent_m: float, rng: np.random.Generator) -> np.ndarray:
@@ -57,7 +41,9 @@ def write_recording(path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = 
     """Six frames, 4 s apart, each in the middle of a push; the fourth shows nothing."""
     rng = np.random.default_rng(4)
     (path / "frames").mkdir(parents=True)
-    (path / "recording.toml").write_text(RECORDING_TOML.format(eye=eye, gap=gap_m))
+    scan, needle = replace(LOGGED_INFO.oct, rows=ROWS, columns=COLUMNS), NeedleInfo(gauge=22, slice_gap_m=gap_m)
+    info = RecordingInfo(EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force)
+    (path / "recording.toml").write_text(format_record(info))
     lines = ["file,time_s,pierced"]
     for number, force_n in enumerate(FORCES_N):
         frame = draw_frame(30.0 * force_n * 1e-3, rng) if number != 3 else np.full((ROWS, COLUMNS), 600, np.uint16)
@@ -90,13 +76,6 @@ def places(tmp_path_factory, write_model) -> dict[str, Path]:
 @pytest.fixture(scope="module")
 def reader(places) -> Classifier:
     return load_classifier(places["model"])
-
-
-def said(capsys, *words: object, code: int = 0) -> str:
-    """Standard output of a command, or its standard error where it fails."""
-    assert run([str(word) for word in words]) == code
-    printed = capsys.readouterr()
-    return printed.err if code else printed.out
 
 
 def test_labels_exclusions_and_metrics_follow_the_recording(places, reader) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, STUDY, THICKNESS_M
+from commands import said
 from small_recordings import FORCES_N, write_places
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.known.calibration_file import read_calibration
@@ -50,13 +50,6 @@ def uncalibrated(places, model) -> Evaluation:
 def width_n(frame: FrameAnswer) -> float:
     low_n, high_n = frame.answer.interval_n
     return high_n - low_n
-
-
-def said(capsys, *words: object, code: int = 0) -> str:
-    """Standard output of a command, or its standard error where it fails."""
-    assert run([str(word) for word in words]) == code
-    printed = capsys.readouterr()
-    return printed.err if code else printed.out
 
 
 def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(both, uncalibrated) -> None:

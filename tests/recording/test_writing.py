@@ -12,25 +12,20 @@ import matplotlib.image
 import numpy as np
 import pytest
 from foreign_files import sizes_of, with_log
-from small_recordings import COLUMNS, ROWS, write_small_recording
+from small_recordings import COLUMNS, LOGGED_INFO, ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording import export
 from scleraforce.recording.bags import read_bag
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
+from scleraforce.recording.folder import ForceInfo, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.tables import read_force_log
 from scleraforce.recording.volumes import read_nrrd
 from scleraforce.recording.writing import ForceWriter, PngBuffer, RecordingWriter
 from scleraforce.whole_files import folder_when_whole
 
-INFO = RecordingInfo(
-    EyeInfo("eye", thickness_m=600e-6),
-    OctInfo(columns=20, rows=16, bits=16, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
-    ForceInfo("fz", -1, 0.2),
-)
+INFO = replace(LOGGED_INFO, oct=replace(LOGGED_INFO.oct, columns=20, bits=16), force=ForceInfo("fz", -1, 0.2))
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 2**16, (9, 16, 20)).astype(np.uint16)
 

@@ -8,11 +8,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
 from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
 from platformdirs import user_cache_path
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
 from waiting import ends
+
+from scleraforce.cli.main import run
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
+    """Return the standard output of a command, or its standard error if it fails."""
+    assert run([str(word) for word in words]) == code
+    printed = capsys.readouterr()
+    return printed.err if code else printed.out
 
 
 def cache_of_its_own(folder: Path) -> dict[str, str]:

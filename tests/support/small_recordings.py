@@ -33,6 +33,7 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.frames import AnsweredFrame, look_at_all
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import read_study
+from scleraforce.study.toml import format_record
 
 ROWS, COLUMNS = 24, 32
 
@@ -107,24 +108,13 @@ def evaluation_of(frames: Iterable[FrameAnswer], **more: Any) -> Evaluation:
 
 
 LOOKED_AT_ROWS, LOOKED_AT_COLUMNS = 256, 300
-LOOKED_AT_TOML = f"""[eye]
-id = "eye"
-[oct]
-columns = {LOOKED_AT_COLUMNS}
-rows = {LOOKED_AT_ROWS}
-bits = 12
-width_m = 15e-3
-depth_m = 4e-3
-[needle]
-gauge = 22
-slice_gap_m = 5e-4
-"""
 
 
 def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     """Return frames of a wall 0.6 mm thick, each read as it was measured: 20 mN, class 1."""
     (folder / "frames").mkdir(parents=True)
-    (folder / "recording.toml").write_text(LOOKED_AT_TOML)
+    scan = replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
+    (folder / "recording.toml").write_text(format_record(replace(LOGGED_INFO, oct=scan, force=None)))
     names = [f"{number:04d}.png" for number in range(1, count + 1)]
     (folder / "frames.csv").write_text("\n".join(["file,time_s", *(f"{name},{n}" for n, name in enumerate(names))]))
     rng = np.random.default_rng(7)

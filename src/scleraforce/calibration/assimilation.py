@@ -105,8 +105,14 @@ def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
 
 
 def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
-    """Return mean and covariance in the filter's coordinates, the mean given a rigidity within its bounds."""
-    mean, covariance = state.posterior.mean, _total_covariance(eye, state)
+    """Return mean and covariance in the filter's coordinates, the mean given a rigidity within its bounds.
+
+    The covariance is the filter's plus that of the shared values.
+    """
+    shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
+    shared[:2, :2] = state.zero_covariance
+    mean = state.posterior.mean
+    covariance = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
     if RIGIDITY not in eye.space.names:
         return mean, covariance
     globe, place = eye.model.constants.globe, eye.space.names.index(RIGIDITY)
@@ -121,13 +127,9 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
         return globe
     mean, covariance = _within_bounds(eye, state)
     rigidity, modulus = (eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"]))
-    return replace(
-        globe,
-        mean=globe.mean * float(mean[rigidity]),
-        sd=globe.mean * sqrt(covariance[rigidity, rigidity]),
-        correlation=correlation_of(covariance, rigidity, modulus),
-        calibrated=state.posterior.updates > 0,
-    )
+    sd, correlation = globe.mean * sqrt(covariance[rigidity, rigidity]), correlation_of(covariance, rigidity, modulus)
+    globe = replace(globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation)
+    return replace(globe, calibrated=state.posterior.updates > 0)
 
 
 def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
@@ -135,13 +137,6 @@ def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
     if RIGIDITY not in eye.space.names:
         return eye.model.constants.globe.mean
     return float(eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)])
-
-
-def _total_covariance(eye: EyeFilter, state: EyeState) -> Floats:
-    """Return the filter's covariance plus that of the shared values, in the filter's coordinates (p, p)."""
-    shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
-    shared[:2, :2] = state.zero_covariance
-    return state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
 
 
 def assimilate(

@@ -441,16 +441,9 @@ def _begin(
 def _recorded(record: FrameRecord, found: assimilation.FrameStep | assimilation.Skipped) -> FrameRecord:
     if isinstance(found, assimilation.Skipped):
         return replace(record, skipped=found.reason)
-    result = found.result
-    return replace(
-        record,
-        own_modulus_pa=found.registered.wall.youngs_modulus_pa,
-        points=result.observations,
-        gated=result.gated,
-        nis=result.nis,
-        inflation=result.inflation,
-        status=result.status,
-    )
+    result, own_pa = found.result, found.registered.wall.youngs_modulus_pa
+    record = replace(record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated)
+    return replace(record, nis=result.nis, inflation=result.inflation, status=result.status)
 
 
 def _recordings(

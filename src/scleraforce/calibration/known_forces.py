@@ -227,13 +227,8 @@ class Settled:
         """Return the trial that `search` compares; `refused`: the number of frames that the filter did not take."""
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
-        return TissueTrial(
-            found=found,
-            refused=refused,
-            frames=len(read),
-            of_boundaries=sum(frame.loss for frame in read),
-            of_forces=self.loss,
-        )
+        loss = sum(frame.loss for frame in read)
+        return TissueTrial(found=found, refused=refused, frames=len(read), of_boundaries=loss, of_forces=self.loss)
 
 
 Again = tuple[list[KnownForce | None], list[KnownForce], Found]
@@ -333,14 +328,8 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
     modulus, globe = own(known)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
-        globe = replace(
-            globe,
-            mean=mean,
-            sd=CERTAIN * globe.sd,
-            lowest=min(globe.lowest, mean),
-            highest=max(globe.highest, mean),
-            correlation=0.0,
-        )
+        lowest, highest = min(globe.lowest, mean), max(globe.highest, mean)
+        globe = replace(globe, mean=mean, sd=CERTAIN * globe.sd, lowest=lowest, highest=highest, correlation=0.0)
     modulus = replace(modulus, mean_pa=modulus.mean_pa * exp(log_modulus), sd_pa=0.0)
     return replace(known, modulus=modulus, globe=globe, discrepancy=None)
 
@@ -362,11 +351,8 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
     if globe.can_be_sealed:
-        globe = replace(
-            globe,
-            sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY,
-            correlation=correlation_of(covariance, OF_MODULUS, OF_RIGIDITY),
-        )
+        correlation = correlation_of(covariance, OF_MODULUS, OF_RIGIDITY)
+        globe = replace(globe, sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
     level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
@@ -434,14 +420,9 @@ def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
     able = [trial for trial in tried.values() if trial.refused == fewest]
     least = min(able, key=lambda trial: trial.loss)
     scale = max(1.0, least.of_boundaries / (EVEN_LOSS * max(least.frames, 1)))
-    return np.array(
-        [
-            trial.loss / scale + TISSUE_CAUCHY**2 * log(1.0 + (log1p(b) / (TISSUE_SCALE * TISSUE_CAUCHY)) ** 2)
-            if trial.refused == fewest
-            else inf
-            for b, trial in tried.items()
-        ]
-    )
+    by_prior = [TISSUE_CAUCHY**2 * log(1.0 + (log1p(b) / (TISSUE_SCALE * TISSUE_CAUCHY)) ** 2) for b in tried]
+    each = zip(tried.values(), by_prior, strict=True)
+    return np.array([trial.loss / scale + prior if trial.refused == fewest else inf for trial, prior in each])
 
 
 def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:

@@ -77,13 +77,10 @@ def _with_histories(
     held_s, at_push_n = time_s[frames] - time_s[pushes], memories_n[pushes]
     held = memories_n[frames] - np.exp(-held_s[:, None] / times_s) * at_push_n
     held /= np.maximum(force_n, LEAST_PUSH_N)[:, None]
-    found = replace(
-        known,
-        held=tuple(held[counted].mean(axis=0).tolist()),
-        held_covariance=_spread(held[counted], ONE_FRAME_SD),
-        before_n=tuple(at_push_n[counted].mean(axis=0).tolist()),
-        before_covariance_n2=_spread(at_push_n[counted], MOST_BEFORE_N / 2),
-    )
+    held, before_n = held[counted], at_push_n[counted]
+    found = replace(known, held=tuple(held.mean(axis=0).tolist()), held_covariance=_spread(held, ONE_FRAME_SD))
+    covariance_n2 = _spread(before_n, MOST_BEFORE_N / 2)
+    found = replace(found, before_n=tuple(before_n.mean(axis=0).tolist()), before_covariance_n2=covariance_n2)
     later = counted[counted > 0]
     if not len(later):
         return found
@@ -92,13 +89,9 @@ def _with_histories(
     rest_n, earlier_n = at_push_n[later] - left_n, np.maximum(force_n[later - 1], 0.0)
     after = earlier_n @ rest_n / max(float(earlier_n @ earlier_n), LEAST_PUSH_N**2)
     rest_n -= np.outer(earlier_n, after)
-    return replace(
-        found,
-        after=tuple(after.tolist()),
-        after_covariance_n2=rows(rest_n.T @ rest_n / max(len(later) - 1, 1)),
-        every_s=float(np.median(np.diff(frame_s))),
-        held_s=float(np.median(held_s[counted])),
-    )
+    covariance_n2 = rows(rest_n.T @ rest_n / max(len(later) - 1, 1))
+    found = replace(found, after=tuple(after.tolist()), after_covariance_n2=covariance_n2)
+    return replace(found, every_s=float(np.median(np.diff(frame_s))), held_s=float(np.median(held_s[counted])))
 
 
 def _push(elastic_n: Floats, less_n: float) -> int:

@@ -203,17 +203,13 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
 def _eye_words(known: "Known") -> str:
     from scleraforce.known import MODULUS_SOURCES
 
-    modulus = known.modulus
-    return ", ".join(
-        (
-            f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[modulus.source]})"
-            if modulus
-            else "modulus unknown",
-            "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg",
-            "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick",
-            "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
-        )
-    )
+    words = "modulus unknown"
+    if known.modulus is not None:
+        words = f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[known.modulus.source]})"
+    iop = "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg"
+    wall = "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick"
+    gap = "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm"
+    return ", ".join((words, iop, wall, gap))
 
 
 def globe_words(known: "Known", reads_force: bool) -> str:

@@ -210,14 +210,9 @@ class RawSource:
         frames, boundary_rows = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
         trained = read_by_fit(study.reader)
         pairs = boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
-        return RawSamples(
-            frames,
-            np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32),
-            networks.given_inputs(eyes.stated, trained),
-            eyes.force_n,
-            networks.given_modulus(eyes.stated, trained)[0],
-            framing.lateral_m,
-        )
+        rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
+        given, modulus_pa = networks.given_inputs(eyes.stated, trained), networks.given_modulus(eyes.stated, trained)[0]
+        return RawSamples(frames, rows, given, eyes.force_n, modulus_pa, framing.lateral_m)
 
 
 def window_columns(window: FrameWindow) -> SliceStudy:

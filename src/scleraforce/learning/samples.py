@@ -171,7 +171,9 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     tilt_rad, rotation_rad = (
         np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
     )
-    force_n = _forces(reader, largest_n, rng)
+    small = rng.random(len(largest_n)) < reader.small_force_share
+    top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
+    force_n = top_n * rng.random(len(largest_n))
     rigidity, low, high = _globes(reader, count, rng)
     pole, stated_pole = _poles(reader, count, rng)
     tissue = np.full(count, library.stiffening)
@@ -248,13 +250,6 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
     missing = rng.random(count) < reader.modulus_missing_fraction
     own_pa = np.where(missing, middle_pa, middle_pa * (1.0 + sd * error))
     return np.where(missing, np.nan, middle_pa), np.where(missing, np.nan, sd), own_pa
-
-
-def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) -> Floats:
-    """Return forces (sample,), even up to the library's largest, a share of them small."""
-    small = rng.random(len(largest_n)) < reader.small_force_share
-    top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
-    return top_n * rng.random(len(largest_n))
 
 
 def _stated(values: Floats, noise: float, missing: float, rng: np.random.Generator) -> Floats:

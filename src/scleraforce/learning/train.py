@@ -32,6 +32,7 @@ from scleraforce.units import from_si
 Progress = Callable[[int], object] | None
 
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
+EYES = "virtual eyes of the library's walls"
 
 
 Record = dict[str, Any]  # `model.json`
@@ -64,16 +65,9 @@ def train_classifier(
     else:
         fitted = classifier.fit(study.network, training, validation, classes, progress, device)
     stored = classifier.with_half_weights(fitted.network)
-    provenance = _provenance(
-        "classifier",
-        study,
-        study.network.seed,
-        classifier.CLASSIFIER_THREADS,
-        device,
-        dataset_sha256=classifier.content_hash(training, validation),
-        class_bounds_mn=_bounds_mn(study),
-        youngs_modulus_mpa=f"{from_si(modulus_pa, 'mpa'):.6g}",
-    )
+    of_data = {"dataset_sha256": classifier.content_hash(training, validation), "class_bounds_mn": _bounds_mn(study)}
+    of_data["youngs_modulus_mpa"] = f"{from_si(modulus_pa, 'mpa'):.6g}"
+    provenance = _provenance("classifier", study, study.network.seed, classifier.CLASSIFIER_THREADS, device, **of_data)
     answers = stored.probabilities(validation.slices).argmax(axis=1)
     confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), classes)
     reached = accuracy(confusion)
@@ -122,8 +116,7 @@ def train_reader(
     """Train the reader on a library and write its model folder."""
     check_place(out)
     check_library(library, study)
-    device = chosen_device(device)
-    own, (content, errors) = study.reader, _stored_library(library)
+    device, own, (content, errors) = chosen_device(device), study.reader, _stored_library(library)
     source = Source.of(library, own, study.slice)
     fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress, device)
     provenance = _library_provenance("reader", study, own.seed, content, device)
@@ -140,13 +133,8 @@ def train_reader(
         "library": asdict(errors),
     }
     if own.interval_eyes:
-        record["intervals"] = measured_intervals(
-            partial(measuring, study, library, graph),
-            own.interval_eyes,
-            workers or available_cores(),
-            "virtual eyes of the library's walls",
-            measured,
-        )
+        measure, cores = partial(measuring, study, library, graph), workers or available_cores()
+        record["intervals"] = measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
     write_folder(out, graph, format_study(study), cards.reader_card(study, record), record, {LIBRARY_FILE: content})
     return record
 
@@ -164,8 +152,7 @@ def train_raw_reader(
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     check_library(library, study)
-    device = chosen_device(device)
-    raw = study.raw_reader
+    device, raw = chosen_device(device), study.raw_reader
     fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned, device)
     metrics = raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study)
     provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0], device)
@@ -183,13 +170,9 @@ def train_raw_reader(
         "curves": {"training_loss": fitted.training_loss},
     }
     if raw.interval_eyes:
-        record["intervals"] = measured_intervals(
-            partial(raw_reader.measuring_raw, study, library, graph),
-            raw.interval_eyes,
-            workers or available_cores(),
-            "virtual eyes of the library's walls, drawn as raw frames",
-            measured,
-        )
+        measure, cores = partial(raw_reader.measuring_raw, study, library, graph), workers or available_cores()
+        source = f"{EYES}, drawn as raw frames"
+        record["intervals"] = measured_intervals(measure, raw.interval_eyes, cores, source, measured)
     write_folder(out, graph, format_study(study), cards.raw_reader_card(study, record), record)
     return record
 

@@ -94,7 +94,11 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
     data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
         with ZipFile(BytesIO(data)) as archive, np.errstate(over="ignore", invalid="ignore"):  # `Library` checks
-            _check_entries(archive)
+            left = KINDS["model file"].max_bytes
+            for entry in archive.infolist():
+                left -= entry.file_size
+                if entry.compress_type != ZIP_DEFLATED or entry.flag_bits & ENCRYPTED or left < 0:
+                    raise ValueError(f"{entry.filename}: not deflated, encrypted, or too large")
             found: dict[str, Any] = {name: _plain(archive, name, axes) for name, axes in AXES.items()}
             of_walls: dict[str, Any] = {name: _plain(archive, name, axes) for name, axes in WALLS.items()}
             shape = tuple(len(found[name]) for name in ("thickness_m", "tension", "tip_m"))
@@ -167,15 +171,6 @@ def _summed(differences_kra: NDArray[Any]) -> NDArray[Any]:
         steps_kra = np.cumsum(steps_kra, axis=-1, dtype=steps_kra.dtype)
     parts, rows, along = steps_kra.shape
     return np.ascontiguousarray(steps_kra.reshape(parts, rows * along).T)
-
-
-def _check_entries(archive: ZipFile) -> None:
-    """Check that every entry is deflated, not encrypted, and that all together are not too large."""
-    left = KINDS["model file"].max_bytes
-    for entry in archive.infolist():
-        left -= entry.file_size
-        if entry.compress_type != ZIP_DEFLATED or entry.flag_bits & ENCRYPTED or left < 0:
-            raise ValueError(f"{entry.filename}: not deflated, encrypted, or too large")
 
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:

@@ -126,12 +126,9 @@ class LibraryPlan:
             thicknesses, tensions = self._with_supports
             thickness, tension = int(thicknesses[thickness]), int(tensions[tension])
         thickness_m = float(self.thickness_m[thickness])
+        iop_ratio = float(self.tension[tension]) * thickness_m / self.radius_m
         return PlannedPath(
-            thickness_m=thickness_m,
-            iop_ratio=float(self.tension[tension]) * thickness_m / self.radius_m,
-            stiffening=stiffening,
-            support_rad=support_rad,
-            tip_m=tip_m,
+            thickness_m=thickness_m, iop_ratio=iop_ratio, stiffening=stiffening, support_rad=support_rad, tip_m=tip_m
         )
 
     @property

@@ -95,13 +95,7 @@ def check_arrays(library: "Library") -> None:
     check_inside("polar angle", np.asarray(library.contact_polar_rad), polar_rad[0], polar_rad[-1], "deg")
     if not all((np.diff(axis) > 0.0).all() for axis in axes):
         raise InputError("library: an axis that does not increase")
-    sizes = (
-        library.radius_m,
-        library.needle_radius_m,
-        library.max_force_ratio,
-        library.thickness_m[0],
-        library.tension[0],
-    )
+    sizes = library.radius_m, library.needle_radius_m, library.max_force_ratio, axes[1][0], axes[2][0]
     if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= library.poisson_ratio < 0.5:
         raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                          f"Poisson's ratio {library.poisson_ratio}: impossible")  # fmt: skip

@@ -16,8 +16,8 @@ import numpy as np
 
 from scleraforce.arrays import Bytes, Flags, Floats, Places, Reals
 from scleraforce.library.sections import ACROSS, ALONG, DOWN, SectionMotion, cut_rings, cut_surfaces, section_curve
-from scleraforce.mechanics.contact import Section, SliceWindow
-from scleraforce.mechanics.slices import SNAP, WALL, fill_section
+from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.slices import SNAP, WALL, fill_section, slice_window
 from scleraforce.study import SliceStudy
 
 STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off
@@ -43,7 +43,9 @@ def depths_at_columns(
     reach_m = reach_m + np.where(turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0)
     if moved:
         reach_m = reach_m + np.abs(moved[1].moved_sbpc[..., ALONG]).max(axis=(1, 2))
-    folds_sb = _folds(square_sbn, reach_m)
+    low, high = square_sbn[..., :-1], square_sbn[..., 1:]
+    shown = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
+    folds_sb = (shown & (high <= low)).any(axis=2)  # boundaries that run back where they are shown
     curves = _Stations.along(square_sbn, depth_sbn, float(reach_m.max()))
     if moved:
         curves = curves.moved(*moved)
@@ -141,13 +143,6 @@ class _Stations:
         depth = self.depth_sbt.ravel()[row * stations + left] + rest * slope
         depth[outside] = np.nan
         return depth, 2.0 * lateral_sbc * slope
-
-
-def _folds(square_sbn: Floats, reach_m: Floats) -> Flags:
-    """Return True for boundaries that run back where they are shown (sample, boundary)."""
-    low, high = square_sbn[..., :-1], square_sbn[..., 1:]
-    met = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
-    return np.asarray((met & (high <= low)).any(axis=2))
 
 
 def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
@@ -259,13 +254,7 @@ def draw_slices(curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Fr
     """
     boundaries = wall_boundaries(curves_sbnc, gap_m, tilt_rad, framing, study)
     images = fill_boundaries(boundaries.depth_sbc, study)
-    window = SliceWindow(
-        left_m=-0.5 * study.columns * study.pixel_m,
-        top_m=0.0,
-        columns=study.columns,
-        rows=study.rows,
-        pixel_m=study.pixel_m,
-    )
+    window = slice_window(study, study.margin_m)
     for sample in np.flatnonzero(boundaries.folded):
         section = cut_surfaces(curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample]))
         placed = (framing.place(sample, curve) for curve in (section.outer, section.inner))

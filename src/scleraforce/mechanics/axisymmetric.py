@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
-from scleraforce.arrays import Flags, Floats, Integers
+from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import SolverError
 from scleraforce.mechanics import meridian
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
@@ -132,15 +132,8 @@ def axisymmetric_path(
     """
     mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
     wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
-    path = trace(
-        wall,
-        pressurise(wall, iop_ratio),
-        iop_ratio,
-        tips_m=tips_m,
-        max_tip_m=max_tip_m,
-        max_force=max_force_ratio_m2,
-        globe=globe,
-    )
+    start, most = pressurise(wall, iop_ratio), max_force_ratio_m2
+    path = trace(wall, start, iop_ratio, tips_m=tips_m, max_tip_m=max_tip_m, max_force=most, globe=globe)
     return wall.boundaries(path)
 
 
@@ -156,7 +149,10 @@ class AxisymmetricWall:
         b of `mechanics.material`.
         """
         self.mesh = mesh
-        self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
+        held_nc, across = np.zeros(mesh.points_nc.shape, dtype=bool), len(mesh.points_nc) // len(mesh.outer_n)
+        held_nc[:across, 0] = True  # radial motion on the axis
+        held_nc[-across:] = not symmetric, True  # the support
+        self.free: Integers = np.flatnonzero(~held_nc.ravel())
         self._solid = meridian.solid_of_revolution(mesh, poisson_ratio, stiffening)
         self._band = _Band(self._solid.unknowns_en, self.free, mesh.points_nc.size)
         self._inside = Interior(mesh)
@@ -198,16 +194,6 @@ class AxisymmetricWall:
         everywhere = np.zeros(self.mesh.points_nc.size)
         everywhere[self.free] = u
         return everywhere
-
-
-def _held(mesh: MeridianMesh, symmetric: bool) -> Flags:
-    """Return which of all unknowns are held: radial motion on the axis, and the support."""
-    across = len(mesh.points_nc) // len(mesh.outer_n)
-    held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
-    held_nc[:across, 0] = True
-    held_nc[-across:, 1] = True
-    held_nc[-across:, 0] = not symmetric
-    return held_nc.ravel()
 
 
 class _Band:

@@ -311,7 +311,9 @@ def bend_eye(
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)
-    linear_tip_m = _linear_tip_m(study, goal_n, youngs_modulus_pa, thickness_m)
+    # The dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946).
+    stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
+    linear_tip_m = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 * goal_n / stiffness
     walk = partial(
         wall.load_path,
         needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
@@ -339,9 +341,3 @@ def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: f
     limit = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
     burst_pa = limit * youngs_modulus_pa * thickness_m / study.eye.radius_m
     return f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""
-
-
-def _linear_tip_m(study: Study, force_n: float, youngs_modulus_pa: float, thickness_m: float) -> float:
-    """Dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946)."""
-    stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
-    return sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 * force_n / stiffness

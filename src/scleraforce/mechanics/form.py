@@ -105,7 +105,9 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
     surface_nc, normals_nc = _outer_surface(directions_nc, form, mesh.radius_m)
     shaped_nc = surface_nc - depths_n[:, None] * normals_nc
     touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
-    turn_cc = _rotation(normal_1c[0], contact.normal)
+    # The smallest rotation of one normal onto the other (Rodrigues): cross_cc @ x = axis x x. They are not opposite.
+    cross_cc = np.cross(np.eye(3), np.cross(normal_1c[0], contact.normal))
+    turn_cc = np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + normal_1c[0] @ contact.normal)
     placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
     return replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc)
 
@@ -150,12 +152,6 @@ def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> t
         return radius_m * axes * directions_nc, _unit(directions_nc / axes)
     points_nc, normals_nc = corneal_surface(directions_nc, form.cornea, radius_m)
     return axes * points_nc, _unit(normals_nc / axes)
-
-
-def _rotation(start: Floats, end: Floats) -> Floats:
-    """The smallest rotation that turns one unit vector into another (Rodrigues), (3, 3); they are not opposite."""
-    cross_cc = np.cross(np.eye(3), np.cross(start, end))  # cross_cc @ x = axis x x
-    return np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + start @ end)
 
 
 def _unit(vectors: Floats) -> Floats:

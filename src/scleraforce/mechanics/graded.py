@@ -76,7 +76,10 @@ def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128],
     around = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
     corner = half * square[around]
     angle = np.arctan2(corner.imag, corner.real)
-    places = _ring_places(rings, half)
+    # Radii of the rings, from behind the square to 1: even steps near it, growing in proportion far from it.
+    nearest, farthest = np.arcsinh(half / GRADING), np.arcsinh(1.0 / GRADING)
+    places: Floats = GRADING * np.sinh(np.linspace(nearest, farthest, rings + 1)[1:])
+    places[-1] = 1.0
     # From the rounded square to circles: its shape, scaled, counts as the square of the radius falls.
     roundness = (1.0 - (half / places) ** 2) / (1.0 - half**2)
     circles = places[:, None] * np.exp(1j * angle)
@@ -97,14 +100,6 @@ def _core_square(core: int) -> tuple[Integers, NDArray[np.complex128]]:
     x, y = np.meshgrid(places, places, indexing="ij")
     square = x * np.sqrt(1.0 - ROUNDING * y**2) + 1j * y * np.sqrt(1.0 - ROUNDING * x**2)
     return np.arange((core + 1) ** 2).reshape(core + 1, core + 1), square.ravel()
-
-
-def _ring_places(rings: int, half: float) -> Floats:
-    """Radii of the rings, from behind the square to 1: even steps near it, growing in proportion far from it."""
-    first, last = np.arcsinh(half / GRADING), np.arcsinh(1.0 / GRADING)
-    places: Floats = GRADING * np.sinh(np.linspace(first, last, rings + 1)[1:])
-    places[-1] = 1.0
-    return places
 
 
 def _lifted(image: NDArray[np.complex128], on_base: Flags) -> Floats:

@@ -31,13 +31,8 @@ def slice_window(
     >>> slice_window(SliceStudy(), top_m=0.0).left_m
     -0.007
     """
-    return SliceWindow(
-        left_m=-0.5 * study.columns * study.pixel_m - framing_lateral_m,
-        top_m=top_m - study.margin_m - framing_depth_m,
-        columns=study.columns,
-        rows=study.rows,
-        pixel_m=study.pixel_m,
-    )
+    left_m, top_m = -0.5 * study.columns * study.pixel_m - framing_lateral_m, top_m - study.margin_m - framing_depth_m
+    return SliceWindow(left_m=left_m, top_m=top_m, columns=study.columns, rows=study.rows, pixel_m=study.pixel_m)
 
 
 def fill_section(section: Section, window: SliceWindow) -> Bytes:

@@ -96,7 +96,8 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
         case events.SecondOpinion():
             return _opinion(now, event, limits)
         case events.OvertakenRead(read=read):
-            return _overtaken(now, read, limits)
+            name = f"frame {read.frame_id}, overtaken"
+            return _only_doubts(now, read.verdict, name, now.unusable + 1, limits.unusable_frames, limits)
         case events.Tick():
             return QUIET
         case events.Fault():
@@ -166,12 +167,6 @@ def _opinion(now: MonitorState, opinion: events.SecondOpinion, limits: MonitorLi
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
     return _only_doubts(now, opinion.verdict, "second opinion", now.doubted, limits.unusable_opinions, limits)
-
-
-def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Finding:
-    """Return the meaning of a frame that newer ones overtook: a cause in this frame alone, or nothing new."""
-    name = f"frame {read.frame_id}, overtaken"
-    return _only_doubts(now, read.verdict, name, now.unusable + 1, limits.unusable_frames, limits)
 
 
 def _only_doubts(
@@ -284,15 +279,9 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
             words.append(f"{from_si(state.frame.verdict.force_n, 'mn'):.1f} mN")
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
-    return Decision(
-        state.state,
-        state.cause,
-        f"{state.state.name}: {'; '.join(words)}" if words else state.state.name,
-        state.state.value,
-        state.cause.value if state.cause else 0,
-        state.present_cause,
-        state.present_reason,
-    )
+    message = f"{state.state.name}: {'; '.join(words)}" if words else state.state.name
+    sub_code, present = state.cause.value if state.cause else 0, (state.present_cause, state.present_reason)
+    return Decision(state.state, state.cause, message, state.state.value, sub_code, *present)
 
 
 def risen_force(

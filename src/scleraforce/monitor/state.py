@@ -66,13 +66,8 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
     if isinstance(event, QueueLoss):
         before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
         row_s, counted_s = before_s + event.unread_s, limits.counted_loss(before_s, event)
-        return replace(
-            state,
-            losses=_losses(state.losses, event.at_s, counted_s, limits.loss_window_s),
-            lost=state.lost + event.lost,
-            lost_in_row_s=row_s,
-            lost_row=event.row,
-        )
+        losses, lost = _losses(state.losses, event.at_s, counted_s, limits.loss_window_s), state.lost + event.lost
+        return replace(state, losses=losses, lost=lost, lost_in_row_s=row_s, lost_row=event.row)
     return _remember_opinion(state, event, limits) if isinstance(event, SecondOpinion) else state
 
 

@@ -137,17 +137,14 @@ def import_recording(
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
         write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"))
     except InputError as fault:
-        raise InputError(_by_arguments(fault)) from fault
+        text = str(fault)
+        if isinstance(fault, UnansweredError) and fault.forms:
+            text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
+        arguments = {option_name(field.name): SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
+        arguments["--out"] = "out"
+        text = re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
+        raise InputError(text) from fault
     return read_recording(out)
-
-
-def _by_arguments(fault: InputError) -> str:
-    text = str(fault)
-    if isinstance(fault, UnansweredError) and fault.forms:
-        text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
-    arguments = {option_name(field.name): SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
-    arguments["--out"] = "out"
-    return re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
 
 
 def write_imported(
@@ -180,7 +177,10 @@ def write_imported(
             write_log(part, done.log)
         (part / importing.IMPORT_RECORD).write_text(importing.record_text(done, answers, __version__), encoding="utf-8")
         recording = written(part, out)
-        _check_unit(recording, done)
+        if (fault := unit_fault(recording, labels_n(recording), ClassesStudy())) is not None:
+            path = next(path for path, kind in gathered.files if kind in ("log", "bag"))
+            read = ", ".join(column.answer() for column in gathered.columns) or "forces of a bag are in N"
+            raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")
         from scleraforce.report.files import write_figure
         from scleraforce.report.recording_figures import draw_preview
 
@@ -221,12 +221,3 @@ def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -
     for picture in pictures:
         yield picture
         advance(1)
-
-
-def _check_unit(recording: Recording, done: Import) -> None:
-    fault = unit_fault(recording, labels_n(recording), ClassesStudy())
-    if fault is None:
-        return
-    path = next(path for path, kind in done.gathered.files if kind in ("log", "bag"))
-    read = ", ".join(column.answer() for column in done.gathered.columns) or "forces of a bag are in N"
-    raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")

@@ -15,7 +15,7 @@ from fastcrc.crc64 import ecma_182
 
 from scleraforce.arrays import Bytes
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink.messages import SPOKEN, Message, query_of, unpack
+from scleraforce.openigtlink.messages import SPOKEN, Message, query_of
 from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
@@ -184,12 +184,8 @@ class Decoder:
             return Unknown(header) if asked is None else Received(header, asked)
         if crc != header.crc:
             return BadChecksum(header, f"{header.type}: checksum {crc:016x}, not {header.crc:016x}")
-        return _read(header, body)
-
-
-def _read(header: Header, body: Bytes) -> PeerEvent:
-    try:
-        content, message_id, metadata = split_body(memoryview(body.data), header.version)
-        return Received(header, unpack(header.type, content), message_id, metadata)
-    except ProtocolError as error:
-        return Malformed(header, str(error))
+        try:
+            content, message_id, metadata = split_body(memoryview(body.data), header.version)
+            return Received(header, SPOKEN[header.type](content), message_id, metadata)
+        except ProtocolError as error:
+            return Malformed(header, str(error))

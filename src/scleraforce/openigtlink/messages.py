@@ -191,11 +191,6 @@ def query_of(name: str) -> Query | None:
     return Query(WHOLE.get(asked, asked)) if asked and asked != name else None
 
 
-def unpack(name: str, content: memoryview) -> Message:
-    """Read the content of a message of a supported type; raise ProtocolError if it does not fit the type."""
-    return SPOKEN[name](content)
-
-
 def _status(content: memoryview) -> Status:
     _need("STATUS", STATUS.size <= len(content) <= STATUS.size + MAX_TEXT_BYTES + 1, len(content))
     code, subcode, name = STATUS.unpack_from(content)

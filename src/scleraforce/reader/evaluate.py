@@ -134,14 +134,10 @@ class Evaluation:
         """Yield the frames that count and have both a read force and one to compare it with, N, and its SD, N."""
         for frame in self.scored:
             force_n, sd_n = measured(frame)
-            read = frame.answer
-            if force_n is not None and read.force_n is not None and read.interval_n is not None:
+            read_n, interval_n = frame.answer.force_n, frame.answer.interval_n
+            if force_n is not None and read_n is not None and interval_n is not None:
                 yield metrics.ForceTrial(
-                    eye=frame.eye,
-                    measured_n=force_n,
-                    read_n=read.force_n,
-                    interval_n=read.interval_n,
-                    measured_sd_n=sd_n,
+                    eye=frame.eye, measured_n=force_n, read_n=read_n, interval_n=interval_n, measured_sd_n=sd_n
                 )
 
     @property

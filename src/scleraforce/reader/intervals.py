@@ -232,16 +232,10 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     for (method, modulus), entries in of_each_modulus(scores).items():
         eyes, factor = eye_count(entries), conformal_quantile(entries)
         globes = tuple(globe for globe in GLOBE_TRAITS if any(globe in entry.traits for entry in entries))
+        factor = max(factor, 1.0) if eyes < FEW_EYES else factor
+        count, held = len(entries), sum(entry.score <= 1.0 for entry in entries) / len(entries)
         found.append(
-            Stretch(
-                method=method,
-                modulus=modulus,
-                globes=globes,
-                eyes=eyes,
-                readings=len(entries),
-                held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
-                factor=max(factor, 1.0) if eyes < FEW_EYES else factor,
-            )
+            Stretch(method=method, modulus=modulus, globes=globes, eyes=eyes, readings=count, held=held, factor=factor)
         )
     return tuple(found)
 

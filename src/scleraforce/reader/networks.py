@@ -286,17 +286,9 @@ class ForceNetwork:
 def given_eye(known: Known) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
     modulus = known.modulus
-    values = (
-        modulus.mean_pa if modulus else None,
-        modulus.relative_sd if modulus else None,
-        known.iop_pa,
-        known.thickness_m,
-        known.gap_m,
-        *_rigidity_band(known),
-        known.polar_rad,
-        known.direction_rad,
-        known.stiffening or 0.0,
-    )
+    of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
+    of_eye = known.iop_pa, known.thickness_m, known.gap_m, *_rigidity_band(known), known.polar_rad, known.direction_rad
+    values = (*of_modulus, *of_eye, known.stiffening or 0.0)
     return GivenEyes(*(np.array([np.nan if value is None else value]) for value in values))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -245,15 +246,11 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
         digests.append(blake2b(message.data).digest())
     with scans.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
-    return Scan(
-        names=tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist()),
-        rows=first.shape[0],
-        columns=first.shape[1],
-        pictures=lambda: _pictures(path, topic, order.tolist()),
-        bits=8 if first.dtype == np.uint8 else None,
-        times=Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
-        notes=tuple(f"{topic}: {note}" for note in notes),
-    ).of_file(path)
+    names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
+    (rows, columns), bits = first.shape, 8 if first.dtype == np.uint8 else None
+    times = Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}")
+    scan = Scan(names, rows, columns, lambda: _pictures(path, topic, order.tolist()), bits=bits, times=times)
+    return replace(scan, notes=tuple(f"{topic}: {note}" for note in notes)).of_file(path)
 
 
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:

@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -50,15 +51,9 @@ def read_film(path: Path) -> Scan:
         notes.append(
             f"holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged"
         )
-    return Scan(
-        names=frame_names(path, count),
-        rows=rows,
-        columns=columns,
-        pictures=lambda: _pictures(path, (rows, columns), deep),
-        bits=None if deep else 8,
-        times=Times(time_s, pace) if rising(time_s) else None,
-        notes=tuple(notes),
-    ).of_file(path)
+    shape, bits, times = (rows, columns), None if deep else 8, Times(time_s, pace) if rising(time_s) else None
+    scan = Scan(frame_names(path, count), *shape, lambda: _pictures(path, shape, deep), bits=bits, times=times)
+    return replace(scan, notes=tuple(notes)).of_file(path)
 
 
 def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:

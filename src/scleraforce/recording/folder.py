@@ -269,11 +269,8 @@ class ScaledFrame:
     def scale(self) -> PixelScale:
         """Size of a pixel as stored, with the refractive index."""
         rows, columns = self.pixels.shape
-        return PixelScale(
-            lateral_m=self.width_m.value / columns,
-            depth_m=self.depth_m.value / rows,
-            refractive_index=self.refractive_index.value,
-        )
+        lateral_m, depth_m = self.width_m.value / columns, self.depth_m.value / rows
+        return PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=self.refractive_index.value)
 
 
 def recording_of(path: Path) -> Path | None:

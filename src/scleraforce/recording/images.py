@@ -80,14 +80,8 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
         if orientation != UPRIGHT:
             notes.append(f"EXIF Orientation {orientation}: the frame was turned as it states")
         grey: Pixels = np.ascontiguousarray(as_shown(grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation))
-    scan = Scan(
-        names=(str(path),),
-        rows=grey.shape[0],
-        columns=grey.shape[1],
-        pictures=lambda: iter([read_image(path)[0]]),
-        bits=8 if grey.itemsize == 1 else None,
-        notes=tuple(notes),
-    )
+    (rows, columns), bits = grey.shape, 8 if grey.itemsize == 1 else None
+    scan = Scan((str(path),), rows, columns, lambda: iter([read_image(path)[0]]), bits=bits, notes=tuple(notes))
     return grey, scan.of_file(path)
 
 

@@ -250,22 +250,13 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
 def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) -> RecordingInfo:
     scan = gathered.scan
     try:
-        oct_info = OctInfo(
-            columns=scan.columns,
-            rows=scan.rows,
-            bits=values["bits"],
-            width_m=to_si(values["width_mm"], "mm"),
-            depth_m=to_si(values["depth_mm"], "mm"),
-            refractive_index=values["refractive_index"],
-        )
-        eye = EyeInfo(
-            values["eye"],
-            thickness_m=to_si(answers.thickness_um, "um"),
-            iop_pa=to_si(answers.iop_mmhg, "mmhg"),
-            globe=answers.globe,
-        )
+        width_m, depth_m, gap_m = (to_si(values[name], "mm") for name in ("width_mm", "depth_mm", "gap_mm"))
+        bits, index = values["bits"], values["refractive_index"]
+        oct_info = OctInfo(columns=scan.columns, rows=scan.rows, bits=bits, width_m=width_m, depth_m=depth_m)
+        oct_info = replace(oct_info, refractive_index=index)
+        thickness_m, iop_pa = to_si(answers.thickness_um, "um"), to_si(answers.iop_mmhg, "mmhg")
+        eye = EyeInfo(values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe)
         polar_rad = None if answers.polar_angle_deg is None else radians(answers.polar_angle_deg)
-        gap_m = to_si(values["gap_mm"], "mm")
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
         force = None if gathered.log is None else ForceInfo(values["axis"], int(values["contact_sign"]))
         if force and answers.average_s is not None:

@@ -55,11 +55,8 @@ class PixelScale:
     @classmethod
     def of(cls, scanner: "OctStudy | OctInfo") -> "PixelScale":
         """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
-        return cls(
-            lateral_m=scanner.width_m / scanner.columns,
-            depth_m=scanner.depth_m / scanner.rows,
-            refractive_index=scanner.refractive_index,
-        )
+        lateral_m, depth_m = scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows
+        return cls(lateral_m=lateral_m, depth_m=depth_m, refractive_index=scanner.refractive_index)
 
 
 def check_size(rows: int, columns: int, samples: int = 1) -> None:

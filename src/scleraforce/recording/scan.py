@@ -66,7 +66,7 @@ class Times:
     source: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Scan:
     """Frames of one or several files.
 
@@ -79,6 +79,7 @@ class Scan:
     rows: int
     columns: int
     pictures: Callable[[], PictureStream]
+    _: KW_ONLY
     bits: int | None = None
     depth_pixel_m: Sourced | None = None
     lateral_pixel_m: Sourced | None = None
@@ -89,14 +90,8 @@ class Scan:
 
     def turned(self) -> "Scan":
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
-        return replace(
-            self,
-            rows=self.columns,
-            columns=self.rows,
-            pictures=lambda: (picture.T for picture in self.pictures()),
-            depth_pixel_m=self.lateral_pixel_m,
-            lateral_pixel_m=self.depth_pixel_m,
-        )
+        turned = replace(self, rows=self.columns, columns=self.rows, pictures=lambda: (p.T for p in self.pictures()))
+        return replace(turned, depth_pixel_m=self.lateral_pixel_m, lateral_pixel_m=self.depth_pixel_m)
 
     def of_file(self, path: Path) -> "Scan":
         """Return the scan with the file's name before each note and fault."""
@@ -249,12 +244,6 @@ def array_scan(
     count, rows, columns = frames.shape
     check_size(rows, columns)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
-    return Scan(
-        names=frame_names(path, count),
-        rows=rows,
-        columns=columns,
-        pictures=lambda: iter(frames),
-        bits=8 if frames.dtype == np.uint8 else None,
-        depth_pixel_m=depth_m,
-        lateral_pixel_m=lateral_m,
-    )
+    bits = 8 if frames.dtype == np.uint8 else None
+    scan = Scan(frame_names(path, count), rows, columns, lambda: iter(frames), bits=bits)
+    return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)

@@ -1,8 +1,10 @@
 """Sources of all kinds: the kind of each, by its content or else its name; their frames and forces together."""
 
 import re
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -13,51 +15,8 @@ from scleraforce.recording.scan import Scan, Times, joined, parse_axes, rising
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
-VENDOR = "examples/vendor_frames.py writes its B-scans as .npy (docs/formats.md)"
-NUMPY = "save the frames as .npy in Python (numpy.save), or as TIFF"
-EXPORT = "export the B-scans from its program as TIFF or DICOM"
-TABLE = "export the samples as text (.csv)"
-UNPACK = "unpack it, and give the files in it"
-
-# By the first bytes of the file.
-MARKS: tuple[tuple[bytes, str, str], ...] = (
-    (b"CMDb", "a Heidelberg Eye Explorer file (.e2e, .sdb)", VENDOR),
-    (b"HSF-OCT-", "a Heidelberg raw export (.vol)", f"{EXPORT}, or as .e2e: {VENDOR}"),
-    (b"FOCT", "a Topcon file (.fda)", VENDOR),
-    (b"ZISRAWFILE", "a Zeiss ZEN image (.czi)", "export it from ZEN, or from Fiji with Bio-Formats, as OME-TIFF"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs)", f"{NUMPY}: h5py.File(...)[name]"),
-    (b"MATLAB ", "a MATLAB file (.mat)", f"{NUMPY}: scipy.io.loadmat(...)[name], or h5py for version 7.3"),
-    (b"TDSm", "a LabVIEW TDMS file", "export it from LabVIEW or DIAdem as .lvm or .csv"),
-    (b"CDF\x01", "a NetCDF or MINC file", "convert it to NIfTI (mnc2nii), or save the frames as .npy"),
-    (b"GIF8", "a GIF, which has 256 colours at most", "save the frames as PNG or TIFF"),
-    (b"BM", "a BMP picture", "save it as PNG"),
-    (b"#?RADIANCE", "a Radiance picture (.hdr)", "save it as PNG or TIFF"),
-    (b"ENVI", "an ENVI header (.hdr)", NUMPY),
-    (b"# vtk DataFile", "a VTK file", "save it as .mha or .nrrd (ParaView, SimpleITK)"),
-    (b"\x30\x26\xb2\x75\x8e\x66\xcf\x11", "a Windows Media film (.wmv)", "convert it: ffmpeg -i FILE -c:v ffv1 a.mkv"),
-    (b"\x00\x00\x01\xba", "an MPEG film (.mpg)", "convert it: ffmpeg -i FILE -c:v ffv1 a.mkv"),
-    (b"%PDF", "a PDF", EXPORT),
-    (b"PAR1", "a Parquet table", TABLE),
-    (b"\xd0\xcf\x11\xe0", "a file of older Microsoft programs (.xls)", TABLE),
-    (b"\x1f\x8b", "a gzip file", UNPACK),
-    (b"BZh", "a bzip2 file", UNPACK),
-    (b"7z\xbc\xaf", "a 7-Zip archive", UNPACK),
-    (b"Rar!", "a RAR archive", UNPACK),
-)
-# By the name's ending, where the content has no mark.
-ENDINGS = {
-    ".fds": ("a Topcon file", VENDOR),
-    ".img": (
-        "raw pixels without a header (Zeiss Cirrus), or a volume's without its .hdr",
-        f"give the .hdr, or {VENDOR}",
-    ),
-    ".hdr": ("a header that is neither NIfTI's nor Analyze's", "save the frames as NIfTI, TIFF or .npy"),
-    ".oct": ("a .oct of Bioptigen, Optopol or another maker, not Thorlabs'", f"{EXPORT}; of Bioptigen {VENDOR}"),
-    ".raw": ("raw pixels without a header", f"give their .mhd or .nhdr, or {NUMPY}: numpy.fromfile(...).reshape(...)"),
-    ".json": ("a JSON file", "give frames, or forces as text (.csv)"),
-    ".xml": ("an XML file", "give frames, or forces as text (.csv)"),
-    ".toml": ("a TOML file", "give frames, or forces as text (.csv)"),
-}
+# Files that are not read, by their first bytes and by their endings: what they are, and what to do.
+FOREIGN = tomllib.loads(files("scleraforce.recording").joinpath("foreign.toml").read_text("utf-8"))
 ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
@@ -65,17 +24,16 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
     ending = PurePath(name).suffix.lower()
     if ending in (".hdr", ".img") and ANALYZE_BYTES in (int.from_bytes(head[:4], order) for order in ("little", "big")):
         return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
+    found: list[str] | None = FOREIGN["endings"].get(ending)
     if head.startswith(b"PK"):
-        if ending in (".xlsx", ".ods", ".xlsm"):
-            return f"a spreadsheet; {TABLE}"
-        return f"a zip archive; {UNPACK}"
-    for mark, what, way in MARKS:
-        if head.startswith(mark):
-            return f"{what}; {way}"
-    if ending in ENDINGS:
-        return "; ".join(ENDINGS[ending])
-    named = (f"named as {what}; {way}" for _, what, way in MARKS if ending in re.findall(r"\.\w+", what))
-    return next(named, None)
+        sheet = ending in (".xlsx", ".ods", ".xlsm")
+        found = ["a spreadsheet", "{table}"] if sheet else ["a zip archive", "{unpack}"]
+    for mark, words in FOREIGN["marks"].items():
+        if head.startswith(mark.encode("latin-1")):
+            found = words
+        elif found is None and ending in re.findall(r"\.\w+", words[0]):
+            found = [f"named as {words[0]}", words[1]]
+    return None if found is None else "; ".join(found).format(**FOREIGN["remedies"])
 
 
 OPTION = "option"  # the source of a value given by an option or an argument

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -67,13 +68,8 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
             for trial in trials
         ],
     }  # fmt: skip
-    return Thing(
-        kind="recording",
-        facts=facts,
-        rows=rows,
-        lines=tuple(_frame_lines(trials)),
-        draw=lambda: draw_recording(recording, trials, CLASSES.bounds_n),
-    )
+    lines, draw = tuple(_frame_lines(trials)), partial(draw_recording, recording, trials, CLASSES.bounds_n)
+    return Thing(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
 def _labelled(recording: Recording) -> tuple[tuple[Trial, ...], str | None]:
@@ -126,13 +122,8 @@ def show_calibration(path: Path) -> Thing:
             for name, eye in calibration.eyes.items()
         },
     }  # fmt: skip
-    return Thing(
-        kind="calibration",
-        facts=facts,
-        rows=rows,
-        lines=tuple(calibration_lines(calibration)),
-        draw=lambda: draw_calibration(calibration),
-    )
+    lines = tuple(calibration_lines(calibration))
+    return Thing(kind="calibration", facts=facts, rows=rows, lines=lines, draw=partial(draw_calibration, calibration))
 
 
 def show_decision_log(path: Path) -> Thing:
@@ -161,13 +152,8 @@ def show_decision_log(path: Path) -> Thing:
         "notes": notes,
         "torn": torn,
     }
-    return Thing(
-        kind="decision log",
-        facts=facts,
-        rows=tuple((name, words) for name, words in rows if words),
-        lines=tuple(_listed(withdrawals)),
-        draw=lambda: draw_decisions(decisions),
-    )
+    filled, lines = tuple((name, words) for name, words in rows if words), tuple(_listed(withdrawals))
+    return Thing(kind="decision log", facts=facts, rows=filled, lines=lines, draw=partial(draw_decisions, decisions))
 
 
 def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], int]:

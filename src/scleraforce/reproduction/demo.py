@@ -23,13 +23,9 @@ from scleraforce.report.frames import look_at_all, shown_frames
 from scleraforce.study import MechanicsStudy, MeshStudy, Study, study_hash
 from scleraforce.units import to_si
 
+IOP_PA, POLAR_RAD = to_si(2.0, "mmhg"), radians(35.0)
 EYE = PhantomEye(
-    id="demo",
-    thickness_m=650e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=to_si(2.0, "mmhg"),
-    gap_m=0.5e-3,
-    polar_rad=radians(35.0),
+    id="demo", thickness_m=650e-6, youngs_modulus_pa=0.3e6, iop_pa=IOP_PA, gap_m=0.5e-3, polar_rad=POLAR_RAD
 )
 FORCES_N = (0.002, 0.007, 0.011, 0.015, 0.019, 0.023, 0.027, 0.033, 0.037, 0.042, 0.046, 0.050)
 TAUGHT = 3  # frames that calibrate

@@ -62,7 +62,8 @@ def write_reproduction_html(
         html.section("Result", html.paragraph(said("simulated"), notice=True), evaluation_cards(evaluation),
                 html.paragraph(said("paper_result")), drawn(_overview(run, evaluation))),
         _design(run, evaluation),
-        html.section("The simulated eye", drawn(_model_figure(run.study)), drawn(_mesh_figure(run.study))),
+        html.section("The simulated eye", drawn(html.figure(draw_model(run.study), "a half-sphere with its loads and "
+                "its clamped base", said("model"))), drawn(_mesh_figure(run.study))),
         html.section("Measured forces", drawn(_force_log_figure(run, evaluation))),
         html.section("From the raw frame to the slice", drawn(_segmentation_figure(evaluation))),
         _calibration(run, evaluation, drawn),
@@ -75,12 +76,8 @@ def write_reproduction_html(
         _deviations(),
         html.section("Time and provenance", _times(seconds), html.provenance_table(run.study, reader)),
     )  # fmt: skip
-    content = html.page(
-        "Force from a single OCT slice",
-        f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports.",
-        html.made_line(made_at),
-        *sections,
-    )
+    lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
+    content = html.page("Force from a single OCT slice", lead, html.made_line(made_at), *sections)
     html.write_page(content, run.report, overwrite=True)
 
 
@@ -100,13 +97,10 @@ def _design(run: Run, evaluation: Evaluation) -> html.Html:
     }
     here = _counts(list(targets.values()), len(names))
     paper = _counts([np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names))
+    moduli = [f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes]
     rows: list[list[object]] = [
         ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), html.NOTHING],
-        [
-            "Young's modulus in MPa (Table 2)",
-            *(f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes),
-            html.NOTHING,
-        ],
+        ["Young's modulus in MPa (Table 2)", *moduli, html.NOTHING],
     ]
     for name, mine, theirs in zip([*names, "trials"], here, paper, strict=True):
         rows.append([name, *(f"{count} ({stated})" for count, stated in zip(mine, theirs, strict=True))])
@@ -117,10 +111,6 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
     counts = np.stack([np.bincount(np.asarray(of_eye, np.intp), minlength=names) for of_eye in classes], axis=1)
     counts = np.vstack([counts, counts.sum(axis=0)])
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
-
-
-def _model_figure(study: Study) -> html.Html:
-    return html.figure(draw_model(study), "a half-sphere with its loads and its clamped base", said("model"))
 
 
 def _mesh_figure(study: Study) -> html.Html:
@@ -170,11 +160,9 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
     look = look_at_all([next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)])[0]
+    observed, caption = draw_observed_points(first, look.frame, index, *look.extent_m), "/".join(shown)
     points = html.figure(
-        draw_observed_points(first, look.frame, index, *look.extent_m),
-        "observed and predicted points before and after",
-        said("points", frame="/".join(shown)),
-        "png",
+        observed, "observed and predicted points before and after", said("points", frame=caption), "png"
     )
     return html.section(
         "Young's modulus", html.paragraph(words), modulus_table(calibration, study), drawn(over_frames), drawn(points)
@@ -271,12 +259,8 @@ def _montage_figure(run: Run) -> html.Html:
     dataset, rng = open_dataset(run.dataset), np.random.default_rng(run.study.dataset.seed)
     chosen = np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False))
     chosen = chosen[np.argsort(dataset.force_n[chosen])]
-    drawn = frame_figures.draw_montage(
-        dataset.slices[chosen],
-        dataset.force_n[chosen],
-        dataset.target[chosen].astype(np.intp),
-        dataset.read("thickness_m")[chosen],
-    )
+    thickness_m, target = dataset.read("thickness_m")[chosen], dataset.target[chosen].astype(np.intp)
+    drawn = frame_figures.draw_montage(dataset.slices[chosen], dataset.force_n[chosen], target, thickness_m)
     caption = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
     return html.figure(drawn, "simulated slices with force and wall thickness", caption, "png")
 

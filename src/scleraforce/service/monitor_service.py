@@ -6,7 +6,7 @@ import resource
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from errno import EADDRNOTAVAIL
 from importlib.util import find_spec
 from pathlib import Path
@@ -165,15 +165,8 @@ def session_scan(settings: MonitorSettings) -> OctInfo:
     """Return what is known of the frames of a session."""
     rows, columns = settings.limits.size or (0, 0)
     lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
-    return OctInfo(
-        columns=columns,
-        rows=rows,
-        bits=MOST_BITS,
-        width_m=columns * lateral_m,
-        depth_m=rows * depth_m,
-        plane_direction_rad=settings.known.direction_rad,
-        refractive_index=settings.refractive_index,
-    )
+    scan = OctInfo(columns=columns, rows=rows, bits=MOST_BITS, width_m=columns * lateral_m, depth_m=rows * depth_m)
+    return replace(scan, plane_direction_rad=settings.known.direction_rad, refractive_index=settings.refractive_index)
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:

@@ -1,9 +1,11 @@
 """The board of the console: all that a page shows, its history, and a sentence for each cause."""
 
 import re
+import tomllib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.resources import files
 from itertools import takewhile
 from math import isfinite
 from statistics import median
@@ -11,27 +13,7 @@ from typing import Any
 
 from scleraforce.service.messages import START, CompanionMessage, Decided, Entry, Outline, Rates
 
-SENTENCES = {
-    "SILENCE": "No frame came from the scanner for too long.",
-    "CHECKSUM": "A message arrived damaged: its checksum is wrong.",
-    "DANGEROUS_CLASS": "The force is in the dangerous class.",
-    "BOUND": "The force may have reached the bound.",
-    "RISING": "The force rises so fast that the bound would be reached before the robot reacts.",
-    "UNUSABLE": "The frame cannot be judged while the needle touches the eye.",
-    "FROZEN": "The scanner sends old pictures again.",
-    "OUT_OF_ORDER": "Frames or times came out of order.",
-    "SIZE": "A frame has another size than the model was made for.",
-    "SCALE": "A frame has pixels of another size than the model was made for.",
-    "NO_NUMBER": "A reading is not a number, or contradicts itself.",
-    "QUEUE_BEHIND": "Frames come faster than they can be read: too many were lost.",
-    "BAD_IMAGE": "The scanner sent something that is not an image.",
-    "EXCEPTION": "A part of the monitor failed.",
-    "NO_OPINION": "The second reader has not answered for too long.",
-    "STALE": "Frames arrive too long after they were taken.",
-    "PIXEL_TYPE": "The scanner has changed the type of its pixels.",
-    "WATCHDOG": "The monitor hung or died, and the watchdog ended it.",
-}
-
+SENTENCES: dict[str, str] = tomllib.loads(files(__package__).joinpath("causes.toml").read_text("utf-8"))
 READ_WORDS = re.compile(r"; class \d+(; -?[\d.]+ mN)?(; .*)?$", re.DOTALL)
 STEP_S = 0.04
 HISTORY_S = 30.0
