@@ -1,6 +1,6 @@
 """Errors of the segmentation's boundaries on rendered frames, beside the errors that `learning.walls` draws.
 
-    python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE]
+    python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE] [--checked]
 
 Each eye has frames with even forces from 0 to 60 mN, from the user's library of the study (built if missing).
 """
@@ -15,6 +15,8 @@ from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import BoundaryStatistics, boundary_statistics
 from scleraforce.learning.walls import disturb
 from scleraforce.library.build import cached_library
+from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import Study, read_study
 
 
@@ -25,12 +27,14 @@ def main() -> None:
     parser.add_argument("seed", type=int, nargs="?", default=1)
     parser.add_argument("--frames", type=int, default=12, help="of each eye")
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
+    parser.add_argument("--checked", action="store_true", help="by the wall finder, as in the commands; not the loop's")
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
     forces_n = np.linspace(0.0, 60e-3, given.frames).tolist()
     library = cached_library(study)
+    finder = load_wall_finder(SHIPPED_WALL_FINDER) if given.checked else None
     pairs = [
-        segmented_boundaries(library, study, eye, forces_n, given.seed)
+        segmented_boundaries(library, study, eye, forces_n, given.seed, finder)
         for eye in random_eyes(study, given.eyes, given.seed)
     ]
     true, seen = (np.concatenate(parts) for parts in zip(*pairs, strict=True))

@@ -1,13 +1,13 @@
-"""The wall finder: Dice on drawn scenes and phantom frames beside the classical method, latency, and a sheet of scans.
+"""The wall finder: Dice on drawn scenes and phantom frames beside the classical method, latency, and a sheet of scenes.
 
-    python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--sheet FILE]
+    python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--drawn FILE]
     python benchmarks/bench_wall_finder.py [MODEL] --study benchmarks/far_scanner.toml
 
 MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default. Scenes are drawn from its study
 with another seed, and judged in the columns where the wall can be seen or is absent; phantoms are frames of
 `render_bscan` over the paper's phantom ranges, or over the scanner's of `--study`. "together" is what `segment` writes;
-its row "usable" has the frames that it lets pass. `--sheet` writes a PNG of the scans in ../shared/real-oct, if that
-exists: left `find_wall`, middle the network, right both together.
+its row "usable" has the frames that it lets pass. `--drawn` writes a picture of scenes: alone, with the true wall, and
+with the network's. `scleraforce segment FOLDER --sheet FILE` shows scans of one's own.
 """
 
 import argparse
@@ -28,21 +28,20 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_WALL_FINDER, folder_study, read_folder
 from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw, read_study
 
-REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 STUDY = Study()
 PLACED = ("surface_depth_m", "eye_shift_m", "eye_shift_m", "eye_tilt_rad")  # of an eye in a frame
 SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew seed 0
 RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
-CELL = (300, 420)  # rows and columns of a picture in the sheet
+CELL = (110, 140)  # rows and columns of a picture in the sheet
+DRAWN, ACROSS, GAP = 40, 4, 6  # scenes on it, in all and side by side; pixels between them
 
 Case = tuple[Pixels, PixelScale, NDArray[np.uint8], NDArray[np.bool_]]  # ... true mask, and its columns that count
 
@@ -142,35 +141,28 @@ def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> 
         print(f"{name:22}{min(taken):8.2f}{np.median(taken):8.2f}{worked:8.2f}")
 
 
-def write_sheet(path: Path, finder: WallFinder) -> None:
-    """Write the real scans with the walls of each method, and print the verdicts."""
-    found = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
+def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
+    """Write drawn scenes: alone, with the true wall, and with the network's."""
     cells = []
-    for file in found:
-        frame = read_frame(file)
-        scale = PixelScale(lateral_m=STUDY.oct.width_m / frame.shape[1], depth_m=STUDY.oct.depth_m / frame.shape[0])
-        seen, checked = finder.find(frame), find_wall(frame, scale, finder=finder)
-        print(f"{file.name:24}{checked.reason or 'usable'}")
-        walls = (find_wall(frame, scale), _as_found(seen, frame.shape), checked)
-        pictures = [draw_overlay(frame, wall, CELL) for wall in walls]
-        cv2.putText(pictures[0], file.stem, (6, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 255, 255), 2)
-        cells.append(np.hstack(pictures))
-    cells += [np.zeros_like(cells[0])] * (len(cells) % 2)
-    cv2.imwrite(str(path), np.vstack([np.hstack(cells[n : n + 2]) for n in range(0, len(cells), 2)]))
-
-
-def _as_found(seen: SeenWall, shape: tuple[int, ...]) -> Segmentation:
-    """Return a network's own wall, to be drawn."""
-    column = np.arange(shape[1])
-    there = seen.there[np.abs(seen.column[None] - column[:, None]).argmin(axis=1)]
-    outer, inner = (
-        np.where(there, np.interp(column, seen.column, curve), np.nan) for curve in (seen.outer_row, seen.inner_row)
-    )
-    return Segmentation(outer, inner, shape[0], True, "", True, thickness_m=float("nan"))
+    for number in range(DRAWN):
+        scene = draw_scene(study, number)
+        seen, shape = finder.find(scene.frame), scene.frame.shape
+        empty = np.full(shape[1], np.nan)
+        outer, inner = (
+            np.where(seen.there_at(np.arange(shape[1])), np.interp(np.arange(shape[1]), seen.column, curve), np.nan)
+            for curve in (seen.outer_row, seen.inner_row)
+        )
+        curves = (empty, empty), (scene.outer_row, scene.inner_row), (outer, inner)
+        walls = (Segmentation(top, end, shape[0], True, "", True, thickness_m=np.nan) for top, end in curves)
+        pictures = [draw_overlay(scene.frame, wall, CELL) for wall in walls]
+        cells.append(np.hstack([*pictures, np.zeros((CELL[0], GAP, 3), np.uint8)]))
+    rows = [np.hstack(cells[n : n + ACROSS]) for n in range(0, DRAWN, ACROSS)]
+    sheet = np.vstack([cv2.copyMakeBorder(row, 0, GAP, 0, 0, cv2.BORDER_CONSTANT) for row in rows])
+    cv2.imwrite(str(path), sheet, [cv2.IMWRITE_JPEG_QUALITY, 60])
 
 
 def main() -> None:
-    """Print the tables; write the sheet with `--sheet`."""
+    """Print the tables; write the sheet with `--drawn`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("model", type=Path, nargs="?", default=SHIPPED_WALL_FINDER, help='of kind "wall-finder"')
     parser.add_argument("--scenes", type=int, default=200)
@@ -178,7 +170,7 @@ def main() -> None:
     parser.add_argument("--phantoms", type=int, default=60)
     parser.add_argument("--readings", type=int, default=100)
     parser.add_argument("--study", type=read_study, default=STUDY, help="of the phantoms' scanner")
-    parser.add_argument("--sheet", type=Path, help="PNG of the real scans")
+    parser.add_argument("--drawn", type=Path, help="picture of drawn scenes")
     given = parser.parse_args()
     cv2.setNumThreads(1)
     finder = load_wall_finder(given.model)
@@ -187,10 +179,8 @@ def main() -> None:
     print_dice("scenes", scenes(replace(study.scenes, seed=given.seed), given.scenes), finder)
     print_dice("phantoms", phantoms(given.phantoms, given.study), finder)
     print_latency(finder, study.wall_finder, given.readings)
-    if given.sheet:
-        if not REAL.is_dir():
-            parser.error(f"--sheet: {REAL} is not there")
-        write_sheet(given.sheet, finder)
+    if given.drawn:
+        write_drawn(given.drawn, replace(study.scenes, seed=given.seed), finder)
 
 
 if __name__ == "__main__":

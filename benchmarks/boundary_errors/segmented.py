@@ -14,6 +14,7 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
 Floats = NDArray[np.float64]
@@ -48,7 +49,12 @@ def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
 
 
 def segmented_boundaries(
-    library: Library, study: Study, eye: PhantomEye, forces_n: Sequence[float], seed: int
+    library: Library,
+    study: Study,
+    eye: PhantomEye,
+    forces_n: Sequence[float],
+    seed: int,
+    finder: WallFinder | None = None,
 ) -> tuple[Floats, Floats]:
     """Render frames of an eye, segment them, and return its boundaries at the slice's columns.
 
@@ -58,6 +64,7 @@ def segmented_boundaries(
         eye: the eye.
         forces_n: of the needle, one for each frame, N; those beyond the library are left out.
         seed: of the laboratory.
+        finder: that checks the walls, as in the commands; None: walls as the control loop sees them.
 
     Returns:
         True and found depths, each (frame, boundary, column), m below the frame's upper edge; NaN: no wall.
@@ -72,7 +79,7 @@ def segmented_boundaries(
     true, seen = [], []
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
-        found = find_wall(render_frame(frame, section, study).frame, scale)
+        found = find_wall(render_frame(frame, section, study).frame, scale, finder=finder)
         true.append(_at_columns(frame.pose.place(section), column_laterals(study.slice)))
         seen.append(_depths_at_columns(found, scale, column_laterals(study.slice)))
     return np.array(true), np.array(seen)

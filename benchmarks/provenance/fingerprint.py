@@ -173,7 +173,7 @@ def finder_fingerprint(study: Study) -> Fingerprint:
     return {
         **{
             name: item(np.stack([getattr(batch, name) for batch in batches]), PIXELS)
-            for name in ("frames", "boundaries", "judged")
+            for name in ("frames", "boundaries", "weight")
         },
         "network inputs": item(inputs, SINGLE),
         "training loss": item(fitted.training_loss, DESCENT),

@@ -13,6 +13,7 @@ FOUND = sorted(path.stem for kind in ("bench_*.py", "figure_*.py") for path in F
 
 # What each is given. `test_monitor_service.py` runs the other parts of the monitor's benchmark.
 SMALLEST = {
+    "bench_at_rest": "--readings 1",
     "bench_axisymmetric": "--rows 1 --solid",
     "bench_boundary_errors": "1 1 --frames 3 --study {study}",
     "bench_calibration": "1 1 --frames 5 --study {study}",

@@ -125,15 +125,17 @@ def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
     )
 
 
-def test_an_invisible_wall_does_not_exist_or_is_not_judged() -> None:
-    """It does not exist in noise; behind a lid it is not judged."""
+def test_an_invisible_wall_does_not_exist_or_is_covered() -> None:
+    """It does not exist in noise; behind a lid it is not judged but covered."""
     dark = {"attenuation_per_m": 20e3, "snr_db": 0.0, "reflection_db": -30.0}
     weak = draw_scene(plain(tissue=dark, scanner={"display_floor_db": -3.0, "looks": 1.0}), 0)
     assert not weak.mask.any()
     assert weak.judged.all()
-    lid = {"lid_share": 1.0, "lid_reach": 0.35, "lid_m": 2.5e-3, "lid_gap_m": 0.8e-3}
+    lid = {"lid_share": 1.0, "lid_reach": 0.2, "lid_m": 2.5e-3, "lid_gap_m": 0.8e-3}
     covered = draw_scene(plain(over={**lid, "lid_attenuation_per_m": 9e3}, window={"surface_share": 0.4}), 0)
     hidden = ~covered.judged
+    assert np.array_equal(hidden, covered.covered)
+    assert not weak.covered.any()
     assert 0.2 < hidden.mean() < 0.4
     assert np.isnan(covered.outer_row[hidden]).all()
     assert np.isfinite(covered.outer_row[covered.judged]).all()
@@ -181,19 +183,32 @@ def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
 PIXELS = st.Range(min=1e-6, max=200e-6)
 FULL = st.ScenesStudy(
     window=varied(
-        STUDY.window, rows=64, columns=72, pixel_m=PIXELS, width_m=15e-3, depth_share=0.45, centred_share=1.0
+        STUDY.window,
+        rows=64,
+        columns=72,
+        pixel_m=PIXELS,
+        width_m=15e-3,
+        depth_share=0.45,
+        centred_share=1.0,
+        deep_share=0.0,
     ),
     eye=only(STUDY.eye, 1.0, half_sphere_share=0.0),
     tissue=only(STUDY.tissue, 1.0, 2, corrected_share=0.0),
     over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
-    scanner=only(STUDY.scanner, 1.0, 2, linear_share=0.0, root_share=0.0),
+    scanner=only(STUDY.scanner, 1.0, 2, averaged_share=0.0, linear_share=0.0, root_share=0.0),
 )
+NEEDS = {
+    "glass_pass": "glass_share",
+    "deep_": "deep_share",
+    "averaged_": "averaged_share",
+    "sclera_thickness": "half_sphere_share",
+}  # of a range, by its name
 
 
 def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
     record, default = getattr(FULL, part), getattr(getattr(STUDY, part), name)
-    glass = {"glass_share": 1.0} if name.startswith("glass_pass") else {}
+    needs = {share: 1.0 for start, share in NEEDS.items() if name.startswith(start)}
     if isinstance(default, float):
         values: list[Any] = [0.0, 1.0]
     else:
@@ -203,10 +218,10 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     if name == "pixel_m":
         values = [PIXELS, st.Range(min=1e-6, max=50e-6)]
     # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only small frames tell.
-    near = {"line_m": {}, "gap_m": {"view_m": 9e-3, "centred_share": 0.0}}
+    near = {"line_m": {}, "speckle_rows": {}, "axial_m": {}, "gap_m": {"view_m": 9e-3, "centred_share": 0.0}}
     window = {"window": varied(FULL.window, width_m=4e-3, **near[name])} if name in near else {}
     for value in values:
-        yield replace(FULL, **window, **{part: replace(record, **glass, **{name: value})})
+        yield replace(FULL, **window, **{part: replace(record, **(needs | {name: value}))})
 
 
 @pytest.mark.parametrize("part", ["window", "eye", "tissue", "over", "scanner"])
@@ -257,3 +272,37 @@ def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
     assert seen[:95].all()
     assert not seen[105:135].any()
     assert np.array_equal(seen, judged)
+
+
+def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:
+    """The tissue moves less than the noise between the frames, by a share that is drawn."""
+    many = {"averaged_share": 1.0, "averaged_frames": 100.0, "averaged_floor_db": -3.0}
+    scanners = {"looks": 1.0, "display_floor_db": -3.0}, many
+    scenes = [[draw_scene(plain(scanner=scanner), number) for number in range(6)] for scanner in scanners]
+    spread = np.array([[changes(scene) for scene in of] for of in scenes])
+    tissue, noise = np.moveaxis(spread[1] / spread[0], 1, 0)
+    assert (noise < 0.3).all()
+    assert 2.0 * tissue.min() < tissue.max() < 0.5
+
+
+def changes(scene: Scene) -> tuple[float, float]:
+    """Mean difference of counts from the next ones below, within the wall and above it."""
+    steps, row = np.diff(scene.frame / scene.frame.max(), axis=0), np.arange(1, len(scene.frame))[:, None]
+    inside, above = (row > scene.outer_row + 6) & (row < scene.inner_row - 6), row < scene.outer_row - 6
+    return float(np.std(steps[inside])), float(np.std(steps[above]))
+
+
+def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands() -> None:
+    eye = {"half_sphere_share": 0.0, "cornea_thickness_m": 0.5e-3, "sclera_ratio": 1.6, "spur_bump_m": 0.0}
+    scene = draw_scene(plain(eye=eye, window={"view_m": 11e-3, "width_m": 4e-3, "facing": 1.0}), 0)
+    middle = scene.frame.shape[1] // 2
+    assert rows_m(scene, scene.inner_row - scene.outer_row)[middle] == pytest.approx(0.8e-3, rel=0.04)
+
+
+def test_a_page_shows_no_wall_at_its_sides() -> None:
+    page = {"margin_share": 1.0, "margin_fraction": 0.1, "margin_level": 1.0}
+    scenes = [draw_scene(plain(scanner=page), number) for number in range(6)]
+    white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
+    assert any(columns.any() for columns in white)
+    for scene, columns in zip(scenes, white, strict=True):
+        assert np.isnan(scene.outer_row[columns]).all()

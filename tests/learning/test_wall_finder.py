@@ -107,7 +107,7 @@ def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> N
     nearest = round((middle + 0.5) * scene.frame.shape[1] / (FINDER.columns // 2) - 0.5)
     expected = (scene.inner_row[nearest] + 0.5) * FINDER.rows / len(scene.frame) - 0.5
     assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
-    assert batch.judged[5, middle] == scene.judged[nearest]
+    assert batch.weight[5, middle] == scene.judged[nearest]
     assert FINDER.batches * FINDER.batch_size < wall_finder.VALIDATION_SCENES
 
 

@@ -13,8 +13,10 @@ from small_recordings import LOGGED_INFO, calibration_text
 
 from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
@@ -99,7 +101,8 @@ def test_labels_exclusions_and_metrics_follow_the_recording(places, reader) -> N
 def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places, reader) -> None:
     frames = evaluate_recordings(reader, [places["a"]]).frames
     pixels = cv2.imread(str(places["a"] / "frames" / "2.png"), cv2.IMREAD_UNCHANGED)
-    cut = boundary_slice(find_wall(pixels, SCALE), SCALE, reader.study.slice)
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    cut = boundary_slice(find_wall(pixels, SCALE, finder=finder), SCALE, reader.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
     np.testing.assert_allclose(frames[2].answer.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
     assert frames[2].answer.predicted == np.argmax(frames[2].answer.probabilities)

@@ -11,7 +11,7 @@ from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle
 
 ROWS, COLUMNS = 200, 120
-STEP = 4.0  # rows
+STEP = np.full(COLUMNS, 4.0)  # rows
 OUTER = np.full(COLUMNS, 49.5)
 STRETCH = slice(40, 60)
 
@@ -53,7 +53,7 @@ def test_a_stretch_is_decided_as_a_whole_and_each_by_itself() -> None:
 
 
 def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> None:
-    true = moved(STEP)
+    true = moved(4.0)
     joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP)
     np.testing.assert_array_equal(joined.inner_row, moved(0.0))
     joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP - 0.5)

@@ -4,19 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_models import FINDER_STUDY as STUDY, FixedSession, distributions, fixed_finder
+from small_models import FINDER_STUDY as STUDY, FixedFinder, FixedSession, distributions, fixed_finder
 
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.checked_wall import checked_by, refined_wall
+from scleraforce.segmentation.checked_wall import checked_by, refined_wall, sharpened
 from scleraforce.segmentation.found import Segmentation, without_wall
+from scleraforce.segmentation.light import without_page
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall import find_wall, lit_part
-from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 from scleraforce.study import Study
 
 STUDY_OF_FRAMES = Study()
@@ -75,7 +76,7 @@ def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_on
     share[40:45] = 0.45
     rows = share * distributions(outer) + (1 - share) * distributions(outer + 40)
     session = FixedSession(np.stack([rows, distributions(outer + 60)]), np.ones(HALF))
-    seen = WallFinder(session, STUDY, "drawn").find(FRAME)
+    seen = FixedFinder(session, STUDY, "drawn").find(FRAME)
     assert seen.outer_row == pytest.approx(4 * 30.5 - 0.5, abs=0.5)
     assert (seen.outer_sd[40:45] > 4 * 18).all()
     assert seen.outer_sd[50] < seen.outer_sd[42]
@@ -87,7 +88,7 @@ def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() 
     share = np.full(HALF, 0.9)
     share[30:50] = 0.45
     inner = share * distributions(outer + 15) + (1 - share) * distributions(outer + 55)
-    seen = WallFinder(FixedSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "drawn").find(FRAME)
+    seen = FixedFinder(FixedSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "drawn").find(FRAME)
     assert seen.inner_row - seen.outer_row == pytest.approx(60.0, abs=4.0)
     assert (seen.inner_sd[30:50] > 4 * 15).all()
 
@@ -194,7 +195,7 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
 
     def told(end: np.ndarray) -> Segmentation:
         rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
-        finder = WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "drawn")
+        finder = FixedFinder(FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "drawn")
         return find_wall(bscan.frame, SCALE, finder=finder)
 
     assert told(inner + 5.0).reason.startswith("the network does not know where the wall ends, in ")
@@ -269,3 +270,56 @@ def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one() -> None:
     assert 0.9 < np.quantile(small, 0.99) < 1.1
     assert not reduced_frame(FRAME, 128, 176).any()
     assert not reduced_frame(FRAME + 7, 128, 176).any()
+
+
+class LookedAt(WallFinder):
+    """A finder whose second look, at the rows that it asks for, sees another wall."""
+
+    def __init__(self, first: WallFinder, second: WallFinder) -> None:
+        self.first, self.second = first, second
+        self.rows: list[tuple[int, int]] = []
+
+    def _look(self, frame: np.ndarray, top: int, bottom: int) -> SeenWall:
+        self.rows.append((top, bottom))
+        return (self.second if len(self.rows) > 1 else self.first)._look(frame, top, bottom)
+
+
+@pytest.mark.parametrize(("moved", "believed"), [(2.0, True), (12.0, False)])
+def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(moved: float, believed: bool) -> None:
+    outer, inner = np.full(HALF, 40.0), np.full(HALF, 60.0)
+    finder = LookedAt(fixed_finder(outer, inner), fixed_finder(outer + moved, inner + moved))
+    seen = finder.find(FRAME)
+    (top, bottom) = finder.rows[1]
+    assert 4 * 40 - 0.3 * 80 < top < 4 * 40 < 4 * 61 < bottom < 4 * 61 + 0.3 * 80
+    assert seen.outer_row == pytest.approx(4 * (40.5 + moved * believed) - 0.5, abs=0.5)
+
+
+def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once() -> None:
+    for outer in (np.full(HALF, 5.0), np.full(HALF, np.nan)):
+        finder = LookedAt(fixed_finder(outer, outer + 115.0), fixed_finder(outer, outer + 20.0))
+        finder.find(FRAME)
+        assert finder.rows == [(0, 512)]
+
+
+def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -> None:
+    rng = np.random.default_rng(3)
+    edge = 300.0 + 8.0 * np.sin(np.linspace(0.0, 12.0, 512))  # too fast for the wide means of the first search
+    level = np.where(np.arange(512)[:, None] < edge, 300.0, 60.0)
+    frame = np.rint(level * rng.exponential(1.0, level.shape)).astype(np.uint16)
+    found = sharpened(frame, np.where(np.arange(512) < 30, np.nan, 300.0), SCALE)
+    assert np.isnan(found[:30]).all()
+    assert np.abs(found - edge)[40:].mean() < 2.0  # 5 before
+    even = np.rint(300.0 * rng.exponential(1.0, level.shape)).astype(np.uint16)
+    assert np.abs(sharpened(even, np.full(512, 300.0), SCALE) - 300.0).mean() < 3.0
+
+
+@pytest.mark.parametrize("grey", [400, 4095])
+def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(grey: int) -> None:
+    bscan = phantom()
+    page = np.full((592, 572), grey, dtype=np.uint16)
+    page[30:542, 20:532] = bscan.frame
+    wall, alone = find_wall(page, SCALE), find_wall(bscan.frame, SCALE)
+    assert wall.usable
+    assert np.isnan(wall.outer_row[:20]).all()
+    assert np.nanmean(np.abs(wall.outer_row[20:532] - 30 - alone.outer_row)) < 1.0
+    assert without_page(bscan.frame) is bscan.frame

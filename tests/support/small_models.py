@@ -17,7 +17,8 @@ from scleraforce.models import LIBRARY_FILE, write_folder
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.kinds import ForceReader, TrainedModel
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
+from scleraforce.recording.pixels import Pixels
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import RawReaderStudy, ReaderStudy, ScenesStudy, Study, WallFinderStudy, format_study, study_hash
 from scleraforce.study.fields import Range, fixed
 
@@ -179,7 +180,7 @@ def write_blind_finder(folder: Path) -> None:
     write_folder(folder, finder_bytes(network, provenance), format_study(SMALL_STUDY), "Blind.", record)
 
 
-FINDER_STUDY = WallFinderStudy()
+FINDER_STUDY = WallFinderStudy(rows=128, columns=176, channels=(12, 20, 32, 48))
 
 
 class FixedSession:
@@ -206,6 +207,13 @@ class FixedSession:
         return self._answers
 
 
+class FixedFinder(WallFinder):
+    """It sees the same, however closely it looks."""
+
+    def _look(self, frame: Pixels, _top: int, _bottom: int) -> SeenWall:
+        return super()._look(frame, 0, len(frame))
+
+
 def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
     """Distributions over rows (row, column) about a boundary (column,); NaN: even."""
     row = np.arange(FINDER_STUDY.rows)[:, None]
@@ -218,4 +226,4 @@ def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
 def fixed_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
     """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
     rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
-    return WallFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")
+    return FixedFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")

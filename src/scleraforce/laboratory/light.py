@@ -280,6 +280,13 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
+def spread(intensity: Float, sigma_rows: float, sigma_columns: float) -> Float:
+    """Return the mean intensity of a field that is `seen_through`, of the scatterers' intensity."""
+    down, across = np.square(_kernel(sigma_rows)), np.square(_kernel(sigma_columns))
+    seen = cv2.sepFilter2D(intensity, -1, across, down, borderType=cv2.BORDER_REFLECT_101)
+    return seen.astype(np.float32, copy=False)
+
+
 def _kernel(sigma: float) -> Floats:
     """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
     reach = ceil(3.5 * sigma)

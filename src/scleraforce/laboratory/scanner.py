@@ -32,7 +32,7 @@ from scleraforce.laboratory.scanner_display import (
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
 from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, ScenesStudy, Study, format_study
-from scleraforce.study.fields import field_key, field_unit
+from scleraforce.study.fields import field_key, field_unit, fixed
 
 FIELDS = {item.name: item for item in fields(PhantomStudy)}
 MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
@@ -62,6 +62,7 @@ SCENES = {
     "display_floor_db": ("display_floor_db", 1.0),
     "band_fraction": ("band_m", 0.0),
 }
+MOST_AXIAL_M = 1e-3  # of a scanner whose speckle is known: no other limit
 LEAST_GAMMA, GAMMA_PER_DB = 0.1, 1.2  # noise of one look seen with a gamma of 1.1 misfits an exponential by 0.08 dB
 
 
@@ -133,15 +134,19 @@ class MeasuredScanner:
         if self.display is not LOGARITHMIC:
             del ends["display_floor_db"]  # they begin at black
         given: dict[str, Any] = {"line_count": self.phantom().line_count} if "line_db" in ends else {}
+        given |= {"averaged_share": 0.0, "axial_m": fixed(MOST_AXIAL_M)}
         given["band_share"] = float(ends.get("band_fraction", (0.0, 1.0))[1] > 0.0)
         if isinstance(self.ranges["spread_slope"], MeasuredRange) or misfit_db < ONE_LOOK_DB:
             given |= {f"{kind}_share": float(self.display.name == kind) for kind in ("linear", "root")}
         window = {key: (getattr(size, key),) * 2 for key in ("rows", "columns", "width_m")}
         window["depth_share"] = (size.depth_m / size.width_m,) * 2
         window["pixel_m"] = (0.9 * row_m, 1.1 * row_m)  # so the last digit of the size changes no rows
+        deep = {f"deep_{key}": window[key] for key in ("rows", "width_m", "depth_share")}
+        lens_seen = all(deep[key][0] >= getattr(scenes.window, key).bounds[0] for key in list(deep)[1:])
+        shown = _measured(scenes.window, window | deep)
         return replace(
             scenes,
-            window=_measured(scenes.window, window),
+            window=shown if lens_seen else replace(shown, deep_share=0.0),
             tissue=_measured(scenes.tissue, tissue),
             scanner=replace(_measured(scenes.scanner, ends), **given),
         )

@@ -80,12 +80,16 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges on top."""
+    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges on top.
+
+    `covered` (column,): a lid or a drape lies over the eye.
+    """
 
     window: Window
     scatter: Float
     loss: Float
     ridges: list[Ridge]
+    covered: Flags
 
     @property
     def rows(self) -> Float:
@@ -110,6 +114,12 @@ class Picture:
         """Multiply the backscatter between two curves (rows) by a gain, (column,) or (row, column)."""
         np.multiply(self.scatter, gain, out=self.scatter, where=self.inside(top, bottom), casting="same_kind")
 
+    def fade(self, top: Floats, intensity: Floats, length_rows: float) -> None:
+        """Add backscatter that fades below a curve (rows, (column,)), from an intensity (column,) on."""
+        depth = self.rows - top.astype(np.float32)
+        light = intensity.astype(np.float32) * np.exp(np.maximum(depth, 0.0) * np.float32(-1.0 / length_rows))
+        np.maximum(self.scatter, light, out=self.scatter, where=depth > 0.0)
+
     def shade(self, row: Floats, left: Floats) -> None:
         """Let only a share of the light (column,) pass beyond a row (column,)."""
         at = np.clip(np.nan_to_num(row, nan=0.0), 0, len(self.loss) - 1).astype(np.intp)
@@ -119,16 +129,19 @@ class Picture:
 def empty_picture(window: Window) -> Picture:
     """Return an empty drawing."""
     shape = (window.rows + window.above, window.columns)
-    return Picture(window, np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32), [])
+    covered = np.zeros(window.columns, dtype=np.bool_)
+    return Picture(window, np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32), [], covered)
 
 
 APART_DB = -3.0  # of a layer right below the sclera that no gap parts from it, at most
 GAP_ROWS = 2.0  # of a gap, at least: it can be seen
 LENS_HALF_M = 4.6e-3
-ALONG = np.linspace(0.0, 1.0, 12)  # the iris, from its root to the pupil
+LENS_ATTENUATION_PER_M = 0.1e3
+LENS_LAYERS = 1.0, 0.82, 0.6  # cortex to nucleus: their size over the lens'
+ALONG = np.linspace(0.0, 1.0, 60)  # the iris, from its root to the pupil
 SIDES = (-1.0, 1.0)
 COVERED_M = 1e-3  # along the surface from the limbus on: the conjunctiva thickens over that length
-RIDGE_ROWS = 0.7  # half width of a mirror reflection
+RIDGE_ROWS = 0.45  # half width of a mirror reflection
 WALL_LAYERS = 10  # of even thickness, that the wall is drawn as
 PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
@@ -211,15 +224,25 @@ def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Genera
 
 
 def _fill_inside(drawing: _Drawing) -> None:
-    """Fill the inside of the eye: haze, iris and lens, ciliary body and choroid."""
+    """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary body and choroid."""
     study, rng, wall, inner = drawing.study, drawing.rng, drawing.wall, drawing.inner
     if rng.random() < study.haze_share:
         drawing.fill(inner, np.full(len(inner), np.inf), drawing.light(draw(study.haze_db, rng)), 0.0)
+    _fade_below(drawing, inner, 1.0 - drawing.cornea(1.0))
     uvea_m = _uvea(study, wall, rng) if rng.random() < study.uvea_share else np.zeros(len(wall.arc_m))
     if wall.limbus is not None:
         _fill_iris_and_lens(drawing, wall.limbus, uvea_m)
     if uvea_m.any():
         _fill_uvea(drawing, uvea_m)
+
+
+def _fade_below(drawing: _Drawing, top: Floats, level: Floats) -> None:
+    """Let the light of tissue, of a level (column,) over the sclera's, fade below its lower end, in some scenes."""
+    study, rng = drawing.study, drawing.rng
+    length_m, level_db = draw(study.below_m, rng), draw(study.below_db, rng)
+    if rng.random() < study.below_share:
+        length_rows = length_m * drawing.rays.stretch / drawing.picture.window.pixel_m
+        drawing.picture.fade(top, level * drawing.light(level_db), length_rows)
 
 
 def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
@@ -269,33 +292,57 @@ def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Floats) -> No
 
 
 def _fill_iris(drawing: _Drawing, roots: dict[float, Floats], down: Floats, plane_m: float) -> None:
-    """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil."""
-    study, rng, wall = drawing.study, drawing.rng, drawing.wall
+    """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil, and their pigment."""
+    study, rng, wall, picture = drawing.study, drawing.rng, drawing.wall, drawing.picture
     thick_m, bow_m, pupil_m = (draw(values, rng) for values in (study.iris_m, study.iris_bow_m, study.pupil_m))
-    intensity, attenuation = drawing.light(draw(study.iris_db, rng)), draw(study.iris_attenuation_per_m, rng)
+    level_db, attenuation = draw(study.iris_db, rng), draw(study.iris_attenuation_per_m, rng)
+    pigment_db, grain_db = level_db + draw(study.pigment_db, rng), draw(study.iris_grain_db, rng)
+    pigment_rows = draw(study.pigment_m, rng) * drawing.rays.stretch / picture.window.pixel_m
+    grain = np.exp(_grains(picture, rng) * np.float32(grain_db * np.log(10.0) / 10.0))
     bump_m = 0.15 * thick_m * np.sin(rng.uniform(4.0, 14.0) * ALONG + rng.uniform(0.0, 6.0))
     upper_m, lower_m = bow_m * np.sin(np.pi * ALONG) + bump_m, thick_m * (1.0 - 0.5 * (1.0 - ALONG) ** 2)
     for side, root in roots.items():
         pupil = wall.pose.place_points(np.array([[side * pupil_m, plane_m]]))[0]
-        upper = root + ALONG[:, None] * (pupil - root) + upper_m[:, None] * down
-        top, bottom = _between(drawing, np.concatenate([upper, (upper + lower_m[:, None] * down)[::-1]]))
-        drawing.fill(top, bottom, intensity, attenuation)
+        middle = root + ALONG[:, None] * (pupil - root)
+        crypts_m = _crypts(study, thick_m, float(np.linalg.norm(pupil - root)), rng)
+        upper, lower = (middle + edge_m[:, None] * down for edge_m in (upper_m + crypts_m, upper_m + lower_m))
+        top, bottom = _between(drawing, np.concatenate([upper, lower[::-1]]))
+        _fade_below(drawing, bottom, np.full(len(bottom), ratios(level_db)))
+        drawing.fill(top, bottom, drawing.light(level_db), attenuation)
+        drawing.fill(np.maximum(bottom - pigment_rows, top), bottom, drawing.light(pigment_db), attenuation)
+        picture.brighten(top, bottom, grain)
+
+
+def _crypts(study: SceneTissueStudy, thick_m: float, length_m: float, rng: np.random.Generator) -> Floats:
+    """Return the depth of pits in the front of an iris of a length, along it, m."""
+    depth_m = np.zeros(len(ALONG))
+    for _ in range(int(draw(study.crypt_count, rng))):
+        off_m = (ALONG - rng.random()) * length_m
+        depth_m += rng.uniform(0.2, 0.6) * thick_m * np.exp(-((off_m / draw(study.crypt_m, rng)) ** 2))
+    return np.minimum(depth_m, 0.4 * thick_m)
 
 
 def _fill_lens(drawing: _Drawing, plane_m: float) -> None:
-    """Fill the lens, with the bright layer of its front capsule."""
+    """Fill the lens, its layers within each other, with the bright layers of its capsule."""
     study, rng, rays = drawing.study, drawing.rng, drawing.rays
     radius_m, front_m = draw(study.lens_radius_m, rng), plane_m + draw(study.lens_depth_m, rng)
     lateral = np.linspace(-LENS_HALF_M, LENS_HALF_M, 40)
-    front = front_m + radius_m - np.sqrt(radius_m**2 - lateral**2)
-    back = front_m + 2.0 * (front[0] - front_m) + 2e-3 - (front - front_m)
-    outline = np.concatenate([np.stack([lateral, front], 1), np.stack([lateral, back], 1)[::-1]])
-    top, bottom = _between(drawing, drawing.wall.pose.place_points(outline))
-    drawing.fill(top, bottom, drawing.light(draw(study.lens_db, rng)), 0.1e3)
+    sag = radius_m - np.sqrt(radius_m**2 - lateral**2)
+    half_m = sag[0] + draw(study.lens_rim_m, rng) / 2
+    depth_m = (half_m - sag) * np.sqrt(1.0 - (lateral / LENS_HALF_M) ** 8)  # a round equator
+    outline = np.concatenate([np.stack([lateral, -depth_m], 1), np.stack([lateral, depth_m], 1)[::-1]])
+    level_db, layer_db = draw(study.lens_db, rng), draw(study.lens_layer_db, rng)
+    centre = np.array([0.0, front_m + half_m])
+    edges = []
+    for size in LENS_LAYERS:
+        edges.append(_between(drawing, drawing.wall.pose.place_points(size * outline + centre)))
+        drawing.fill(*edges[-1], drawing.light(level_db + layer_db * rng.uniform(-1.0, 1.0)), LENS_ATTENUATION_PER_M)
+    top, bottom = edges[0]
     capsule_rows = draw(study.capsule_m, rng) * rays.stretch / drawing.picture.window.pixel_m
     turned = ratios(-20.0 * np.minimum(np.abs(rays.slope_rad), 1.0))  # its mirror reflection is lost at a slope
     capsule = drawing.light(draw(study.capsule_db, rng)) * turned
     drawing.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
+    drawing.fill(np.maximum(bottom - capsule_rows, top), bottom, capsule * ratios(-rng.uniform(0.0, 12.0)), 0.0)
 
 
 def outline_depths(outline: Floats, lateral_m: Floats) -> Floats | None:
@@ -370,14 +417,23 @@ def _fill_conjunctiva(drawing: _Drawing, surface: Floats) -> None:
     drawing.fill(middle, outer, drawing.light(draw(study.tenon_db, rng)), attenuation)
 
 
+GRAIN_M = 0.15e-3  # of an iris
+
+
+def _grains(picture: Picture, rng: np.random.Generator, length_m: float = GRAIN_M, height_m: float = GRAIN_M) -> Float:
+    """Return smooth grains of unit variance at their middles, of a size, (row, column)."""
+    window, shape = picture.window, picture.scatter.shape
+    across, down = round(window.width_m / length_m), round(shape[0] * window.pixel_m / height_m)
+    size = min(max(3, down), shape[0]), min(max(3, across), shape[1])
+    drawn = rng.standard_normal(size, dtype=np.float32)
+    return cv2.resize(drawn, shape[::-1], interpolation=cv2.INTER_LINEAR).astype(np.float32, copy=False)
+
+
 def _roughen(drawing: _Drawing, surface: Floats) -> None:
     """Give the tissue a texture of long grains along its surface."""
     study, rng, picture = drawing.study, drawing.rng, drawing.picture
-    window, shape = picture.window, picture.scatter.shape
-    across = max(3, round(window.width_m / draw(study.texture_length_m, rng)))
-    down = max(3, round(shape[0] * window.pixel_m / draw(study.texture_height_m, rng)))
-    grains = rng.standard_normal((min(down, shape[0]), min(across, shape[1])), dtype=np.float32)
-    smooth = cv2.resize(grains, shape[::-1], interpolation=cv2.INTER_LINEAR)
+    shape = picture.scatter.shape
+    smooth = _grains(picture, rng, draw(study.texture_length_m, rng), draw(study.texture_height_m, rng))
     shift = np.nan_to_num(surface - np.nanmean(surface) if np.isfinite(surface).any() else surface, nan=0.0)
     map_row = (picture.rows - shift.astype(np.float32)).astype(np.float32)
     map_column = np.broadcast_to(np.arange(shape[1], dtype=np.float32), shape)

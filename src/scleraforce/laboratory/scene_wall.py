@@ -129,7 +129,10 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
     limbus = _limbus(eye, rng)
     cornea = np.zeros(len(arc_m)) if limbus is None else limbus.shape(arc_m)
     slope = _slope(eye, arc_m, cornea, limbus, rng)
-    thickness_m = cornea * draw(eye.cornea_thickness_m, rng) + (1.0 - cornea) * draw(eye.sclera_thickness_m, rng)
+    cornea_m, sclera_m, ratio = (
+        draw(values, rng) for values in (eye.cornea_thickness_m, eye.sclera_thickness_m, eye.sclera_ratio)
+    )
+    thickness_m = cornea * cornea_m + (1.0 - cornea) * (sclera_m if limbus is None else ratio * cornea_m)
     wave_m = draw(eye.wave_m, rng) * _waves(eye, arc_m, rng)
     thickness_m = np.maximum(thickness_m + wave_m / 2, 0.5 * thickness_m)
     thickness_m += 0.0 if limbus is None else limbus.spur(arc_m)

@@ -1,7 +1,6 @@
 """Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale and the true wall."""
 
 from dataclasses import dataclass
-from math import cos, sin
 
 import numpy as np
 from scipy.ndimage import find_objects, label
@@ -9,227 +8,19 @@ from scipy.ndimage import find_objects, label
 from scleraforce.arrays import Bytes, Flags, Floats
 from scleraforce.laboratory.light import (
     Complex,
-    Shadow,
     add_ridge,
     amplitude_sigma,
     circular_gaussian,
     ratios,
     seen_through,
-    transmission,
+    spread,
 )
-from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, draw_tissue, empty_picture, outline_depths
+from scleraforce.laboratory.scene_over import draw_over
+from scleraforce.laboratory.scene_tissue import Picture, Ridge, draw_tissue, empty_picture
 from scleraforce.laboratory.scene_wall import Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
-from scleraforce.study import SceneOverStudy, SceneScannerStudy, ScenesStudy, draw
-
-OPAQUE_PER_M = 40e3  # attenuation of metal
-LINE_ROWS = (0.5, 1.4)  # half widths of bright curves
-NEEDLE_LENGTH_M = 20e-3
-AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
-
-
-@dataclass(frozen=True)
-class _Over:
-    """The drawing that things over the tissue are added to."""
-
-    study: SceneOverStudy
-    picture: Picture
-    tissue: Tissue
-    rng: np.random.Generator
-
-    @property
-    def lateral_m(self) -> Floats:
-        return self.picture.window.lateral_m
-
-    @property
-    def surface_m(self) -> Floats:
-        return self.tissue.rays.surface_m
-
-    def row(self, depth_m: Floats) -> Floats:
-        return self.picture.window.row(depth_m)
-
-    def place(self) -> float:
-        """Return a random place across the frame, m."""
-        return float(self.rng.uniform(self.lateral_m[0], self.lateral_m[-1]))
-
-    def from_side(self, left: bool) -> Floats:
-        """Return the distance of columns from the frame's left or right edge, m."""
-        half_m = self.picture.window.width_m / 2
-        return self.lateral_m + half_m if left else half_m - self.lateral_m
-
-    def line(self, depth_m: Floats, level_db: float | Floats) -> None:
-        """Add a thin bright curve."""
-        bright = np.broadcast_to(ratios(level_db), depth_m.shape)
-        self.picture.ridges.append(Ridge(self.row(depth_m), bright, self.rng.uniform(*LINE_ROWS)))
-
-    def body(self, top_m: Floats, bottom_m: Floats, level_db: float, attenuation_per_m: float) -> None:
-        """Replace the picture between two curves."""
-        self.picture.fill(self.row(top_m), self.row(bottom_m), ratios(level_db), attenuation_per_m, 1.0)
-
-
-def draw_over(
-    study: SceneOverStudy, tissue: Tissue, dent_m: float | None, picture: Picture, rng: np.random.Generator
-) -> None:
-    """Draw things over the tissue and vessels in it; a needle is put into a dent (`dent_m`, lateral)."""
-    over = _Over(study, picture, tissue, rng)
-    _vessels(over)
-    for share, thing in (
-        (study.contact_lens_share, _contact_lens),
-        (study.coverslip_share, _coverslip),
-        (study.drape_share, _drape),
-        (study.lid_share, _lid),
-    ):
-        if rng.random() < share:
-            thing(over)
-    for _ in range(int(draw(study.bubble_count, rng))):
-        _bubble(over)
-    if rng.random() < study.needle_share:
-        _needle(over, over.place() if dent_m is None else dent_m)
-
-
-def _vessels(over: _Over) -> None:
-    """Take light from columns below vessels, which lie in the upper part of the wall, and below air on it."""
-    study, tissue, rng = over.study, over.tissue, over.rng
-    for _ in range(int(draw(study.vessel_count, rng))):
-        shadow = Shadow(
-            centre_m=over.place(),
-            width_m=draw(study.vessel_m, rng),
-            loss_fraction=draw(study.vessel_loss_fraction, rng),
-        )
-        depth = rng.uniform(0.0, 0.6) * (tissue.inner - tissue.surface)
-        passed = transmission([shadow], over.lateral_m).astype(np.float64)
-        over.picture.shade(tissue.surface + np.nan_to_num(depth), passed)
-    if rng.random() < study.air_share:
-        air = Shadow(centre_m=over.place(), width_m=draw(study.air_m, rng), loss_fraction=1.0 - AIR_PASS)
-        over.picture.shade(tissue.surface, transmission([air], over.lateral_m).astype(np.float64))
-
-
-def _smooth_surface(over: _Over) -> Floats:
-    """Return the parabola above the surface, at all columns, m."""
-    there = np.isfinite(over.surface_m)
-    if np.count_nonzero(there) < 3:
-        return np.full(len(over.lateral_m), np.nan)
-    fitted = np.polyfit(over.lateral_m[there], over.surface_m[there], 2)
-    smooth: Floats = np.asarray(np.polyval(fitted, over.lateral_m), dtype=np.float64)
-    return smooth - max(float((smooth - over.surface_m)[there].max()), 0.0)
-
-
-def _contact_lens(over: _Over) -> None:
-    """Draw a lens over the eye, two lines that meet at its edge, and what floats below it."""
-    study, rng = over.study, over.rng
-    middle_m, reach_m = over.place(), draw(study.lens_reach_m, rng)
-    off = (over.lateral_m - middle_m) / reach_m
-    tapered = np.sqrt(np.clip(1.0 - off**2, 0.0, None))
-    back_m = _smooth_surface(over) - draw(study.lens_gap_m, rng) * tapered
-    back_m = np.where(
-        np.abs(off) < 1.0, np.minimum(back_m, np.where(np.isfinite(over.surface_m), over.surface_m, np.inf)), np.nan
-    )
-    front_m = back_m - draw(study.lens_m, rng) * np.minimum(2.0 * tapered, 1.0)
-    bright_db = draw(study.lens_db, rng) - 12.0 * np.clip(np.abs(over.tissue.rays.slope_rad), 0.0, 1.0)
-    over.line(front_m, np.nan_to_num(bright_db, nan=0.0))
-    over.line(back_m, np.nan_to_num(bright_db - rng.uniform(0.0, 10.0), nan=0.0))
-    _specks(over, back_m)
-
-
-def _specks(over: _Over, top_m: Floats) -> None:
-    """Scatter bright specks between a lens and the surface."""
-    count = int(draw(over.study.speck_count, over.rng))
-    column = over.rng.integers(0, len(top_m), count)
-    depth_m = top_m[column] + over.rng.random(count) * (over.surface_m - top_m)[column]
-    row = np.nan_to_num(over.row(depth_m), nan=-1.0, posinf=-1.0, neginf=-1.0).astype(np.intp)
-    inside = (row >= 0) & (row < len(over.picture.scatter))
-    bright = ratios(draw(over.study.speck_db, over.rng) - 6.0 * over.rng.random(count))
-    over.picture.scatter[row[inside], column[inside]] = bright[inside]
-
-
-def _coverslip(over: _Over) -> None:
-    """Draw a glass plate: two straight lines over the tissue."""
-    study, rng = over.study, over.rng
-    if not np.isfinite(over.surface_m).any():
-        return
-    plane = np.tan(draw(study.coverslip_tilt_rad, rng)) * over.lateral_m
-    lower = plane + float(np.nanmin(over.surface_m - plane)) - draw(study.coverslip_height_m, rng)
-    bright_db = draw(study.coverslip_db, rng)
-    over.line(lower, bright_db)
-    over.line(lower - draw(study.coverslip_m, rng), bright_db)
-
-
-def _drape(over: _Over) -> None:
-    """Draw a sheet that covers the tissue from one side of the frame on."""
-    study, rng, window = over.study, over.rng, over.picture.window
-    reach_m = draw(study.drape_reach, rng) * window.width_m
-    from_side = over.from_side(left=rng.random() < 0.5)
-    folds_m = rng.uniform(0.0, 60e-6) * np.sin(over.lateral_m / rng.uniform(0.1e-3, 0.5e-3))
-    thick_m = draw(study.drape_m, rng)
-    top_m = np.where(from_side < reach_m, over.surface_m - thick_m - np.abs(folds_m) - rng.uniform(0.0, 0.2e-3), np.nan)
-    over.body(top_m, top_m + thick_m, draw(study.drape_db, rng), draw(study.drape_attenuation_per_m, rng))
-
-
-def _lid(over: _Over) -> None:
-    """Draw a lid that comes in from one side above the eye, with its rounded edge, and lashes below it."""
-    study, rng, window = over.study, over.rng, over.picture.window
-    left = rng.random() < 0.5
-    from_side = over.from_side(left)
-    reach_m, thick_m = draw(study.lid_reach, rng) * window.width_m, draw(study.lid_m, rng)
-    inwards = np.clip(from_side / reach_m, 0.0, 1.0)
-    bottom_m = np.where(inwards < 1.0, _smooth_surface(over) - draw(study.lid_gap_m, rng) * inwards, np.nan)
-    top_m = bottom_m - thick_m * np.sqrt(np.clip(1.0 - inwards**2, 0.0, None))
-    over.body(top_m, bottom_m, draw(study.lid_db, rng), draw(study.lid_attenuation_per_m, rng))
-    for _ in range(int(draw(study.lash_count, rng))):
-        _lash(over, (-1.0 if left else 1.0) * (window.width_m / 2 - reach_m * rng.uniform(0.5, 1.6)))
-
-
-def _lash(over: _Over, lateral_m: float) -> None:
-    """Draw a lash across the plane or along it: a bright short line with a shadow."""
-    rng, half_m = over.rng, draw(over.study.lash_m, over.rng) * over.rng.choice([0.5, 6.0])
-    off = over.lateral_m - lateral_m
-    if not np.isfinite(over.surface_m).any():
-        return
-    depth_m = float(np.nanmin(over.surface_m)) - rng.uniform(0.1e-3, 1.5e-3) + rng.uniform(-1.0, 1.0) * off
-    depth_m = np.where(np.abs(off) < half_m, depth_m, np.nan)
-    over.line(depth_m, draw(over.study.lid_db, rng))
-    over.picture.shade(over.row(depth_m), np.where(np.abs(off) < half_m, rng.uniform(0.05, 0.6), 1.0))
-
-
-def _bubble(over: _Over) -> None:
-    """Draw a bubble over the surface: its bright upper and lower side, and its shadow."""
-    study, rng = over.study, over.rng
-    radius_m, off = draw(study.bubble_m, rng), over.lateral_m - over.place()
-    half_m = np.sqrt(np.maximum(radius_m**2 - off**2, 0.0))
-    inside = np.abs(off) < radius_m
-    rests_m = np.interp(over.lateral_m[np.abs(off).argmin()], over.lateral_m, over.surface_m)
-    middle_m = rests_m - radius_m * rng.uniform(0.6, 1.6)
-    bright_db = draw(study.bubble_db, rng)
-    for side in (-1.0, 1.0):
-        over.line(np.where(inside, middle_m + side * half_m, np.nan), bright_db)
-    passed = np.where(inside, np.clip(1.0 - (half_m / radius_m) * rng.uniform(0.3, 0.98), 0.02, 1.0), 1.0)
-    over.picture.shade(np.where(np.isfinite(middle_m + half_m), over.row(middle_m + half_m), 0.0), passed)
-
-
-def _needle(over: _Over, tip_m: float) -> None:
-    """Draw a needle in the plane: the bright upper edge of its shaft; metal lets no light through, glass some."""
-    study, rng = over.study, over.rng
-    angle, half_m = draw(study.needle_angle_rad, rng), draw(study.needle_m, rng) / 2
-    tip_depth_m = float(np.interp(tip_m, over.lateral_m, over.surface_m)) - draw(study.tip_gap_m, rng)
-    along, across = np.array([sin(angle), -cos(angle)]), np.array([cos(angle), sin(angle)])
-    bevel = rng.uniform(0.0, 3.0) * half_m * along * rng.integers(0, 2)
-    tip, far = np.array([tip_m, tip_depth_m]), NEEDLE_LENGTH_M * along
-    one, other = tip - half_m * across, tip + half_m * across + bevel
-    shaft = np.array([one, other, other + far, one + far])
-    edges_m = outline_depths(shaft, over.lateral_m)
-    if edges_m is None:
-        return
-    top_m, bottom_m = edges_m
-    bright_db = draw(study.needle_db, rng)
-    over.line(top_m, bright_db)
-    if rng.random() < study.glass_share:
-        over.line(bottom_m, bright_db - rng.uniform(0.0, 12.0))
-        passed = np.where(np.isfinite(bottom_m), draw(study.glass_pass_fraction, rng), 1.0)
-        over.picture.shade(over.row(bottom_m), passed)
-    else:
-        over.body(top_m, bottom_m, rng.uniform(-30.0, 0.0), OPAQUE_PER_M)
-
+from scleraforce.study import SceneScannerStudy, ScenesStudy, draw
 
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
 SAMPLE = 7  # every 7th pixel tells the brightness
@@ -239,8 +30,9 @@ LEAST_LIGHT = 1e-3  # over the noise
 def scanned(
     study: SceneScannerStudy, picture: Picture, apex_column: float | None, rng: np.random.Generator
 ) -> tuple[Pixels, Flags]:
-    """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without the black bands."""
-    light = _folded(study, _field(study, picture, rng), picture.window, rng)
+    """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without margins."""
+    looks = draw(study.looks, rng)
+    light = _folded(study, _field(study, picture, looks, rng), picture.window, looks, rng)
     if apex_column is not None and rng.random() < study.flare_share:
         _add_flare(study, light, picture.window, apex_column, rng)
     _add_streaks(study, light, picture.window, rng)
@@ -251,8 +43,11 @@ def scanned(
     return frame, imaged
 
 
-def _field(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Complex:
-    """Return the field of the returning light, seen with the scanner's speckle, without its noise."""
+def _field(study: SceneScannerStudy, picture: Picture, looks: float, rng: np.random.Generator) -> Complex:
+    """Return the field of the returning light, seen with the scanner's speckle, without its noise.
+
+    Of the looks that a frame is the mean of, as many as move against the tissue average its speckle.
+    """
     window, lines = picture.window, []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
@@ -261,12 +56,28 @@ def _field(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator)
     depth = np.maximum(picture.rows - window.above, 0.0) / window.rows
     rolled_off = ratios(-draw(study.rolloff_db, rng) * depth).astype(np.float32)
     reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * rolled_off
-    field = np.sqrt(picture.scatter * reaching) * circular_gaussian(picture.scatter.shape, rng)
-    sigmas = (amplitude_sigma(draw(width, rng)) for width in (study.speckle_rows, study.speckle_columns))
-    field = seen_through(field, *sigmas)
+    if rng.random() < study.fall_share:
+        reaching *= _fall(study, picture, rng)
+    light = picture.scatter * reaching
+    rows = min(draw(study.speckle_rows, rng), draw(study.axial_m, rng) / window.pixel_m)
+    sigmas = amplitude_sigma(rows), amplitude_sigma(draw(study.speckle_columns, rng))
+    field = seen_through(np.sqrt(light) * circular_gaussian(light.shape, rng), *sigmas)
+    mean, one_look = spread(light, *sigmas), np.square(np.abs(field))
+    averaged = mean + (one_look - mean) / np.float32(np.sqrt(looks ** rng.random()))
+    field *= np.sqrt(np.maximum(averaged, 0.0) / np.maximum(one_look, np.float32(1e-12)))
     for ridge in (*picture.ridges, *lines):
         add_ridge(field, ridge.row, np.sqrt(ridge.intensity * _reaching(ridge, reaching)), ridge.sigma_rows, rng)
     return field
+
+
+def _fall(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Float:
+    """Return the light's fall from a place near the middle on: sideways, in a ring, or between both, (row, column)."""
+    window = picture.window
+    across = (window.lateral_m / (window.width_m / 2) - rng.uniform(-0.2, 0.2)) ** 2
+    down = ((picture.rows - window.above) / window.rows * 2.0 - 1.0) ** 2
+    away = across + rng.choice([0.0, rng.random()]) * down
+    fall: Float = ratios(-draw(study.fall_db, rng) * away ** rng.uniform(0.7, 2.0)).astype(np.float32)
+    return fall
 
 
 def _reaching(ridge: Ridge, reaching: Float) -> Floats | float:
@@ -277,7 +88,7 @@ def _reaching(ridge: Ridge, reaching: Float) -> Floats | float:
     return reaching[row, np.arange(reaching.shape[1])].astype(np.float64)
 
 
-def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.random.Generator) -> Float:
+def _folded(study: SceneScannerStudy, field: Complex, window: Window, looks: float, rng: np.random.Generator) -> Float:
     """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored, and noise."""
     below, above = field[window.above :], field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
@@ -287,13 +98,18 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, rng: np.ra
     mean = np.square(np.abs(below)) + noise_level
     seen = below + np.sqrt(noise_level) * circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
-    return np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(draw(study.looks, rng))), LEAST_LIGHT)
+    return np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(looks)), LEAST_LIGHT)
 
 
 def _add_flare(study: SceneScannerStudy, light: Float, window: Window, apex: float, rng: np.random.Generator) -> None:
-    """Add the vertical stripe of the apex' mirror reflection, over the whole depth."""
-    across = (np.arange(window.columns) - apex) * window.step_m / draw(study.flare_m, rng)
-    stripe = ratios(draw(study.flare_db, rng)) * np.exp(-(across**2))
+    """Add the vertical stripe of the apex' mirror reflection, over the whole depth, and its ghosts, short and wide."""
+    width_m, level_db = draw(study.flare_m, rng), draw(study.flare_db, rng)
+    across = (np.arange(window.columns) - apex) * window.step_m / width_m
+    for _ in range(int(draw(study.ghost_count, rng))):
+        off = (np.arange(window.rows)[:, None] - rng.uniform(0.0, window.rows)) / rng.uniform(0.7, 3.0)
+        ghost = ratios(level_db - rng.uniform(0.0, 10.0)) * np.exp(-((across / rng.uniform(1.0, 20.0)) ** 2) - off**2)
+        light += ghost.astype(np.float32)
+    stripe = ratios(level_db) * np.exp(-(across**2))
     fades = np.exp(-rng.uniform(0.0, 3.0) * np.linspace(0.0, 1.0, window.rows))
     light += (fades[:, None] * stripe * rng.exponential(1.0, (window.rows, 1))).astype(np.float32)
 
@@ -327,10 +143,8 @@ def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -
 
 
 def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -> Flags:
-    """Draw marks, lose columns, blacken bands and arcs; return which columns are imaged."""
+    """Lose columns, blacken bands and arcs, put the frame on a page, draw marks; return which columns are imaged."""
     rows, columns = share.shape
-    for _ in range(int(draw(study.mark_count, rng))):
-        _mark(share, rng)
     if rng.random() < study.lost_share:
         first, lost = int(rng.integers(0, columns)), int(draw(study.lost_columns, rng))
         share[:, first : first + lost] = 0.0
@@ -344,21 +158,57 @@ def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -
         row = np.arange(rows)[:, None]
         top, bottom = (arc, arc.max() - arc)[:: 1 if rng.choice([-1.0, 1.0]) > 0 else -1]
         share[(row < top) | (row > rows - 1 - bottom)] = 0.0
+    if rng.random() < study.margin_share:
+        _put_on_page(study, share, imaged, rng)
+    for _ in range(int(draw(study.mark_count, rng))):
+        MARKS[rng.integers(len(MARKS))](share, rng)
     return imaged
 
 
-def _mark(share: Float, rng: np.random.Generator) -> None:
-    """Draw the mark of a program on a frame: a cursor's line, or a small frame in a corner."""
-    rows, columns = share.shape
+def _put_on_page(study: SceneScannerStudy, share: Float, imaged: Flags, rng: np.random.Generator) -> None:
+    """Draw the page's margins, of one grey, at some sides of a frame; they show nothing (`imaged`)."""
+    level = draw(study.margin_level, rng)
+    for side in np.flatnonzero(rng.random(4) < 0.6):
+        turned = share.T if side % 2 else share
+        width = round(draw(study.margin_fraction, rng) * len(turned))
+        margin = slice(0, width) if side < 2 else slice(len(turned) - width, None)
+        turned[margin] = level
+        if side % 2:
+            imaged[margin] = False
+
+
+def _cursor(share: Float, rng: np.random.Generator) -> None:
+    """Draw the line of a program's cursor, upright or across."""
+    turned = share.T if rng.random() < 0.6 else share
+    turned[rng.integers(len(turned))] = rng.uniform(0.3, 1.0)
+
+
+def _box(share: Float, rng: np.random.Generator) -> None:
+    """Draw a small frame in a corner."""
+    top, height, left, width = _corner(share, rng)
     bright = np.float32(rng.uniform(0.3, 1.0))
-    if rng.random() < 0.4:
-        share[:, int(rng.integers(0, columns))] = bright
-        return
-    height, width = (int(size * rng.uniform(0.08, 0.2)) for size in (rows, columns))
-    top = int(rng.choice([0.03 * rows, 0.97 * rows - height]))
-    left = int(rng.choice([0.03 * columns, 0.97 * columns - width]))
     share[top : top + height, [left, left + width]] = bright
     share[[top, top + height], left : left + width] = bright
+
+
+def _letters(share: Float, rng: np.random.Generator) -> None:
+    """Draw what looks like a line of text in a corner."""
+    top, _, left, width = _corner(share, rng)
+    lines = rng.random((max(3, len(share) // 40), width)) < 0.4
+    text = share[top : top + len(lines), left : left + width]
+    text[lines[: len(text)]] = rng.uniform(0.5, 1.0)
+
+
+def _corner(share: Float, rng: np.random.Generator) -> tuple[int, int, int, int]:
+    """Return first row, rows, first column and columns of a box in a corner."""
+    (rows, height), (columns, width) = ((size, int(size * rng.uniform(0.08, 0.2))) for size in share.shape)
+    return (
+        int(rng.choice([0.03 * rows, 0.97 * rows - height])), height,
+        int(rng.choice([0.03 * columns, 0.97 * columns - width])), width,
+    )  # fmt: skip
+
+
+MARKS = _cursor, _box, _letters  # of a program
 
 
 BAND_SHARE, BAND_ROWS = 0.05, 4  # of the frame's rows above and below a boundary that are compared, and at least
@@ -428,7 +278,7 @@ class Scene:
 
     `outer_row`, `inner_row` (column,) count pixel centres and may lie outside of the frame; NaN in columns without
     wall. Behind a narrow shadow, or in a lost column, the wall continues. `judged` (column,): False for an invisible
-    wall.
+    wall. `covered` (column,): a lid or a drape is what hides it.
     """
 
     frame: Pixels
@@ -436,6 +286,7 @@ class Scene:
     outer_row: Floats
     inner_row: Floats
     judged: Flags
+    covered: Flags
 
     @property
     def mask(self) -> Bytes:
@@ -448,6 +299,7 @@ class Scene:
 def draw_scene(study: ScenesStudy, number: int) -> Scene:
     """Draw a scene: the same for the same study and number."""
     rng = np.random.default_rng([study.seed, number])
+    study = study.of_one(rng)
     window = draw_window(study.window, rng)
     wall = draw_wall(study.eye, study.window, window, rng)
     picture = empty_picture(window)
@@ -462,4 +314,4 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     seen, judged = judged_columns(frame, surface_row, outer_row, inner_row)
     outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
     scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.refractive_index)
-    return Scene(frame, scale, outer_row, inner_row, judged)
+    return Scene(frame, scale, outer_row, inner_row, judged, picture.covered & ~judged)

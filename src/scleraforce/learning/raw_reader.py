@@ -264,8 +264,7 @@ def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_al
     """Return the mean loss of a batch."""
     frames, given, boundaries = (tensor(each) for each in (batch.frames, batch.given, batch.boundary_rows))
     mixtures, places, row_logits, wall_logits = network(frames, given)
-    judged = torch.ones_like(wall_logits, dtype=torch.bool)
-    loss = finder_loss(row_logits, wall_logits, boundaries, judged, study.raw_reader.target_rows)
+    loss = finder_loss(row_logits, wall_logits, boundaries, torch.ones_like(wall_logits), study.raw_reader.target_rows)
     if wall_alone:
         return loss
     force, place_mm = targets(batch.force_n, batch.modulus_pa, batch.lateral_m, study.reader)

@@ -17,7 +17,15 @@ from scleraforce.laboratory.scenes import Scene, draw_scene
 from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.reader.metrics import dice
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
+from scleraforce.segmentation.wall_finder import (
+    BEYOND_SHARE,
+    FINDER_FRAMES,
+    FINDER_ROWS,
+    FINDER_WALL,
+    SeenWall,
+    WallFinder,
+    rows_about,
+)
 from scleraforce.study import ScenesStudy, WallFinderStudy
 
 Float = NDArray[np.float32]
@@ -26,6 +34,8 @@ INPUTS_OF_PIXEL = 3  # level, its root, and the row
 BOUNDARIES = 2  # upper and lower
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
 RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
+SECOND_LOOKS, LOOK = 0.35, 1  # of the scenes; part of the seed of its random numbers
+COVERED_WEIGHT = 0.4  # of a column whose wall a lid hides; a judged one has 1
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 
 
@@ -101,27 +111,43 @@ def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> b
 class SceneBatch:
     """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall.
 
-    `judged` (n, column / 2): False for an invisible wall.
+    `weight` float32 (n, column / 2): of a column's having wall; 0 for an invisible one that no lid covers.
     """
 
     frames: Float
     boundaries: Float
-    judged: Flags
+    weight: Float
 
 
 def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
     """Draw a batch, the same for the same studies and number; `first` is the number of the first scene of batch 0."""
     count = study.batch_size
-    drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
-    frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
+    numbers = [first + number * count + n for n in range(count)]
+    drawn = [draw_scene(scenes, n) for n in numbers]
+    rngs = (np.random.default_rng([scenes.seed, n, LOOK]) for n in numbers)
+    shown = [_shown_rows(scene, rng) for scene, rng in zip(drawn, rngs, strict=True)]
+    frames = np.stack(
+        [reduced_frame(s.frame[slice(*rows)], study.rows, study.columns) for s, rows in zip(drawn, shown, strict=True)]
+    )
     at = [np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp) for scene in drawn]
     boundaries = []
-    for scene, own in zip(drawn, at, strict=True):  # in rows of the reduced frame, kept inside of it
+    for scene, own, (top, bottom) in zip(drawn, at, shown, strict=True):  # in rows of the reduced frame, kept inside
         truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
-        reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
+        reduced = (truth - top + 0.5) * study.rows / (bottom - top) - 0.5
         boundaries.append(np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32))
-    judged = np.stack([scene.judged[own] for scene, own in zip(drawn, at, strict=True)])
-    return SceneBatch(frames, np.stack(boundaries), judged)
+    weights = [
+        scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
+        for scene, own in zip(drawn, at, strict=True)
+    ]
+    return SceneBatch(frames, np.stack(boundaries), np.stack(weights))
+
+
+def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
+    """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
+    there, rows = np.isfinite(scene.outer_row), len(scene.frame)
+    share, chosen = BEYOND_SHARE * rng.uniform(0.5, 2.0), rng.random() < SECOND_LOOKS
+    close = rows_about(scene.outer_row[there], scene.inner_row[there], rows, share) if chosen and there.any() else None
+    return close or (0, rows)
 
 
 def fit_wall_finder(
@@ -147,28 +173,28 @@ def fit_wall_finder(
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
     """Return the mean loss of a batch, a random half of its scenes mirrored."""
-    drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.judged))
+    drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.weight))
     turned = torch.rand(len(batch.frames)) < 0.5
     for each in drawn:
         each[turned] = each[turned].flip(-1)
-    frames, boundaries, judged = drawn
+    frames, boundaries, weight = drawn
     row_logits, wall_logits = network(frames)
-    return finder_loss(row_logits, wall_logits, boundaries, judged, study.target_rows)
+    return finder_loss(row_logits, wall_logits, boundaries, weight, study.target_rows)
 
 
 def finder_loss(
     row_logits: torch.Tensor,
     wall_logits: torch.Tensor,
     boundaries: torch.Tensor,
-    judged: torch.Tensor,
+    weight: torch.Tensor,
     target_rows: float,
 ) -> torch.Tensor:
-    """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall (n, column) where judged.
+    """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall, weighted (n, column).
 
     `boundaries` are the true rows (n, 2, column), NaN without wall, blurred by a standard deviation of `target_rows`.
     """
     there = torch.isfinite(boundaries).all(dim=1)
-    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), judged.float())
+    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), weight)
     if not there.any():
         return WALL_WEIGHT * wall
     of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)

@@ -22,6 +22,9 @@ SAME_INDEX = 1e-3  # of refractive indices
 MODULUS, PRESSURE, WALL, GAP = EYE = "Young's modulus", "IOP", "wall thickness", "gap between B-scan and needle axis"
 
 
+COARSEST_M = 30e-6  # of a pixel that forces are read from: walls are found in coarser ones
+
+
 @dataclass(frozen=True)
 class _Compared:
     """A value (None: unknown) and the range that a model was trained on, SI, with the unit that both are printed in."""
@@ -151,7 +154,8 @@ def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compa
 def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
     """Return the scale, compared with that of the scenes that the wall finder was trained on."""
     pixel_m = scan.depth_m / scan.rows if scan else None
-    return _Compared("depth of a pixel", pixel_m, study.scenes.window.pixel_m, "um", "µm")
+    drawn = study.scenes.window.pixel_m.bounds
+    return _Compared("depth of a pixel", pixel_m, Range(min=drawn[0], max=min(drawn[1], COARSEST_M)), "um", "µm")
 
 
 def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tuple[str, ...]:

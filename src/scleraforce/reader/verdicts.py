@@ -236,11 +236,14 @@ def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) ->
     return bool(both.mean() >= CALIBRATED_SHARE)
 
 
-WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this, or of the class
+WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this
 
 
 def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> Answer:
-    """Return the answer that one method gives; `leaves`: the dent leaves the window."""
+    """Return the answer that one method gives; `leaves`: the dent leaves the window.
+
+    Then the interval has to be narrow, or within one class by a fit: a network alone has met few such dents.
+    """
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
         return unusable(classes, f"the reading of the {name} is not a number")
@@ -248,7 +251,7 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     if reason:
         return unusable(classes, reason)
     one_class = study.classes.classify(reading.interval_n[0]) == study.classes.classify(reading.interval_n[1])
-    if leaves and not (one_class or reading.width_n < WIDEST_N):
+    if leaves and not ((name == "fit" and one_class) or reading.width_n < WIDEST_N):
         return unusable(
             classes,
             "the dent leaves the window of the slice, and its flanks leave the force uncertain by "

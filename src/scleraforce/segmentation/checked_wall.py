@@ -12,6 +12,7 @@ All comparisons are made at the columns that the network answers for, in rows of
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ from scleraforce.segmentation.boundaries import edge_near, thickness_below
 from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
 from scleraforce.segmentation.inner import CELL_M, CELLS, stretch
-from scleraforce.segmentation.loops import at_every_column, bridge
+from scleraforce.segmentation.loops import at_every_column, best_path, bridge
 from scleraforce.segmentation.tables import continuation, fine_columns, grouped, grouping, nearest_point
 from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
@@ -36,6 +37,7 @@ SHOWN_SDS, SHOWN_SHARE = 3.0, 0.5  # the end is seen where jumps lie so near the
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
 UNROLLED_M = (0.3e-3, 1.1e-3)  # median thickness that fits into the unrolled wall; others are looked at scaled
 SAME_SDS = 2.0  # largest distance of one boundary by both methods: the network's standard deviations or rows
+LAYER_M = 0.35e-3  # thickness of the choroid, at most
 SAME_SHARE = 0.8  # ... in this share of the columns that both see, and these of the columns that either sees
 SDS, OTHER_ROWS = 4.0, 2.0  # largest difference in standard deviations; the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
@@ -45,6 +47,9 @@ UNSURE_THICKNESS, UNSURE_SHARE = 0.25, 0.5  # the wall's end is unsure by so muc
 CONFIRMED_THICKNESS = 0.1  # ... unless the other method sees it this near, in thicknesses, or within a network's row
 SIDE_SHARE, LEAST_SIDE_ROWS = 0.1, 3.0  # of the thickness are looked at above and below a boundary
 SAMPLES = 8  # rows that are looked at on a side
+SHARP_M, LEAST_SHARP_ROWS = 70e-6, 3  # above and below the inner boundary: where its edge is looked for again
+SHARP_WIDTH_M, STEP_ROWS = 0.25e-3, 2  # of averaged columns; of a step between two halves of such a width, at most
+GRAINS = 1.5  # independent pixels in a row of that width: more are not counted
 
 
 def checked_by(
@@ -66,12 +71,14 @@ def checked_by(
     reason = found.reason or (doubt(found, seen) and doubt(first, seen))
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
-        if ways_agree(found, seen):
-            shown = joined_walls(frame, found, shown, seen.step_rows)
+        if ways_agree(found, seen, LAYER_M * scale.refractive_index / scale.depth_m):
+            apart = np.maximum(SDS * _inner_sd(seen), seen.step_rows)
+            shown = joined_walls(frame, found, shown, np.interp(np.arange(frame.shape[1]), seen.column, apart))
         if not reason:
             _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
-    return replace(found, usable=not reason, reason=reason, methods=methods)
+    inner_row = sharpened(frame, found.inner_row, scale) if found.inner_found else found.inner_row
+    return replace(found, inner_row=inner_row, usable=not reason, reason=reason, methods=methods)
 
 
 def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
@@ -84,14 +91,19 @@ def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
         boundary[gaps] = np.nan
 
 
-def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
-    """Return whether a wall is the one that the network sees, as far as that can tell."""
+def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
+    """Return whether a wall is the one that the network sees, as far as that can tell.
+
+    A network that may have taken the layer below for wall, of `layer_rows` at most, is as unsure as for a doubt.
+    """
     if not other.inner_found:
         return False
     both, either = _columns(other, seen)
     at = seen.frame_column
     outer = np.abs(seen.outer_row - other.outer_row[at]) <= SAME_SDS * np.maximum(seen.outer_sd, seen.step_rows)
     inner = np.abs(seen.inner_row - other.inner_row[at]) <= SAME_SDS * np.maximum(seen.inner_sd, seen.step_rows)
+    thicker = seen.inner_row - other.inner_row[at]
+    inner |= (thicker > 0.0) & (thicker < layer_rows) & (thicker <= SDS * _inner_sd(seen))
     last = other.rows - 1.0 - seen.step_rows  # of two boundaries below the frame nobody sees which is lower
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
     seen_by_both, same = int(np.count_nonzero(both)), int(np.count_nonzero(both & outer & inner))
@@ -142,9 +154,15 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
     above = np.abs(seen.outer_row - other.outer_row[at])
     yield _distance("surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both)
     if other.inner_found:
-        sd = np.maximum(np.hypot(seen.inner_sd, OTHER_INNER_SHARE * thickness), OTHER_ROWS)
-        differs = (off > SDS * sd) & (other.inner_row[at] < other.rows)
+        differs = (off > SDS * _inner_sd(seen)) & (other.inner_row[at] < other.rows)
         yield _distance("inner boundary", off, differs, both)
+
+
+def _inner_sd(seen: SeenWall) -> Curve:
+    """Return the standard deviation of the distance between both inner boundaries, rows."""
+    other = OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row)
+    sd: Curve = np.maximum(np.hypot(seen.inner_sd, other), OTHER_ROWS)
+    return sd
 
 
 def _distance(name: str, off: Curve, differs: Mask, both: Mask) -> tuple[float, str]:
@@ -264,11 +282,40 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
-def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: float) -> Segmentation:
+def sharpened(frame: Pixels, inner_row: Curve, scale: PixelScale) -> Curve:
+    """Return an inner boundary at the edge in the full frame near it, (column,).
+
+    The edge parts the rows about the boundary so that both parts spread least; it stays near where it was by a normal
+    distribution of a third of the rows that are looked at. Thickness changes too fast beside a needle for the wide
+    means of the first search.
+    """
+    seen = np.flatnonzero(np.isfinite(inner_row))
+    reach = max(LEAST_SHARP_ROWS, round(SHARP_M * scale.refractive_index / scale.depth_m))
+    width = max(2, round(SHARP_WIDTH_M / scale.lateral_m))
+    points = seen[:: width // 2]
+    row = (inner_row[seen] + np.arange(-reach, reach + 1)[:, None]).astype(np.float32)
+    column = np.broadcast_to(seen.astype(np.float32), row.shape).copy()
+    sampled = cv2.remap(frame, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+    light = cv2.blur(sampled, (width, 1))[:, :: width // 2]
+    number, above, rows = len(light), np.cumsum(light, axis=0), np.arange(1, len(light))[:, None]
+    fall = np.maximum(above[:-1] / rows - (above[-1] - above[:-1]) / (number - rows), 0.0)
+    parted = np.square(fall) * rows * (number - rows) / number
+    spread = (np.square(light).sum(axis=0) - np.square(above[-1]) / number - parted.max(axis=0)) / number
+    edge = np.arange(-reach, reach) + 0.5
+    score = parted * (GRAINS / width / np.maximum(spread, 0.25 * np.median(spread) + 1e-6))
+    score -= np.square(edge / reach)[:, None] * 4.0
+    path = best_path(np.ascontiguousarray(score.T, dtype=np.float32), STEP_ROWS)
+    sharp = inner_row.copy()
+    moved = cv2.blur(edge[path][None], (3, 1), borderType=cv2.BORDER_REPLICATE)[0]
+    sharp[seen] += np.interp(seen, points, moved)
+    return sharp
+
+
+def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Curve) -> Segmentation:
     """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
 
-    The inner boundaries have to part by more than `apart_rows`. Columns that only the other wall has are taken from it,
-    except where a needle hides them.
+    The inner boundaries have to part by more than `apart_rows` (column,). Columns that only the other wall has are
+    taken from it, except where a needle hides them.
     """
     seen, added = np.isfinite(finer.outer_row), np.isfinite(other.outer_row)
     both, only = seen & added, added & ~seen
@@ -276,7 +323,7 @@ def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_
         only[slice(*finer.needle.hidden)] = False
     outer, inner = np.where(only, other.outer_row, finer.outer_row), np.where(only, other.inner_row, finer.inner_row)
     parted = both.copy()
-    parted[both] = np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows
+    parted[both] = np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows[both]
     at = np.flatnonzero(parted)
     if len(at):
         stretch = np.cumsum(np.diff(at, prepend=at[0]) > 1)

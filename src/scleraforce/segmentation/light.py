@@ -31,11 +31,28 @@ from scleraforce.segmentation.needle import STANDS_OUT
 
 Lit = tuple[int, int, int, int, Flags, float]
 
+PAGE_SPREAD = 0.008  # of the largest count: how much the grey of margins differs; 2 of 255
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
 _STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)
+
+
+def without_page(frame: Pixels) -> Pixels:
+    """Return a frame with a page's margins black: edges of one grey, brighter than most pixels; itself without any."""
+    corners = [int(frame[row, column]) for row, column in ((0, 0), (0, -1), (-1, -1), (-1, 0))]
+    least = PAGE_SPREAD * max(corners)
+    if all(abs(one - other) > least or not one for one, other in zip(corners, corners[1:] + corners[:1], strict=True)):
+        return frame
+    least, dark, shown = PAGE_SPREAD * int(frame.max()), float(np.median(frame)), frame.copy()
+    for flip in (slice(None), slice(None, None, -1)):
+        for lines, to in ((frame[flip], shown[flip]), (frame.T[flip], shown.T[flip])):
+            grey = int(lines[0, 0])
+            alike = np.abs(lines.astype(np.intp) - grey).max(axis=1) <= least
+            if grey - dark > least and not alike.all():
+                to[: int(alike.argmin())] = 0
+    return shown
 
 
 def as_logarithmic(frame: Pixels) -> Pixels:

@@ -16,7 +16,7 @@ from scleraforce.segmentation.boundaries import look
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import LEAST_COVER, Segmentation, blank_fault, surface_fault, without_wall
 from scleraforce.segmentation.grid import LEAST_SHAPE, Grid, counts_of, grid_size, imaged_part
-from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit
+from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit, without_page
 from scleraforce.segmentation.needle import find_needle
 from scleraforce.segmentation.tables import FINE_COLUMNS, Workplace, fine_columns, workplace_for
 
@@ -46,6 +46,7 @@ def find_wall(
         raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
     if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
         raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
+    frame = without_page(frame)
     counts = counts_of(frame)
     lit = find_lit(counts)
     if lit[-1] > NOT_LOGARITHMIC:

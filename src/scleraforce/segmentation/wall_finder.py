@@ -1,8 +1,9 @@
 """The wall as a network sees it that learned from drawn scenes: both boundaries with their uncertainty, or none.
 
-It looks at the reduced frame, without its scale. Its answers are distributions over rows. The upper boundary is the
-path of the likeliest rows, the lower one that of the likeliest thicknesses below it, whose changes cost; both are moved
-to the mean of the rows near them, and their uncertainty is the spread of all rows.
+It looks at the reduced frame, without its scale, and a second time at the rows about the wall, which then are larger.
+Its answers are distributions over rows. The upper boundary is the path of the likeliest rows, the lower one that of the
+likeliest thicknesses below it, whose changes cost; both are moved to the mean of the rows near them, and their
+uncertainty is the spread of all rows.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from scleraforce.models import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.grid import LEAST_SHAPE, Float
 from scleraforce.segmentation.loops import best_path
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.study import WallFinderStudy
@@ -28,12 +29,15 @@ REACH_ROWS = 16  # largest step of a boundary between answers, in rows of the re
 THICKNESS_COST = 0.6  # of a row's change of thickness between answers, in logarithms of probability
 THIN_BONUS = 0.05  # in the same: what makes the path unique where nothing is seen
 NEAR_ROWS = 3  # of the likeliest row: these are averaged
+SPIKE = 5  # neighbouring answers of a boundary that a median is taken of
 MEANS = 2  # times, about the mean before: the path may lie beside the likeliest row
 LEAST_PROBABILITY = 1e-6  # of a row: no path is ruled out by less
 LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
 LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced frame
 EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
 SURE_WALL = 0.5  # probability from which on a column has wall
+FILLED_SHARE, BEYOND_SHARE = 0.85, 0.15  # of the rows: no second look; of the wall's rows, shown beyond it
+SAME_COLUMNS_SHARE, MOVED_THICKNESS = 0.8, 0.3  # of a wall that a second look may correct
 
 
 @dataclass(frozen=True)
@@ -82,25 +86,58 @@ class WallFinder:
         Raises:
             ModelError: the network cannot be run, or its answers are not finite.
         """
+        first = self._look(frame, 0, len(frame))
+        if not first.there.any():
+            return first
+        rows = rows_about(first.outer_row[first.there], first.inner_row[first.there], len(frame))
+        second = first if rows is None else self._look(frame, *rows)
+        return second if _confirms(first, second) else first
+
+    def _look(self, frame: Pixels, top: int, bottom: int) -> SeenWall:
+        """Return the wall that the network sees between two rows of a frame."""
         rows, columns = self._study.rows, self._study.columns
-        small = reduced_frame(frame, rows, columns)[None]
+        small = reduced_frame(frame[top:bottom], rows, columns)[None]
         probability, wall = run_network(self.session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}, self._place)
         there = wall[0] >= SURE_WALL
         paths = _paths(probability[0], wall[0])
         (outer, outer_sd), (inner, inner_sd) = (
             _moved(of, path) for of, path in zip(probability[0], paths, strict=True)
         )
-        outer, inner = np.where(outer < EDGE_ROWS, -1.0, outer), np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
-        stretch = frame.shape[0] / rows
+        outer, inner = _without_spikes(outer, there), _without_spikes(inner, there)
+        if top == 0:
+            outer = np.where(outer < EDGE_ROWS, -1.0, outer)
+        if bottom == len(frame):
+            inner = np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
+        stretch = (bottom - top) / rows
         return SeenWall(
             reduced_columns(frame.shape[1], columns // 2),
-            (outer + 0.5) * stretch - 0.5,
-            (inner + 0.5) * stretch - 0.5,
+            top + (outer + 0.5) * stretch - 0.5,
+            top + (inner + 0.5) * stretch - 0.5,
             outer_sd * stretch,
             inner_sd * stretch,
             there & (inner - outer > LEAST_THICKNESS_ROWS),
             stretch,
         )
+
+
+def rows_about(outer_row: Curve, inner_row: Curve, rows: int, share: float = BEYOND_SHARE) -> tuple[int, int] | None:
+    """Return the rows about a wall (column,) that a second look shows larger, from and to; None: it fills the frame.
+
+    `share` of the wall's rows are shown beyond it.
+    """
+    first, last = max(float(outer_row.min()), 0.0), min(float(inner_row.max()), rows - 1.0)
+    beyond = share * (last - first)
+    top, bottom = max(int(first - beyond), 0), min(int(last + beyond) + 2, rows)
+    return (top, bottom) if LEAST_SHAPE <= bottom - top < FILLED_SHARE * rows else None
+
+
+def _confirms(first: SeenWall, second: SeenWall) -> bool:
+    """Return whether a second look shows the wall of the first one, and no other."""
+    both, either = first.there & second.there, first.there | second.there
+    if np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either) or not both.any():
+        return False
+    off = np.abs(second.outer_row - first.outer_row)[both]
+    return bool(np.median(off) < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both]))
 
 
 def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -133,6 +170,15 @@ def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Cu
     first, second = row @ probability, np.square(row) @ probability  # moments of all rows
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
+
+
+def _without_spikes(row: Curve, there: NDArray[np.bool_]) -> Curve:
+    """Return the running median of a boundary where there is wall: nothing narrower than half of `SPIKE` stays."""
+    if not there.any():
+        return row
+    at = np.arange(len(row))
+    padded = np.pad(np.interp(at, at[there], row[there]), SPIKE // 2, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, SPIKE), axis=1)
 
 
 def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:

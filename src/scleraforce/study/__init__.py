@@ -14,17 +14,7 @@ from scleraforce.study.eye import (
     WaveStudy as WaveStudy,
 )
 from scleraforce.study.fields import Choice as Choice, Range as Range, Sampled as Sampled, draw as draw, fixed as fixed
-from scleraforce.study.imaging import (
-    OctStudy as OctStudy,
-    PhantomStudy as PhantomStudy,
-    SceneEyeStudy as SceneEyeStudy,
-    SceneOverStudy as SceneOverStudy,
-    SceneScannerStudy as SceneScannerStudy,
-    ScenesStudy as ScenesStudy,
-    SceneTissueStudy as SceneTissueStudy,
-    SceneWindowStudy as SceneWindowStudy,
-    SliceStudy as SliceStudy,
-)
+from scleraforce.study.imaging import OctStudy as OctStudy, PhantomStudy as PhantomStudy, SliceStudy as SliceStudy
 from scleraforce.study.networks import (
     NetworkStudy as NetworkStudy,
     RawReaderStudy as RawReaderStudy,
@@ -38,6 +28,14 @@ from scleraforce.study.records import (
     DatasetStudy as DatasetStudy,
     LibraryStudy as LibraryStudy,
     Study as Study,
+)
+from scleraforce.study.scenes import (
+    SceneEyeStudy as SceneEyeStudy,
+    SceneOverStudy as SceneOverStudy,
+    SceneScannerStudy as SceneScannerStudy,
+    ScenesStudy as ScenesStudy,
+    SceneTissueStudy as SceneTissueStudy,
+    SceneWindowStudy as SceneWindowStudy,
 )
 from scleraforce.study.toml import (
     PAPER_STUDY_TOML as PAPER_STUDY_TOML,

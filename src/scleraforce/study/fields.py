@@ -71,7 +71,7 @@ def draw(values: Sampled, rng: np.random.Generator) -> float:
 class Unit:
     """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words.
 
-    `listed`: a list of whole numbers, at least one.
+    `listed`: a list of whole numbers, at least one. `note`: what a study file says beside the key.
     """
 
     name: HumanUnit | None = None
@@ -80,6 +80,7 @@ class Unit:
     high: float | None = None
     words: tuple[str, ...] = ()
     listed: bool = False
+    note: str = field(default="", repr=False)
 
     def to_si(self, value: float) -> float:
         """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004 m."""
@@ -116,14 +117,16 @@ _ANGLES = {"deg": ("°", SI_PER_UNIT["deg"][1]), "rad": ("rad", 1.0)}
 _MERCURY = {"mmhg": ("mmHg", SI_PER_UNIT["mmhg"][1])}
 
 
-def quantity(default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None) -> Any:
+def quantity(
+    default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None, note: str = ""
+) -> Any:
     """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit.
 
-    A Choice or a tuple of integers, like (600, 600), declares a list of whole numbers.
+    `note` is for a study file. A Choice or a tuple of integers, like (600, 600), declares a list of whole numbers.
     """
     numbers = default.values if isinstance(default, Choice) else default
     listed = isinstance(numbers, tuple) and numbers != () and all(isinstance(each, int) for each in numbers)
-    spec = Unit(unit, low=low, high=high, listed=listed)
+    spec = Unit(unit, low=low, high=high, listed=listed, note=note)
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
 

@@ -36,16 +36,16 @@ class WallFinderStudy(Section):
     number of levels. No scene is used twice.
     """
 
-    rows: int = quantity(128, None, 16, 1024)
-    columns: int = quantity(176, None, 16, 1024)
-    channels: tuple[int, ...] = quantity((12, 20, 32, 48), None, 1, 512)
+    rows: int = quantity(192, None, 16, 1024)
+    columns: int = quantity(256, None, 16, 1024)
+    channels: tuple[int, ...] = quantity((12, 24, 40, 64, 88), None, 1, 512)
     target_rows: float = quantity(0.6, None, 0.05, 10.0)
     learning_rate: float = quantity(0.003, None, 1e-8, 10.0)
     warmup: float = quantity(0.05, None, 0.0, 0.9)
     weight_decay: float = quantity(1e-4, None, 0.0, 1.0)
     max_gradient_norm: float = quantity(5.0, None, 1e-6, 1e6)
     batch_size: int = quantity(8, None, 1, 10_000)
-    batches: int = quantity(2000, None, 1, 10_000_000)
+    batches: int = quantity(10_000, None, 1, 10_000_000)
     validation_scenes: int = quantity(400, None, 1, 1_000_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
 

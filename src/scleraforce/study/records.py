@@ -14,8 +14,9 @@ from scleraforce.study.eye import (
     TissueStudy,
 )
 from scleraforce.study.fields import Range, Sampled, Section, allowed, fixed, option, quantity
-from scleraforce.study.imaging import OctStudy, PhantomStudy, ScenesStudy, SliceStudy
+from scleraforce.study.imaging import OctStudy, PhantomStudy, SliceStudy
 from scleraforce.study.networks import NetworkStudy, RawReaderStudy, ReaderStudy, WallFinderStudy
+from scleraforce.study.scenes import ScenesStudy
 from scleraforce.units import to_si
 
 

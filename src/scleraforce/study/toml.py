@@ -15,6 +15,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import Choice, Range, field_key, field_unit, map_numbers
 from scleraforce.study.records import Study
+from scleraforce.study.scenes import ScenesStudy
 from scleraforce.whole_files import KINDS, read_text
 
 Record = TypeVar("Record")
@@ -29,16 +30,17 @@ PRESETS = ("ex-vivo", "living")
 PRESET_FILES = dict(zip(PRESETS, ("paper.toml", "living.toml"), strict=True))
 
 
+SCENES_TABLE = "[scenes]"  # in a preset: stands for all of its keys, which are explained in `scenes`
+
+
 def preset_toml(name: str) -> str:
     """Return the text of a preset.
 
     >>> parse_study(preset_toml("living")).eye.youngs_modulus_pa
     1800000.0
     """
-    return files("scleraforce.study").joinpath(PRESET_FILES[name]).read_text(encoding="utf-8")
-
-
-PAPER_STUDY_TOML = preset_toml(PRESETS[0])
+    text = files("scleraforce.study").joinpath(PRESET_FILES[name]).read_text(encoding="utf-8")
+    return text.replace(SCENES_TABLE, _format_section("scenes", ScenesStudy(), noted=True))
 
 
 def read_study(path: str | PathLike[str]) -> Study:
@@ -195,17 +197,18 @@ def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
     return min((lines[path, table] for table in (0, nth) if (path, table) in lines), default=1)
 
 
-def _format_section(name: str, record: Any) -> str:
+def _format_section(name: str, record: Any, noted: bool = False) -> str:
     lines, groups = [f"[{name}]"], []
     for item in fields(record):
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
             groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
         elif is_dataclass(value) and not isinstance(value, Choice | Range):
-            groups.append(_format_section(f"{name}.{item.name}", value))
+            groups.append(_format_section(f"{name}.{item.name}", value, noted))
         elif value is not None:
-            human = map_numbers(value, field_unit(item).from_si)
-            lines.append(f"{field_key(item)} = {_format_value(human)}")
+            unit = field_unit(item)
+            line = f"{field_key(item)} = {_format_value(map_numbers(value, unit.from_si))}"
+            lines.append(f"{line:<51} # {unit.note}" if noted and unit.note else line)
     return "\n".join(["\n".join(lines), *groups])
 
 
@@ -223,3 +226,6 @@ def _format_value(value: Any) -> str:
             return "[" + ", ".join(_format_value(entry) for entry in value) + "]"
         case _:
             return repr(value)
+
+
+PAPER_STUDY_TOML = preset_toml(PRESETS[0])
