@@ -159,7 +159,7 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
         plan = plan_phantom(drawn.eye, [share * force_n for force_n in forces_n], drawn.study, drawn.seed)
 
     sections_at = computed.sections_at
-    pairs = zip(plan.frames, plan_sections(plan, sections_at), strict=True)
+    pairs = zip(plan.frames, plan_sections(plan, sections_at)[0], strict=True)
     made = MadeEye(
         files=tuple(frame.file for frame in plan.frames),
         largest_n=computed.largest_n,

@@ -9,6 +9,7 @@ Floats = NDArray[np.float64]
 Reals = NDArray[np.floating[Any]]  # of any precision
 Integers = NDArray[np.int64]
 Places = NDArray[np.intp]
+Indices = NDArray[np.uintp]  # not negative: Numba need not ask
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.uint16]
 Bytes = NDArray[np.uint8]

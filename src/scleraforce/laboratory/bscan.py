@@ -15,7 +15,7 @@ from math import ceil, cos, pi, sin, sqrt, tan
 
 import numpy as np
 
-from scleraforce.arrays import Bytes, Counts, Flags, Floats, Places, Reals
+from scleraforce.arrays import Bytes, Counts, Flags, Floats, Reals
 from scleraforce.laboratory.light import (
     BscanOptics,
     Conjunctiva,
@@ -157,7 +157,10 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Float:
     curve (points, 2) that is open, with ends outside of the lines, bounds the region below it. Columns are evenly
     spaced; depths are sorted, and padded with inf.
     """
-    column, depth_m, turn = _curve_crossings(curve, columns_m)
+    place = (curve[:, 0] - columns_m[0]) / (columns_m[1] - columns_m[0])
+    segment, column, turn = columns_crossed(place, len(columns_m))  # turn: 1 to the right, -1 to the left
+    (x0, y0), (x1, y1) = curve[:-1][segment].T, curve[1:][segment].T
+    depth_m = y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0)
     order = np.lexsort((depth_m, column))
     column, depth_m, turn = column[order], depth_m[order], turn[order]
     first = np.searchsorted(column, column)
@@ -169,14 +172,6 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Float:
     crossings = np.full((rank.max(initial=-1) + 1, len(columns_m)), np.inf, dtype=np.float32)
     crossings[rank, column] = depth_m
     return crossings
-
-
-def _curve_crossings(curve: Floats, columns_m: Floats) -> tuple[Places, Floats, Places]:
-    """Return column, depth and sense (1: to the right, -1: to the left) of a polyline's crossings with columns."""
-    place = (curve[:, 0] - columns_m[0]) / (columns_m[1] - columns_m[0])
-    segment, column, sense = columns_crossed(place, len(columns_m))
-    (x0, y0), (x1, y1) = curve[:-1][segment].T, curve[1:][segment].T
-    return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), sense
 
 
 def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) -> _Tissue:

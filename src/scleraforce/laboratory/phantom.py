@@ -13,24 +13,14 @@ from zlib import crc32
 import cv2
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from scleraforce import __version__
+from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
-from scleraforce.laboratory import pushes
+from scleraforce.laboratory import pushes, virtual_eye
 from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Pose, Press, sample_conjunctiva, sample_needle, sample_optics
-from scleraforce.laboratory.virtual_eye import (
-    EyeTurn,
-    LeakingSections,
-    PhantomEye,
-    SectionsAt,
-    TurnedSections,
-    draw_turns,
-    farthest_turn_rad,
-    pressures_pa,
-    turned_plane,
-)
+from scleraforce.laboratory.virtual_eye import EyeTurn, LeakingSections, PhantomEye, SectionsAt, TurnedSections
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.form import thickness_factor
 from scleraforce.mechanics.relaxation import PronySeries
@@ -38,8 +28,6 @@ from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
-
-Times = NDArray[np.float64]
 
 OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE = range(10)  # the streams of a recording
 
@@ -58,7 +46,7 @@ def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptic
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
 
 
-def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
+def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> Floats:
     """Draw the changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
 
     Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
@@ -68,7 +56,7 @@ def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Ti
     knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
     before = (times_s / DRIFT_S).astype(np.intp)
     share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
-    changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
+    changing: Floats = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
     return changing
 
 
@@ -132,7 +120,7 @@ class PhantomPlan:
         """The elastic force at each frame's time, in N, whose dent the frame shows."""
         return self._at_frames(self.path.elastic_n)
 
-    def _at_frames(self, force_n: Callable[[Times], Times]) -> list[float]:
+    def _at_frames(self, force_n: Callable[[Floats], Floats]) -> list[float]:
         return [float(f"{one_n:.12g}") for one_n in force_n(np.array([frame.time_s for frame in self.frames]))]
 
     @property
@@ -143,7 +131,7 @@ class PhantomPlan:
             return self.tilt_rad or None, None
         return needle.from_normal
 
-    def normal_at(self, time_s: Times) -> Times:
+    def normal_at(self, time_s: Floats) -> Floats:
         """Return the part of the elastic force that the wall's mechanics take, in N, shape of `time_s`."""
         return (1.0 if self.tilt_rad else cos(self.lean[0] or 0.0)) * self.path.elastic_n(time_s)
 
@@ -170,10 +158,8 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     frames = []
     for index, push in enumerate(planned):
         rng = stream(eye, seed, FRAME, index)
-        of_frame = sample_optics(phantom, study.oct, rng)
-        optics = replace(
-            scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
-        )
+        own = sample_optics(phantom, study.oct, rng)
+        optics = replace(scanner, snr_db=own.snr_db, reflection_db=own.reflection_db, shadows=own.shadows)
         if optics.conjunctiva is not None:  # it has moved over the wall: its waves lie elsewhere
             phase_rad = float(stream(eye, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi))
             optics = replace(optics, conjunctiva=replace(optics.conjunctiva, phase_rad=phase_rad))
@@ -211,18 +197,13 @@ def plan_moving_phantom(
     times_s = [round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)]
     drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
-    frames = [
-        PhantomFrame(
-            f"{index + 1:0{digits}d}.png",
-            time_s,
-            Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad),
-            replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
-            stream_key(eye, seed, FRAME, index, 1),
-        )
-        for index, (time_s, (lateral_m, shift_m, snr_db, reflection_db)) in enumerate(
-            zip(times_s, drift.tolist(), strict=True)
-        )
-    ]
+    frames = []
+    for index, (time_s, changed) in enumerate(zip(times_s, drift.tolist(), strict=True)):
+        lateral_m, shift_m, snr_db, reflection_db = changed
+        pose = Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
+        optics = replace(scanner, snr_db=snr_db, reflection_db=reflection_db)
+        key = stream_key(eye, seed, FRAME, index, 1)
+        frames.append(PhantomFrame(f"{index + 1:0{digits}d}.png", time_s, pose, optics, key))
     return _with_turns(eye, frames, path, study, seed)
 
 
@@ -241,9 +222,9 @@ def _with_turns(
     eye: PhantomEye, frames: Sequence[PhantomFrame], path: pushes.NeedlePath, study: Study, seed: int
 ) -> PhantomPlan:
     """Return the plan of frames with a drawn sensor, and with the eye's turns unless it keeps still."""
-    if farthest_turn_rad(study.phantom) > 0.0:
+    if virtual_eye.farthest_turn_rad(study.phantom) > 0.0:
         times_s = np.array([frame.time_s for frame in frames])
-        turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
+        turns = virtual_eye.draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
         frames = [replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)]
     sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
     plan = PhantomPlan(eye, tuple(frames), path, sensor, seed, study.needle.tilt_rad)
@@ -267,19 +248,20 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
     return lateral_m, depth_m
 
 
-def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
-    """Return the section in each frame of a plan; raise a RecordingError if the eye turns and the sections cannot."""
+def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[Section], Sequence[float]]:
+    """Return the section in each frame of a plan, and the pressure, Pa.
+
+    Raises:
+        RecordingError: the eye turns and the sections cannot.
+    """
     if isinstance(sections_at, LeakingSections):
-        return _leaking(plan, sections_at)[0]
+        return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])
+    found_pa = virtual_eye.pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
     if not plan.turns:
-        return sections_at(plan.normal_n)
+        return sections_at(plan.normal_n), found_pa
     if not isinstance(sections_at, TurnedSections):
         raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections have one contact")
-    return sections_at.turned(plan.normal_n, plan.turns)
-
-
-def _leaking(plan: PhantomPlan, sections_at: LeakingSections) -> tuple[Sequence[Section], Sequence[float]]:
-    return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])
+    return sections_at.turned(plan.normal_n, plan.turns), found_pa
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -307,11 +289,7 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            if isinstance(sections_at, LeakingSections):
-                sections, found_pa = _leaking(plan, sections_at)
-            else:
-                found_pa = pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
-                sections = plan_sections(plan, sections_at)
+            sections, found_pa = plan_sections(plan, sections_at)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
             stop_s = plan.path.times_s[-1] + TAIL_S
             log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
@@ -388,7 +366,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
 
 def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
     """Return a turn of the eye and the needle's contact there."""
-    contact = turned_plane(eye.plane, turn).contact
+    contact = virtual_eye.turned_plane(eye.plane, turn).contact
     return {**asdict(turn), **asdict(contact), "thickness_at_contact_m": _thickness_at(eye, contact, study)}
 
 

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
-
-Samples = NDArray[np.float64]
 
 TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
@@ -54,11 +52,11 @@ class NeedlePath:
     forces_n: tuple[float, ...]
     relaxation: PronySeries = ELASTIC
 
-    def felt_n(self, time_s: Samples) -> Samples:
+    def felt_n(self, time_s: Floats) -> Floats:
         """Return the true contact force in N at each time, shape of `time_s`."""
         return np.maximum(self.relaxation.felt_along(self.times_s, self.forces_n, time_s), 0.0)
 
-    def elastic_n(self, time_s: Samples) -> Samples:
+    def elastic_n(self, time_s: Floats) -> Floats:
         """Return the elastic force in N, whose dent the wall shows, at each time; 0 where the needle has let go."""
         driven_n = np.interp(time_s, self.times_s, self.forces_n)
         return np.where(self.felt_n(time_s) > 0.0, driven_n, 0.0)
@@ -139,7 +137,7 @@ def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSenso
 
 def sense(
     path: NeedlePath, sensor: ForceSensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator
-) -> Samples:
+) -> Floats:
     """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
 
     `axis` (0, 1 or 2) is the force axis along the needle, `sign` its sign in contact; the log runs from 0 to `stop_s`.
@@ -159,7 +157,7 @@ def sense(
     return log
 
 
-def format_log(log: Samples) -> str:
+def format_log(log: Floats) -> str:
     """Return forces.csv: 0.1 ms, 0.1 mN, 0.01 mN m."""
     line = f"%.{TIME_DIGITS}f,%.4f,%.4f,%.4f,%.5f,%.5f,%.5f"
     rounded = np.round(log, 5) + 0.0  # -0.0 becomes 0.0

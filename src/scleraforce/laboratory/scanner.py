@@ -10,25 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.laboratory import scanner_light
+from scleraforce.laboratory import scanner_display, scanner_light
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import BscanOptics, Drawn, Line, Shadow, sample_optics
-from scleraforce.laboratory.scanner_display import (
-    LOGARITHMIC,
-    ONE_LOOK_DB,
-    QUARTILES_DB,
-    Display,
-    DisplayKind,
-    Estimate,
-    ImagedEye,
-    Measured,
-    Unmeasured,
-    display_kind,
-    display_of_speckle,
-    find_lines,
-    fit_display,
-    spread_slope,
-)
+from scleraforce.laboratory.scanner_display import Display, DisplayKind, Estimate, ImagedEye, Measured, Unmeasured
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import Pixels
 from scleraforce.study import Choice, OctStudy, PhantomStudy, Range, ScenesStudy, Study, format_study
@@ -131,12 +116,12 @@ class MeasuredScanner:
         ends["gamma"] = tuple(np.clip((1.0 - off, 1.0 + off), *scenes.scanner.gamma.bounds))
         ends |= {"bits": (size.bits,) * 2, "saturated_fraction": (min(at_top) / 2, max(at_top) * 2)}
         tissue = {"snr_db": ends.pop("snr_db")}
-        if self.display is not LOGARITHMIC:
+        if self.display is not scanner_display.LOGARITHMIC:
             del ends["display_floor_db"]  # they begin at black
         given: dict[str, Any] = {"line_count": self.phantom().line_count} if "line_db" in ends else {}
         given |= {"averaged_share": 0.0, "axial_m": fixed(MOST_AXIAL_M)}
         given["band_share"] = float(ends.get("band_fraction", (0.0, 1.0))[1] > 0.0)
-        if isinstance(self.ranges["spread_slope"], MeasuredRange) or misfit_db < ONE_LOOK_DB:
+        if isinstance(self.ranges["spread_slope"], MeasuredRange) or misfit_db < scanner_display.ONE_LOOK_DB:
             given |= {f"{kind}_share": float(self.display.name == kind) for kind in ("linear", "root")}
         window = {key: (getattr(size, key),) * 2 for key in ("rows", "columns", "width_m")}
         window["depth_share"] = (size.depth_m / size.width_m,) * 2
@@ -155,8 +140,8 @@ class MeasuredScanner:
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     """Measure a scanner on frames of an eye at rest, at least one."""
     seen = list(eyes)
-    slopes = [spread_slope(eye) for eye in seen]
-    kind = display_kind(slopes, seen)
+    slopes = [scanner_display.spread_slope(eye) for eye in seen]
+    kind = scanner_display.display_kind(slopes, seen)
     measured = [_measure(eye, kind, slope) for eye, slope in zip(seen, slopes, strict=True)]
     strengths, angle = scanner_light.reflections([surface for _, surface in measured])
     frames = tuple(
@@ -182,11 +167,11 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
 
 def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, scanner_light.SurfaceLight]:
     """Measure one frame, except its reflection, which is fitted to all frames together."""
-    display = fit_display(eye, kind)
+    display = scanner_display.fit_display(eye, kind)
     tissue = scanner_light.light_in_wall(eye, display)
     spread, skew = _speckle_spread(tissue, display)
-    if kind is LOGARITHMIC and spread > AVERAGED:
-        display = display_of_speckle(eye, display, spread)
+    if kind is scanner_display.LOGARITHMIC and spread > AVERAGED:
+        display = scanner_display.display_of_speckle(eye, display, spread)
         tissue = scanner_light.light_in_wall(eye, display)
     axial, lateral = scanner_light.resolutions(eye, display, tissue)
     level, attenuation, thickness = scanner_light.layer_below(eye, display, tissue)
@@ -207,8 +192,8 @@ def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[Measur
         "speckle_skew": skew,
         "spread_slope": slope,
     }
-    frame = MeasuredFrame(eye, display, values, scanner_light.find_shadows(eye, tissue), find_lines(eye, display))
-    return frame, scanner_light.surface_light(eye, display, tissue, axial)
+    shadows, lines = scanner_light.find_shadows(eye, tissue), scanner_display.find_lines(eye, display)
+    return MeasuredFrame(eye, display, values, shadows, lines), scanner_light.surface_light(eye, display, tissue, axial)
 
 
 def _speckle_spread(tissue: scanner_light.WallLight, display: Display) -> tuple[float, Measured]:
@@ -222,7 +207,7 @@ def _speckle_spread(tissue: scanner_light.WallLight, display: Display) -> tuple[
         return 1.0, Unmeasured("too little of the wall lies within the display")
     first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
     skew = (first + last - 2.0 * middle) / (last - first)
-    return float((high - low) / QUARTILES_DB), Estimate(value=float(skew))
+    return float((high - low) / scanner_display.QUARTILES_DB), Estimate(value=float(skew))
 
 
 def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:

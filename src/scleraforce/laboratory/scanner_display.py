@@ -185,9 +185,8 @@ DISPLAY_KINDS: Mapping[str, DisplayKind] = {
         DisplayKind(name="linear", shown=np.copy, level_db=level_db),
     )
 }
-ONE_LOOK_DB = (
-    0.2  # misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more looks over 0.3
-)
+# Misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more looks over 0.3.
+ONE_LOOK_DB = 0.2
 MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
 
 

@@ -87,11 +87,8 @@ def _vessels(over: _Over) -> None:
     """Take light from columns below vessels, which lie in the upper part of the wall, and below air on it."""
     study, tissue, rng = over.study, over.tissue, over.rng
     for _ in range(int(draw(study.vessel_count, rng))):
-        shadow = Shadow(
-            centre_m=over.place(),
-            width_m=draw(study.vessel_m, rng),
-            loss_fraction=draw(study.vessel_loss_fraction, rng),
-        )
+        middle_m, width_m, loss = over.place(), draw(study.vessel_m, rng), draw(study.vessel_loss_fraction, rng)
+        shadow = Shadow(centre_m=middle_m, width_m=width_m, loss_fraction=loss)
         depth = rng.uniform(0.0, 0.6) * (tissue.inner - tissue.surface)
         passed = transmission([shadow], over.lateral_m).astype(np.float64)
         over.picture.shade(tissue.surface + np.nan_to_num(depth), passed)
@@ -117,9 +114,8 @@ def _contact_lens(over: _Over) -> None:
     off = (over.lateral_m - middle_m) / reach_m
     tapered = np.sqrt(np.clip(1.0 - off**2, 0.0, None))
     back_m = _smooth_surface(over) - draw(study.lens_gap_m, rng) * tapered
-    back_m = np.where(
-        np.abs(off) < 1.0, np.minimum(back_m, np.where(np.isfinite(over.surface_m), over.surface_m, np.inf)), np.nan
-    )
+    deepest_m = np.where(np.isfinite(over.surface_m), over.surface_m, np.inf)
+    back_m = np.where(np.abs(off) < 1.0, np.minimum(back_m, deepest_m), np.nan)
     front_m = back_m - draw(study.lens_m, rng) * np.minimum(2.0 * tapered, 1.0)
     bright_db = draw(study.lens_db, rng) - 12.0 * np.clip(np.abs(over.tissue.rays.slope_rad), 0.0, 1.0)
     if rng.random() < HAZY_SHARE:

@@ -43,10 +43,6 @@ class Rays:
         """Return the row, (column,), at which a curve (point, 2), m, is seen."""
         return self.row(heights(points, self.window))
 
-    def seen_at(self, values: Floats, depth_m: Floats | float) -> Floats:
-        """Return values at `window.grid_m` where the rays are at a depth below the surface, (column,)."""
-        return np.interp(self.window.lateral_m + self.sideways * depth_m, self.window.grid_m, values)
-
 
 def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Rays:
     """Return the rays below a surface; an index of 1 leaves them straight: the scanner has corrected its picture.
@@ -189,7 +185,8 @@ class _Drawing:
         window = self.rays.window
         arc_m = np.interp(window.grid_m, np.maximum.accumulate(self.wall.outer[:, 0]), self.wall.arc_m)
         depth_m = np.nan_to_num(share * (self.inner - self.outer)) * window.pixel_m / self.rays.stretch
-        return self.wall.limbus.cornea(self.rays.seen_at(arc_m, depth_m), share)
+        lateral_m = window.lateral_m + self.rays.sideways * depth_m  # of the rays there
+        return self.wall.limbus.cornea(np.interp(lateral_m, window.grid_m, arc_m), share)
 
 
 def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng: np.random.Generator) -> Tissue:
@@ -203,8 +200,11 @@ def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng:
     drawing = _Drawing(study, wall, picture, rays, outer, inner, snr_db, rng)
     _fill_inside(drawing)
     _fill_wall(drawing)
-    if over_m.any():
-        _fill_conjunctiva(drawing, surface)
+    if over_m.any():  # with Tenon's layer as its lower part
+        middle = outer - draw(study.tenon_share, rng) * (outer - surface)
+        attenuation = draw(study.attenuation_per_m, rng)
+        drawing.fill(surface, middle, drawing.light(draw(study.conjunctiva_db, rng)), attenuation)
+        drawing.fill(middle, outer, drawing.light(draw(study.tenon_db, rng)), attenuation)
     _roughen(drawing, surface)
     facing = drawing.facing()
     picture.ridges.append(Ridge(surface, drawing.light(draw(study.reflection_db, rng)) * facing, RIDGE_ROWS))
@@ -406,15 +406,6 @@ def _scar(drawing: _Drawing) -> None:
     picture.brighten(outer, inner, gain)
     loss = draw(study.scar_loss_fraction, rng) * np.exp(-(across**2))
     picture.shade(middle, np.where(np.isfinite(middle), 1.0 - loss, 1.0))
-
-
-def _fill_conjunctiva(drawing: _Drawing, surface: Floats) -> None:
-    """Fill the conjunctiva, with Tenon's layer as its lower part."""
-    study, rng, outer = drawing.study, drawing.rng, drawing.outer
-    middle = outer - draw(study.tenon_share, rng) * (outer - surface)
-    attenuation = draw(study.attenuation_per_m, rng)
-    drawing.fill(surface, middle, drawing.light(draw(study.conjunctiva_db, rng)), attenuation)
-    drawing.fill(middle, outer, drawing.light(draw(study.tenon_db, rng)), attenuation)
 
 
 GRAIN_M = 0.15e-3  # of an iris

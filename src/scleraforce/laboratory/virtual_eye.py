@@ -84,12 +84,8 @@ class TurnedSections:
     def turned(self, forces_n: Sequence[float], turns: Sequence[EyeTurn]) -> Sequence[Section]:
         """Return the sections at each force and turn."""
         at_knots = [knot(forces_n) for knot in self.knots]
-        blended = []
-        for turn, *sections in zip(turns, *at_knots, strict=True):
-            weights = knot_weights(turn, self.reach_rad)
-            curves = ([section.outer for section in sections], [section.inner for section in sections])
-            blended.append(Section(*(_blend_curves(each, weights) for each in curves)))
-        return blended
+        each = zip(turns, *at_knots, strict=True)
+        return [_blended(sections, knot_weights(turn, self.reach_rad)) for turn, *sections in each]
 
 
 def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
@@ -103,15 +99,17 @@ def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     return np.array([1.0 - x - y, x, y])
 
 
-def _blend_curves(curves: Sequence[Floats], weights: Floats) -> Floats:
-    """Return the weighted sum of curves, point by point along them, as far as all of them reach."""
-    along = [_from_needle_m(curve) for curve in curves]
-    first_m, last_m = max(distance[0] for distance in along), min(distance[-1] for distance in along)
-    shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
-    blended = np.zeros((len(shared_m), 2))
-    for weight, distance, curve in zip(weights, along, curves, strict=True):
-        blended += weight * np.stack([np.interp(shared_m, distance, axis) for axis in curve.T], axis=1)
-    return blended
+def _blended(sections: Sequence[Section], weights: Floats) -> Section:
+    """Return the weighted sum of sections, point by point along their curves, as far as all of them reach."""
+    blended = []
+    for curves in zip(*((section.outer, section.inner) for section in sections), strict=True):
+        along = [_from_needle_m(curve) for curve in curves]
+        first_m, last_m = max(distance[0] for distance in along), min(distance[-1] for distance in along)
+        shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
+        blended.append(np.zeros((len(shared_m), 2)))
+        for weight, distance, curve in zip(weights, along, curves, strict=True):
+            blended[-1] += weight * np.stack([np.interp(shared_m, distance, axis) for axis in curve.T], axis=1)
+    return Section(*blended)
 
 
 def _from_needle_m(curve: Floats) -> Floats:
@@ -268,11 +266,10 @@ class LeakingSections(BentSections):
             return float(weights(leaked_m3) @ [np.interp(at_n, grid_n, grid_pa) for grid_pa in grids_pa])
 
         left_m3 = np.interp(times_s, clock_s, leaked(pressed)).tolist()
-        blended = []
-        for left, *sections in zip(left_m3, *(knot(at_n) for knot in knots), strict=True):
-            curves = ([section.outer for section in sections], [section.inner for section in sections])
-            blended.append(Section(*(_blend_curves(each, weights(left)) for each in curves)))
-        return blended, [pressed(force, left) for force, left in zip(at_n, left_m3, strict=True)]
+        each = zip(left_m3, *(knot(at_n) for knot in knots), strict=True)
+        return [_blended(sections, weights(left)) for left, *sections in each], [
+            pressed(force, left) for force, left in zip(at_n, left_m3, strict=True)
+        ]
 
 
 def pressures_pa(

@@ -56,7 +56,10 @@ def look(
     begin, flooded = brighter_columns(cells, tables.top_rows), saturated > SATURATED_SHARE * some
     if brightest > 0 and (len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest):
         return cells, floor, flooded, begin, -1, np.nan, np.nan, np.nan
-    row, contrast, noise = _find_surface(frame, first, cells, floor, behind, tables)
+    tissue = opened_pairs(cells, floor, tables.pairs, tables.line_rows)
+    path = coarse_rows(surface_score(tissue, tables.judged_rows, tables.downwards), tables.reach)
+    start = start_rows(path, tables.step_rows, tables.place, tables.weight, frame.shape[0])
+    row, contrast, noise = _fit_strip(frame, first, start, behind, tables)
     present = show_points(row, contrast, missing, tables.column, frame.shape[0] - BOTTOM_ROWS, tables.widest_gap)
     shown, seen = present.copy(), 0
     for at in range(len(row)):
@@ -73,21 +76,10 @@ def look(
 
 
 @compiled
-def _find_surface(
-    frame: Counts, first: int, cells: Counts, floor: int, behind: tuple[int, int], tables: Tables
-) -> tuple[Float, Float, float]:
-    """Return the surface's rows and contrast at each point, and the noise of a pixel."""
-    tissue = opened_pairs(cells, floor, tables.pairs, tables.line_rows)
-    path = coarse_rows(surface_score(tissue, tables.judged_rows, tables.downwards), tables.reach)
-    start = start_rows(path, tables.step_rows, tables.place, tables.weight, frame.shape[0])
-    return _fit_strip(frame, first, start, behind, tables)
-
-
-@compiled
 def _fit_strip(
     frame: Counts, first: int, start: Float, behind: tuple[int, int], tables: Tables
 ) -> tuple[Float, Float, float]:
-    """Move a surface from the rows where it starts to the edge of the full frame; see `_find_surface`."""
+    """Move a surface from its start to the edge of the full frame; return rows, contrast and the noise of a pixel."""
     raw, noise = sample_strip(frame, first, tables.columns, tables.across, start, tables.strip_half)
     row, contrast = fit_edges(raw, tables.strip_line, start)
     if behind[0] == behind[1]:

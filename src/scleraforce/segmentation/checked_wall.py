@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import edge_near, thickness_below
 from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
@@ -25,9 +25,6 @@ from scleraforce.segmentation.loops import at_every_column, best_path, bridge
 from scleraforce.segmentation.tables import continuation, fine_columns, grouped, grouping, nearest_point
 from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
-
-Curve = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
 NEAR_STEPS = 1.0  # rows of the reduced frame from the network's boundary to the wall's edge, at most
@@ -158,20 +155,20 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
         yield _distance("inner boundary", off, differs, both)
 
 
-def _inner_sd(seen: SeenWall) -> Curve:
+def _inner_sd(seen: SeenWall) -> Floats:
     """Return the standard deviation of the distance between both inner boundaries, rows."""
     other = OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row)
-    sd: Curve = np.maximum(np.hypot(seen.inner_sd, other), OTHER_ROWS)
+    sd: Floats = np.maximum(np.hypot(seen.inner_sd, other), OTHER_ROWS)
     return sd
 
 
-def _distance(name: str, off: Curve, differs: Mask, both: Mask) -> tuple[float, str]:
+def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> tuple[float, str]:
     differs = differs & both
     share, rows = _share(differs, both), off[differs].max(initial=0.0)
     return share / DIFFERING_SHARE, _sentence(f"its {name} lies up to {rows:.0f} rows apart", share)
 
 
-def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
+def _columns(other: Segmentation, seen: SeenWall) -> tuple[Flags, Flags]:
     """Return in which of the network's columns both methods see wall, and in which either does.
 
     What a needle hides counts for neither: the other wall has no boundaries there, the network may guess them.
@@ -184,7 +181,7 @@ def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
     return seen.there & there, either
 
 
-def _share(where: Mask, among: Mask) -> float:
+def _share(where: Flags, among: Flags) -> float:
     return int(np.count_nonzero(where)) / max(int(np.count_nonzero(among)), 1)
 
 
@@ -202,8 +199,8 @@ class _Start:
     outer: Float
     inner: Float
     inner_sd: Float
-    there: NDArray[np.bool_]
-    ended: NDArray[np.bool_]
+    there: Flags
+    ended: Flags
     step_rows: float
 
 
@@ -282,7 +279,7 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
-def sharpened(frame: Pixels, inner_row: Curve, scale: PixelScale) -> Curve:
+def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     """Return an inner boundary at the edge in the full frame near it, (column,).
 
     The edge parts the rows about the boundary so that both parts spread least; it stays near where it was by a normal
@@ -311,7 +308,7 @@ def sharpened(frame: Pixels, inner_row: Curve, scale: PixelScale) -> Curve:
     return sharp
 
 
-def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Curve) -> Segmentation:
+def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Floats) -> Segmentation:
     """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
 
     The inner boundaries have to part by more than `apart_rows` (column,). Columns that only the other wall has are
@@ -333,7 +330,7 @@ def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_
     return replace(finer, outer_row=outer, inner_row=inner)
 
 
-def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: NDArray[np.intp]) -> Curve:
+def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: Places) -> Floats:
     """Return by how many counts the light falls at a wall's inner boundary, at some columns; 0 beyond the frame.
 
     As many rows are looked at as against the other wall, so that both are seen alike.
@@ -347,5 +344,5 @@ def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: NDArray
         frame[np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1), at].mean(axis=0)
         for sign in (-1.0, 1.0)
     )
-    falls: Curve = np.where(inside, above - below, 0.0)
+    falls: Floats = np.where(inside, above - below, 0.0)
     return falls

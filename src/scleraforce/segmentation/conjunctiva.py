@@ -125,17 +125,13 @@ def _climb(light: Float, thickness_m: float, least_m: float, most_m: float, sure
     if last - first < 2:
         return np.empty(0, dtype=np.intp), False
     step = _steps(light)
-    sd = _spread(step[:, first:end])
+    judged = step[:, first:end]
+    differences = np.abs(judged[POOLED:] - judged[:-POOLED])  # that speckle makes: such groups share no column
+    sd = max(NORMAL_MEDIAN / sqrt(2.0) * float(np.median(differences)), 1e-6)
     score = np.ascontiguousarray(step[:, first:last]) - np.linspace(0.0, 1e-4, last - first, dtype=np.float32)
     path = best_path(score, REACH) + first
     size = step[np.arange(len(path)), path].mean()
     return path, bool(size >= max(sure_sds * sd, LEAST_STEP))
-
-
-def _spread(step: Float) -> float:
-    """Return the standard deviation of steps that speckle makes, from groups that share no column."""
-    differences = np.abs(step[POOLED:] - step[:-POOLED])
-    return max(NORMAL_MEDIAN / sqrt(2.0) * float(np.median(differences)), 1e-6)
 
 
 def _steps(light: Float) -> Float:

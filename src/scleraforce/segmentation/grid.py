@@ -16,11 +16,7 @@ Float = NDArray[np.float32]
 
 MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
-BLACK_PART = 1000  # th part of the brightest cell: less is black
-FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
 LEAST_SHAPE = 16  # rows and columns of a frame
-LIT_ROWS = 4  # every fourth row tells whether a column is imaged
-LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,11 @@ column, to where the light crosses the middle of the jump.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Indices
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.loops import find_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
-
-Counts = NDArray[np.uint16]
-Indices = NDArray[np.uintp]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -84,7 +81,7 @@ def stretch(row: Float, point_m: float, depth_m: float) -> Float:
 
 @compiled
 def unroll(
-    frame: Counts, first: int, floor: int, columns: Indices, across: Float, row: Float, there: NDArray[np.bool_],
+    frame: Counts, first: int, floor: int, columns: Indices, across: Float, row: Float, there: Flags,
     along_rows: Float,
 ) -> tuple[Float, Float]:  # fmt: skip
     """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
@@ -110,7 +107,7 @@ def unroll(
 
 
 @compiled
-def _measured(last_row: np.float32, row: Float, there: NDArray[np.bool_], along_rows: Float) -> Float:
+def _measured(last_row: np.float32, row: Float, there: Flags, along_rows: Float) -> Float:
     """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
     seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
@@ -148,7 +145,7 @@ def _level_out(wall: Float, seen: Float) -> None:
 
 
 @compiled
-def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, NDArray[np.bool_], float]:
+def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, Flags, float]:
     """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
 
     `wall` (group, cell) is unrolled and measured where `seen`; `prior`: gain of each edge by prior knowledge (group,

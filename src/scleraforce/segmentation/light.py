@@ -16,21 +16,16 @@ import numpy as np
 from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.grid import (
-    BLACK_PART,
-    FLOOR_SHARE,
-    LEAST_SHAPE,
-    LIT_ROWS,
-    LIT_SHARE,
-    MAX_COLUMNS,
-    MAX_ROWS,
-    counts_of,
-)
+from scleraforce.segmentation.grid import LEAST_SHAPE, MAX_COLUMNS, MAX_ROWS, counts_of
 from scleraforce.segmentation.loops import nth, nth_count
 from scleraforce.segmentation.needle import STANDS_OUT
 
 Lit = tuple[int, int, int, int, Flags, float]
 
+BLACK_PART = 1000  # th part of the brightest cell: less is black
+FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
+LIT_ROWS = 4  # every fourth row tells whether a column is imaged
+LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
 PAGE_SPREAD = 0.008  # of the largest count: how much the grey of margins differs; 2 of 255
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it

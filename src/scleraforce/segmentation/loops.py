@@ -11,12 +11,10 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Indices, Integers
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 
-Counts = NDArray[np.uint16]
-Indices = NDArray[np.uintp]
-Flags = NDArray[np.bool_]
 Numbers = NDArray[np.number]
 
 MARGIN = 1  # columns that are searched on each side of steps of a path that are too large
@@ -187,9 +185,7 @@ def bridge(row: Float, there: Flags) -> Float:
 
 
 @compiled
-def at_every_column(
-    column: Float, row: Float, there: Flags, nearest: NDArray[np.int64], to: NDArray[np.float64]
-) -> None:
+def at_every_column(column: Float, row: Float, there: Flags, nearest: Integers, to: NDArray[np.float64]) -> None:
     """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
 
     `column` (point,) goes from the first column to the last; `nearest` is the point of each column. If all of these are
@@ -217,7 +213,7 @@ def straight_line(at: float, left: float, right: float, first: np.floating, last
     return slope * (np.float64(at) - np.float64(left)) + np.float64(first)
 
 
-def best_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
+def best_path(score_cr: Float, reach: int) -> Integers:
     """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
 
     Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
@@ -232,7 +228,7 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
 
 
 @compiled
-def best_rows(score_cr: Float) -> NDArray[np.int64]:
+def best_rows(score_cr: Float) -> Integers:
     """Return the best row of each column; the first one of several."""
     path = np.empty(len(score_cr), np.int64)
     for column in range(len(score_cr)):
@@ -241,7 +237,7 @@ def best_rows(score_cr: Float) -> NDArray[np.int64]:
 
 
 @compiled
-def is_path(path: NDArray[np.int64], reach: int) -> bool:
+def is_path(path: Integers, reach: int) -> bool:
     """Return whether no step is larger than `reach`."""
     largest = 0
     for column in range(1, len(path)):
@@ -250,7 +246,7 @@ def is_path(path: NDArray[np.int64], reach: int) -> bool:
 
 
 @compiled
-def find_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
+def find_path(score_cr: Float, reach: int) -> Integers:
     """Return the path of `best_path`."""
     path = best_rows(score_cr)
     first, last = -1, -1
@@ -267,7 +263,7 @@ def find_path(score_cr: Float, reach: int) -> NDArray[np.int64]:
 
 
 @compiled
-def _search(score_cr: Float, reach: int, path: NDArray[np.int64]) -> None:
+def _search(score_cr: Float, reach: int, path: Integers) -> None:
     """Write the rows with the largest sum of scores of all paths through them, by dynamic programming.
 
     The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning,

@@ -246,8 +246,10 @@ def _tip(grid: Grid, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[flo
 def _find_edges(frame: Pixels, grid: Grid, begin: Places) -> list[ShaftEdge]:
     """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
     thin = _thin(grid.cells, grid.size.scale.lateral_m)
-    coarse = _longest(thin, begin, grid)
-    if coarse is None:
+    start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
+    slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)
+    coarse = _best(thin, start.astype(np.float64), slopes, _pooled_rows(grid))
+    if coarse.length * grid.size.scale.depth_m < LEAST_LENGTH_M:
         return []
     if grid.size.step_rows > 1:  # in the grid's rows, with the frame's own columns
         rows, columns = len(grid.cells), frame.shape[1]
@@ -270,14 +272,6 @@ def _thin(light: Pixels, lateral_m: float) -> Float:
     thin *= np.float32(1.0 / (BRIGHT * max(high - middle, 1e-6)))
     np.clip(thin, -0.5, 1.0, out=thin)
     return thin
-
-
-def _longest(thin: Float, begin: Places, grid: Grid) -> ShaftEdge | None:
-    """Return the longest bright line from given columns at the top edge, or None."""
-    start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
-    slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)
-    found = _best(thin, start.astype(np.float64), slopes, _pooled_rows(grid))
-    return found if found.length * grid.size.scale.depth_m >= LEAST_LENGTH_M else None
 
 
 def top_rows(size: GridSize) -> int:

@@ -14,8 +14,8 @@ from functools import lru_cache
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Counts, Flags, Indices, Integers, Places
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.grid import Float, GridSize, rows_of
@@ -29,10 +29,6 @@ from scleraforce.segmentation.loops import (
     open_rows,
     sample_rows,
 )
-
-Counts = NDArray[np.uint16]
-Indices = NDArray[np.uintp]
-Flags = NDArray[np.bool_]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
@@ -89,7 +85,7 @@ def widest_gap(points: int, point_m: float) -> int:
 
 
 @lru_cache(maxsize=64)
-def pairs_of(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
+def pairs_of(columns: int, step: int) -> tuple[Float, Places]:
     """Return at most PATH_COLUMNS evenly spaced pairs of neighbouring columns of a grid.
 
     First their middles in columns of the frame, (pair,), then their columns in the grid by turns, (2 pair,).
@@ -106,7 +102,7 @@ def downwards(rows: int) -> Float:
 
 
 @compiled
-def opened_pairs(cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int) -> Counts:
+def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts:
     """Return pairs of the grid's columns, opened along depth, over the noise floor, (row / 2, pair)."""
     rows, columns = len(cells), len(pairs)
     opened = np.empty((rows, columns), np.uint16)
@@ -129,7 +125,7 @@ def opened_pairs(cells: Counts, floor: int, pairs: NDArray[np.uintp], thin: int)
 
 
 @compiled
-def _extend_upwards(cells: Counts, black: float, pairs: NDArray[np.uintp], margin: int, opened: Counts) -> None:
+def _extend_upwards(cells: Counts, black: float, pairs: Indices, margin: int, opened: Counts) -> None:
     """Continue what lies at the upper edge of the measured part into the black above: it is not a surface."""
     rows, columns = opened.shape
     for at in range(columns):
@@ -202,7 +198,7 @@ def _depth_means(level: Float, depth: int) -> Float:
 
 
 @compiled
-def coarse_rows(score_cr: Float, reach: int) -> NDArray[np.int64]:
+def coarse_rows(score_cr: Float, reach: int) -> Integers:
     """Return the best path; if the best rows do not make one, it is found on the best of each four: quicker."""
     path = best_rows(score_cr)
     if is_path(path, reach):
@@ -226,7 +222,7 @@ def coarse_rows(score_cr: Float, reach: int) -> NDArray[np.int64]:
 
 
 @compiled
-def start_rows(path: NDArray[np.int64], step_rows: int, place: NDArray[np.int64], weight: Float, rows: int) -> Float:
+def start_rows(path: Integers, step_rows: int, place: Integers, weight: Float, rows: int) -> Float:
     """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
     coarse, start, last = np.empty(len(path), np.float32), np.empty(len(place), np.float32), np.float32(rows - 1.0)
     for pair in range(len(path)):

@@ -6,17 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 from numba.experimental import structref
-from numpy.typing import NDArray
 
-from scleraforce.arrays import Integers, Places
+from scleraforce.arrays import Indices, Integers, Places
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation import surface
 from scleraforce.segmentation.grid import Float, grid_size
 from scleraforce.segmentation.inner import GROUP
 from scleraforce.segmentation.needle import top_rows
-
-Indices = NDArray[np.uintp]  # not negative: Numba need not ask
 
 FINE_COLUMNS = 128
 INNER_COLUMNS = 128  # at which the inner boundary is looked for

@@ -14,6 +14,7 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.models import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
@@ -22,8 +23,6 @@ from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.study import WallFinderStudy
 
 FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = "frames", "rows", "wall"  # input and outputs of the network
-
-Curve = NDArray[np.float64]
 
 REACH_ROWS = 16  # largest step of a boundary between answers, in rows of the reduced frame
 THICKNESS_COST = 0.6  # of a row's change of thickness between answers, in logarithms of probability
@@ -48,22 +47,22 @@ class SeenWall:
     Where there is none the rows say nothing. `step_rows`: rows of the frame in one of the reduced frame.
     """
 
-    column: Curve
-    outer_row: Curve
-    inner_row: Curve
-    outer_sd: Curve
-    inner_sd: Curve
-    there: NDArray[np.bool_]
+    column: Floats
+    outer_row: Floats
+    inner_row: Floats
+    outer_sd: Floats
+    inner_sd: Floats
+    there: Flags
     step_rows: float
 
     @property
-    def frame_column(self) -> NDArray[np.intp]:
+    def frame_column(self) -> Places:
         """The frame's column that lies nearest to each point."""
         return np.rint(self.column).astype(np.intp)
 
-    def there_at(self, column: NDArray[Any]) -> NDArray[np.bool_]:
+    def there_at(self, column: NDArray[Any]) -> Flags:
         """Return whether the nearest point to each column has wall."""
-        there: NDArray[np.bool_] = self.there[np.abs(self.column[None] - column[:, None]).argmin(axis=1)]
+        there: Flags = self.there[np.abs(self.column[None] - column[:, None]).argmin(axis=1)]
         return there
 
 
@@ -120,7 +119,7 @@ class WallFinder:
         )
 
 
-def rows_about(outer_row: Curve, inner_row: Curve, rows: int, share: float = BEYOND_SHARE) -> tuple[int, int] | None:
+def rows_about(outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE) -> tuple[int, int] | None:
     """Return the rows about a wall (column,) that a second look shows larger, from and to; None: it fills the frame.
 
     `share` of the wall's rows are shown beyond it.
@@ -140,7 +139,7 @@ def _confirms(first: SeenWall, second: SeenWall) -> bool:
     return bool(np.median(off) < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both]))
 
 
-def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _paths(probability: Float, wall: Float) -> tuple[Places, Places]:
     """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
 
     Columns without wall do not constrain them. Thicknesses that end below the frame are alike, and where the upper
@@ -157,10 +156,10 @@ def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple
     return outer, np.minimum(outer + thickness, score.shape[2] - 1)
 
 
-def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Curve, Curve]:
+def _moved(probability: Float, path: Places) -> tuple[Floats, Floats]:
     """Return a boundary's rows near a path and their standard deviations, (column,), of probabilities (row, column)."""
     off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
-    mean: Curve = path.astype(np.float64)
+    mean: Floats = path.astype(np.float64)
     for _ in range(MEANS):
         near = np.clip(np.rint(mean).astype(np.intp) + off, 0, len(probability) - 1)
         weight = probability[near, np.arange(len(path))].astype(np.float64)
@@ -172,7 +171,7 @@ def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Cu
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
 
 
-def _without_spikes(row: Curve, there: NDArray[np.bool_]) -> Curve:
+def _without_spikes(row: Curve, there: Flags) -> Curve:
     """Return the running median of a boundary where there is wall: nothing narrower than half of `SPIKE` stays."""
     if not there.any():
         return row
@@ -181,7 +180,7 @@ def _without_spikes(row: Curve, there: NDArray[np.bool_]) -> Curve:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, SPIKE), axis=1)
 
 
-def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:
+def smooth_path(score_cr: Float, cost: Float) -> Places:
     """Return the rows (column,) of the path with the largest sum of scores (column, row) less the cost of its steps.
 
     `cost` (column - 1,), not negative, is of a row's step between neighbouring columns. Both directions are run at
@@ -202,5 +201,5 @@ def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:
         from_below += down
         after += np.maximum(from_above, from_below)  # a view of `total`
     through: Float = total[:, 0] + total[::-1, 1] - score_cr
-    path: NDArray[np.intp] = through.argmax(axis=1)
+    path: Places = through.argmax(axis=1)
     return path
