@@ -10,18 +10,10 @@ import pytest
 from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
-from scleraforce.laboratory import bscan, scanner_light
+from scleraforce.laboratory import bscan, scanner_display, scanner_light
 from scleraforce.laboratory.light import Line, Shadow
 from scleraforce.laboratory.scanner import MeasuredScanner, drawn_alike, histogram_overlap, measure_scanner, study_text
-from scleraforce.laboratory.scanner_display import (
-    DISPLAY_KINDS,
-    LOGARITHMIC,
-    Estimate,
-    Unmeasured,
-    display_kind,
-    fit_display,
-    spread_slope,
-)
+from scleraforce.laboratory.scanner_display import DISPLAY_KINDS, Estimate, Unmeasured, display_kind, spread_slope
 from scleraforce.laboratory.scanner_light import SurfaceLight, reflections
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.segmentation.reduced import reduced_frame
@@ -247,7 +239,8 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
     eye = imaged(np.rint(counts).astype(np.uint16), name="averaged.png")
     with pytest.raises(FrameError, match=r"averaged\.png: .* as on a linear display, and its noise lies above count 0"):
         measure_scanner([eye])
-    assert fit_display(eye, LOGARITHMIC).kind is LOGARITHMIC
+    logarithmic = scanner_display.LOGARITHMIC
+    assert scanner_display.fit_display(eye, logarithmic).kind is logarithmic
 
 
 @pytest.mark.parametrize("display", DISPLAY_KINDS)

@@ -4,25 +4,16 @@ from functools import partial
 
 import numpy as np
 import pytest
-from analytic_frames import SCANNER, drawn_counts
+from analytic_frames import SCALE, drawn_counts
 from hypothesis import given, strategies as st
 
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.light import (
-    DIMMER,
-    LEAST_PAIRS,
-    LOOKED_AT_ROWS,
-    NOT_LOGARITHMIC,
-    PAIR_COLUMNS,
-    as_logarithmic,
-    pair_contrast,
-)
+from scleraforce.segmentation import light
+from scleraforce.segmentation.light import as_logarithmic, pair_contrast
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 
-SCALE = PixelScale(lateral_m=SCANNER.width_m / SCANNER.columns, depth_m=SCANNER.depth_m / SCANNER.rows)
 LINEAR = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0}
 
 
@@ -46,14 +37,14 @@ def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dty
 
 
 def contrast_by_arrays(frame: np.ndarray) -> float:
-    rows = frame[:: max(1, len(frame) // LOOKED_AT_ROWS)].astype(np.int32)
-    one, other = rows[:, PAIR_COLUMNS:], rows[:, :-PAIR_COLUMNS]
+    rows = frame[:: max(1, len(frame) // light.LOOKED_AT_ROWS)].astype(np.int32)
+    one, other = rows[:, light.PAIR_COLUMNS :], rows[:, : -light.PAIR_COLUMNS]
     lit = (one > 0) & (other > 0)
     one, other = one[lit], other[lit]
-    if len(one) < LEAST_PAIRS:
+    if len(one) < light.LEAST_PAIRS:
         return 0.0
     total = one + other
-    place, mean = int(DIMMER * len(total)), total >> 1
+    place, mean = int(light.DIMMER * len(total)), total >> 1
     brightest = mean >= np.partition(mean, place)[place]
     shares = np.abs(one - other)[brightest].astype(np.float32) / total[brightest].astype(np.float32)
     return float(np.median(shares))
@@ -97,7 +88,7 @@ def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not() -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_logarithms_keep_order_and_black(dtype: type) -> None:
     frame = (speckle() * 30.0).clip(0, 255).astype(dtype)
-    assert pair_contrast(frame) > NOT_LOGARITHMIC
+    assert pair_contrast(frame) > light.NOT_LOGARITHMIC
     shown = as_logarithmic(frame)
     assert shown.dtype == np.uint16
     counts, first = np.unique(frame, return_index=True)

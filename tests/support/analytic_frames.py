@@ -26,7 +26,7 @@ LIBRARY = analytic_library()
 SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)  # for models that each test loads anew
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
-SCALE = PixelScale(lateral_m=STUDY.oct.width_m / STUDY.oct.columns, depth_m=STUDY.oct.depth_m / STUDY.oct.rows)
+SCALE = PixelScale.of(STUDY.oct)
 MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
 KNOWN = Known(
     modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
@@ -184,11 +184,7 @@ def drawn_counts(seed: int, scanner: OctStudy = SCANNER, **optics: object) -> np
 
 
 def imaged(counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame") -> ImagedEye:
-    scale = PixelScale(
-        lateral_m=scanner.width_m / scanner.columns,
-        depth_m=scanner.depth_m / scanner.rows,
-        refractive_index=scanner.refractive_index,
-    )
+    scale = PixelScale.of(scanner)
     wall = find_wall(counts, scale)
     assert wall.usable, wall.reason
     return ImagedEye(name, counts, scale, scanner.bits, wall, wall.inner_found)

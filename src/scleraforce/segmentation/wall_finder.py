@@ -171,7 +171,7 @@ def _moved(probability: Float, path: Places) -> tuple[Floats, Floats]:
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
 
 
-def _without_spikes(row: Curve, there: Flags) -> Curve:
+def _without_spikes(row: Floats, there: Flags) -> Floats:
     """Return the running median of a boundary where there is wall: nothing narrower than half of `SPIKE` stays."""
     if not there.any():
         return row
