@@ -11,7 +11,7 @@ import scleraforce as sf
 from scleraforce.cli.main import run
 
 CHANGES = {
-    "width_m = 15e-3": "width_m = 6e-3",
+    "width_m = 0.015": "width_m = 0.006",
     'id = "eye"': 'id = "eye"\niop_pa = 1999.84\nthickness_m = 1e-3',
     "gauge = 22": "gauge = 30",
 }
@@ -52,7 +52,7 @@ def test_every_command_has_the_same_sentences(tmp_path: Path, shell) -> None:
 
 
 def test_another_model_has_other_limits(tmp_path: Path, shell) -> None:
-    recording = changed_recording(tmp_path / "r", {"slice_gap_m = 5e-4": "slice_gap_m = 8e-4"})
+    recording = changed_recording(tmp_path / "r", {"slice_gap_m = 0.0005": "slice_gap_m = 0.0008"})
     assert shell.json("show", recording)["notes"] == []
     (found,) = shell.json("show", recording, "--model", "paper")["notes"]
     assert found.startswith("outside the range of paper: gap ")
