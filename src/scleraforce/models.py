@@ -60,12 +60,8 @@ LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
 # Of each kind, beside model.json.
-FILES = {
-    "classifier": COMMON_FILES,
-    "reader": (*COMMON_FILES, LIBRARY_FILE),
-    "raw-reader": COMMON_FILES,
-    WALL_FINDER: COMMON_FILES,
-}
+FILES = dict.fromkeys(("classifier", "reader", "raw-reader", WALL_FINDER), COMMON_FILES)
+FILES["reader"] = (*COMMON_FILES, LIBRARY_FILE)
 
 
 @dataclass(frozen=True)
@@ -155,11 +151,6 @@ def folder_study(folder: ModelFolder) -> Study:
         return parse_study(folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE))
     except (StudyError, UnicodeDecodeError) as fault:
         raise ModelError(str(fault)) from fault
-
-
-def folder_session(folder: ModelFolder, threads: int) -> "InferenceSession":
-    """Return a session of a folder's network; raises as `network_session`."""
-    return network_session(folder.files[NETWORK_FILE], str(folder.path / NETWORK_FILE), threads)
 
 
 def network_session(network: bytes, place: str, threads: int) -> "InferenceSession":

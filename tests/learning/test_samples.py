@@ -11,7 +11,7 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
-from scleraforce.library.base import pole_direction
+from scleraforce.library.base import pole_directions
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
@@ -154,7 +154,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
         unknown[TIP] = bulged.tips(thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n])[0]
         unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
         unknown[MODULUS], unknown[IOP] = np.log(eyes.modulus_pa[n]), np.log(ratio[0] * eyes.modulus_pa[n])
-        for pole, shares in ((pole_direction(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
+        for pole, shares in ((pole_directions(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
             unknown[POLE] = pole
             placed = formed_wall(Walls(bulged), unknown)
             depths = np.stack([np.interp(column_laterals(SLICE), *curve.T) for curve in placed])

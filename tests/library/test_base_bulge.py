@@ -12,7 +12,7 @@ from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_bulge, base_push, pole_direction, undented_motion
+from scleraforce.library.base import base_bulge, base_push, pole_directions, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
@@ -54,7 +54,7 @@ def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
     for direction in (0.0, 0.7, -2.0):
         plane = ScanPlane(contact, gap_m=0.0, direction_rad=direction)
         expected = np.array([0.0, 0.0, 1.0]) @ np.stack([plane.lateral, plane.offset], axis=1)
-        np.testing.assert_allclose(pole_direction(0.6, direction), expected, atol=1e-15)
+        np.testing.assert_allclose(pole_directions(0.6, direction), expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])
@@ -63,7 +63,7 @@ def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(polar_deg: flo
     wall = LinearWall(graded_mesh(RADIUS_M, 0.6e-3, contact), 0.45)
     displacement = force_ratio * wall.needle_cnc([contact], 0.35e-3)[0]
     tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - RADIUS_M * contact.normal, axis=1))]
-    pushed = base_push(np.array([force_ratio]), THICKNESS, 0.45)[0] * pole_direction(contact.polar_rad, 0.0)[0]
+    pushed = base_push(np.array([force_ratio]), THICKNESS, 0.45)[0] * pole_directions(contact.polar_rad, 0.0)[0]
     assert pushed == pytest.approx(float(tip @ contact.meridian), rel=0.1)
 
 
@@ -91,7 +91,7 @@ def test_calibration_and_fit_see_the_same_section() -> None:
     model = calibrating(constants, lateral)
     theirs = model.curves([stated_wall(constants, 0.3e6, 1e-9, 0.6)])[0]
     even = formed_wall(Walls(model.library), unknown[0])
-    unknown[0, at.POLE] = pole_direction(0.6, 0.8)
+    unknown[0, at.POLE] = pole_directions(0.6, 0.8)
     mine = formed_wall(Walls(model.library), unknown[0])
     for boundary in (0, 1):
         found, upright = (np.interp(lateral, *curves[boundary].T) for curves in (mine, even))

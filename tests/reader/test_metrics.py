@@ -44,13 +44,13 @@ def test_wilson_intervals_equal_the_published_ones() -> None:
     """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)."""
     published = ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718))
     for hits, total, *ends in published:
-        np.testing.assert_allclose(metrics.wilson_interval(hits, total), ends, atol=5e-5)
+        np.testing.assert_allclose(metrics.Proportion(hits, total).interval, ends, atol=5e-5)
 
 
 @given(st.integers(1, 500), st.data())
 def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: int, data: st.DataObject) -> None:
     hits = data.draw(st.integers(0, total))
-    for end in metrics.wilson_interval(hits, total):
+    for end in metrics.Proportion(hits, total).interval:
         if 1e-9 < end < 1.0 - 1e-9:
             score = abs(hits / total - end) / sqrt(end * (1 - end) / total)
             assert score == pytest.approx(1.959963985, rel=1e-6)

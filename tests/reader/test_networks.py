@@ -12,7 +12,7 @@ from small_models import write_fixed_reader
 
 from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, Modulus, known_globe
-from scleraforce.library.base import pole_direction
+from scleraforce.library.base import pole_directions
 from scleraforce.models import sha256
 from scleraforce.reader import load_classifier, load_model, networks
 from scleraforce.study import ReaderStudy
@@ -134,7 +134,7 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
     farthest = np.sin(RANGES.polar_angle_rad.bounds[1])
     for polar_rad, direction_rad in ((0.5, 0.0), (0.7, 1.1), (0.4, -2.5), (1.4, 0.3)):
         found = given(polar_rad=polar_rad, direction_rad=direction_rad)
-        along, across = pole_direction(min(polar_rad, np.radians(55.0)), direction_rad)  # the library's farthest
+        along, across = pole_directions(min(polar_rad, np.radians(55.0)), direction_rad)  # the library's farthest
         assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
         assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
     middle = 0.5 * sum(RANGES.polar_angle_rad.bounds)
@@ -181,21 +181,21 @@ def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
     reader = load_model(folder)
     edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     for modulus_pa in (0.2e6, 0.5e6):
-        read = reader.read_slices(CUTS, own(modulus_pa))
+        read = reader.network.read(CUTS, own(modulus_pa))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
         assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
         ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
         np.testing.assert_allclose(read.interval_n, modulus_pa * np.array(ends), rtol=1e-5)
         assert read.contact_m == pytest.approx(0.4e-3)
         assert sum(read.probabilities) == pytest.approx(1.0)
-    middle = own(networks.unknown_modulus(reader.study.reader)[0], 1e3)
-    assert reader.read_slices(CUTS, Known()).force_n == reader.read_slices(CUTS, middle).force_n
+    middle = own(0.5 * sum(reader.study.reader.youngs_modulus_pa.bounds), 1e3)
+    assert reader.network.read(CUTS, Known()).force_n == reader.network.read(CUTS, middle).force_n
 
 
 def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(folder: Path) -> None:
     stiffer = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0)
     reader = load_model(folder)
-    was, now = (reader.read_slices(CUTS, replace(own(), discrepancy=found)) for found in (None, stiffer))
+    was, now = (reader.network.read(CUTS, replace(own(), discrepancy=found)) for found in (None, stiffer))
     # The quantiles move as forces do, but for the bins between whose ends they lie.
     np.testing.assert_allclose(now.interval_n, stiffer.corrected_n(np.array(was.interval_n)), rtol=0.02)
     assert now.force_n == pytest.approx(float(stiffer.corrected_n(np.array(was.force_n))), rel=0.02)
@@ -213,8 +213,8 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, m
 
     reader = load_model(folder)
     edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
-    monkeypatch.setattr(reader._network, "_session", Session())
-    read = reader.read_slices(CUTS[:2], replace(own(), iop_pa=250.0))
+    monkeypatch.setattr(reader.network, "_session", Session())
+    read = reader.network.read(CUTS[:2], replace(own(), iop_pa=250.0))
     assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
     assert read.contact_m == pytest.approx(0.25e-3)
     (inputs,) = fed

@@ -94,7 +94,7 @@ def _read_dataset(folder: Path) -> object:
 
 def _read_model(folder: Path) -> object:
     model = load_force_reader(folder / "model")
-    return model.read_slices(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
+    return model.network.read(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
 
 
 # Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.

@@ -15,7 +15,7 @@ read beside the known ones.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, inf, log, log1p
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Generic, TypeGuard, TypeVar
 
 import numpy as np
 from msgspec import Meta
@@ -34,7 +34,7 @@ from scleraforce.known import (
     within_bounds,
 )
 from scleraforce.library import Library
-from scleraforce.library.fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
+from scleraforce.library.fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.library.plan import LITTLE_STIFFENING, stiffening_place
 from scleraforce.library.prior import prior_of
 from scleraforce.segmentation.observations import Boundaries
@@ -284,13 +284,14 @@ def read_again(
         priors = priors_at[rest_pa]
         at, smoothing_m = (near, seen.lateral_m, seen.depth_m), study.calibration.surface_smoothing_m
         fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
-        if fit is None or not _read(fit):
+        if not _read(fit):
             found.append(None)
             continue
         # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
         moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
-        beside = [fit_from(*at, prior, smoothing_m, unknown) for prior, unknown in zip(priors, moved, strict=True)]
-        if not all(_read(each) for each in beside):
+        starts = zip(priors, moved, strict=True)
+        beside = list(filter(_read, (fit_boundaries(*at, of, smoothing_m, begun=start) for of, start in starts)))
+        if len(beside) < len(priors):
             found.append(None)
             continue
         here, stiffer, *rigid = beside
@@ -311,9 +312,9 @@ def read_again(
     return found
 
 
-def _read(fit: BoundaryFit) -> bool:
+def _read(fit: BoundaryFit | None) -> TypeGuard[BoundaryFit]:
     """Return True if a frame was read."""
-    return fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
+    return fit is not None and fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
 
 
 def _steps(known: Known) -> Floats:

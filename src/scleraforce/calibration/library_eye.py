@@ -20,7 +20,7 @@ from scleraforce.calibration import eye_model
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.known import Modulus
 from scleraforce.library import Library
-from scleraforce.library.base import pole_direction, section_places
+from scleraforce.library.base import pole_directions, section_places
 from scleraforce.library.fit import NO_WALL_M, fit_boundaries
 from scleraforce.library.prior import form_size, prior_of
 from scleraforce.library.sealed import iop_ratio_under_force
@@ -162,7 +162,7 @@ class LibraryEye:
         if direction_rad is None:
             return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
         shares_sp = np.array([eye_model.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
-        pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
+        pole_s2 = pole_directions(polar, direction_rad)
         bulged = self.library.base_bulge(*self._held(thickness, pressure), self._places, pole_s2)
         return bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
 

@@ -18,23 +18,17 @@ from scleraforce.library.splines import SUPPORT, CubicSpline
 SHEARED = 1.08
 
 
-def pole_direction(polar_rad: float, direction_rad: float) -> tuple[float, float]:
-    """Return the direction of the eye's pole: the parts of its axis along the section and across it.
+def pole_directions(polar_s: Floats | float, direction_s: Floats | float) -> Floats:
+    """Return the direction of the eye's pole: the parts of its axis along the section and across it (..., 2).
 
-    `direction_rad`: of the section, from the meridian (`mechanics.contact.ScanPlane`).
+    `direction_s`: of the section, from the meridian (`mechanics.contact.ScanPlane`).
     """
-    along, across = pole_directions(np.asarray(polar_rad), np.asarray(direction_rad)).tolist()
-    return along, across
-
-
-def pole_directions(polar_s: Floats, direction_s: Floats) -> Floats:
-    """Return `pole_direction` of many contacts (..., 2)."""
     reach = np.sin(polar_s)
     return np.stack([-reach * np.cos(direction_s), reach * np.sin(direction_s)], axis=-1)
 
 
 def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) -> Floats:
-    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per part of `pole_direction`."""
+    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per part of `pole_directions`."""
     return SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
 
 

@@ -25,7 +25,6 @@ an eye that is not an even sphere is added at rest (`library.unknowns`); how it 
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 
@@ -94,35 +93,16 @@ def fit_boundaries(
     prior: Prior,
     smoothing_m: float = 0.0,
     borne_n: float | None = None,
+    begun: Floats | None = None,
 ) -> BoundaryFit | None:
     """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
     `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer
     and the inner boundary below the frame's top, free of refraction; NaN where unseen. `smoothing_m`: standard
     deviation of the Gaussian with which the segmentation smooths the outer boundary. `borne_n`: the needle's force, if
-    known: one more start in a sealed globe.
+    known: one more start in a sealed globe. `begun` (unknown,): the unknowns of another fit, which this one starts from
+    alone, and goes to the end: for small changes of the prior.
     """
-    return _fit(
-        library, lateral_m, depth_bc, prior, smoothing_m, np.nan if borne_n is None else float(borne_n), np.empty(0)
-    )
-
-
-def fit_from(
-    library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float, unknown: Floats
-) -> BoundaryFit:
-    """Fit as `fit_boundaries` from the unknowns of another fit only, to the end: for small changes of the prior."""
-    return cast(BoundaryFit, _fit(library, lateral_m, depth_bc, prior, smoothing_m, np.nan, unknown))
-
-
-def _fit(
-    library: Library,
-    lateral_m: Floats,
-    depth_bc: Floats,
-    prior: Prior,
-    smoothing_m: float,
-    borne_n: float,
-    begun: Floats,
-) -> BoundaryFit | None:
     law, off, count = law_of(prior.globe), prior.discrepancy, len(at.NAMES)
     terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
     wall_bmc = np.empty((2, 2 * len(library.node_angles()), 2))
@@ -136,8 +116,8 @@ def _fit(
         float(smoothing_m),
         Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated),
         Doubt(_standard_normal(count + 2), _standard_normal(2, seed=1), terms, float(off.correlation)),
-        borne_n,
-        np.ascontiguousarray(begun, dtype=np.float64),
+        np.nan if borne_n is None else float(borne_n),
+        np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),
         fitted,
     )  # fmt: skip
     if not has_fit:

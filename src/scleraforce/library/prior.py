@@ -8,7 +8,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import pole_direction
+from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
@@ -79,12 +79,12 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     return Prior(mean, sd, precision, same_force, globe, calibrated, known.discrepancy or NO_DISCREPANCY)
 
 
-def _pole(known: Known) -> tuple[tuple[float, float], float]:
+def _pole(known: Known) -> tuple[Floats | float, float]:
     """Return the pole's direction and its standard deviation: anywhere around if the direction is not stated."""
     polar_rad = TYPICAL_POLAR_RAD if known.polar_rad is None else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
     if known.direction_rad is None:
-        return (0.0, 0.0), max(sin(polar_rad) / sqrt(2.0), POLE_SD)
-    return pole_direction(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+        return 0.0, max(sin(polar_rad) / sqrt(2.0), POLE_SD)
+    return pole_directions(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
 
 
 def _same_force(mean: Floats, sd: Floats) -> Floats:

@@ -129,7 +129,7 @@ def section_motion(
     """Return the motion of the sections of a library's states by pressure and force.
 
     `place`: thickness, m, and pressure over E of the walls, (sample,) each. `gap_m` (sample,) is the sections';
-    `pole_s2` the direction of the eye's pole (`base.pole_direction`); `reach_m` the sections' half width.
+    `pole_s2` the direction of the eye's pole (`base.pole_directions`); `reach_m` the sections' half width.
     """
     thickness_m, iop_ratio = place
     angles = library.node_angles()

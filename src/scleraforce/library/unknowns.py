@@ -39,7 +39,7 @@ def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Float
 # little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; by
 # how much the segmentation sees the outer boundary too high where that faces the light (`shining`), in
 # m; the form at rest (`unknowns.FORMS`), in m; and where the pole lies, along the section and across it
-# (`base.pole_direction`).
+# (`base.pole_directions`).
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
     "inner_m", "log_pressure", "shine_m", *FORMS, "pole_along", "pole_across",

@@ -29,7 +29,7 @@ from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
 
-Factors = Mapping[str, Mapping[str, float]]  # by the kind of modulus, then by trait
+Factors = Mapping[str, Mapping[str, Annotated[float, Meta(gt=0.0, le=1e9)]]]  # by the kind of modulus, then by trait
 
 OWN, OTHER = "own E", "other E"  # kinds of modulus: a reading has one
 GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
@@ -127,17 +127,12 @@ def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> flo
     return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
 
 
-class _Intervals(msgspec.Struct):
-    network: dict[str, dict[str, Annotated[float, Meta(gt=0.0, le=1e9)]]] = {}
-    fit: dict[str, dict[str, Annotated[float, Meta(gt=0.0, le=1e9)]]] = {}
-
-
 def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
     """Return the factors of a model's record, `NO_FACTORS` without `intervals`; raises `ModelError` naming `place`."""
     if record.get("intervals") is None:
         return NO_FACTORS
     try:
-        found = msgspec.convert(record["intervals"], _Intervals)
+        found = msgspec.convert(record["intervals"], IntervalFactors)
     except msgspec.ValidationError as fault:
         raise ModelError(f"{place}: intervals: {fault}; a model of an earlier version has to be made anew") from fault
     for method, allowed in (("network", NETWORK_TRAITS), ("fit", FIT_TRAITS)):
@@ -146,7 +141,7 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
                 wanted = ", ".join(allowed.get(modulus, allowed))
                 at = f"{place}: intervals.{method}: {modulus!r:.40}: found {', '.join(given)!r:.80}"
                 raise ModelError(f"{at}, expected factors of {wanted}")
-    return IntervalFactors(found.network, found.fit)
+    return found
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.reduced import FrameWindow
 from scleraforce.segmentation.wall_finder import WallFinder
-from scleraforce.study import Study
+from scleraforce.study import Range, Study
 
 INPUT, OUTPUT = "slices", "probabilities"
 
@@ -38,7 +38,8 @@ class TrainedModel:
     """The parts that models of every kind have.
 
     `path` is the folder, `study` the study of the training, `record` the content of `model.json`, `provenance` the
-    metadata of `model.onnx`, and `finder` the wall finder that checks the walls it reads.
+    metadata of `model.onnx` (hashes of study and data set, seed, versions, class bounds), and `finder` the wall finder
+    that checks the walls it reads.
     """
 
     path: Path
@@ -51,10 +52,10 @@ class TrainedModel:
 class Reader(ABC):
     """A trained model that reads raw frames. Made by `load_model`; its parts belong together.
 
-    `path`, `study` and `record` are `TrainedModel`'s, `kind` is the folder's word for it ("classifier", "reader" or
-    "raw-reader"). `reads_force`: answers have a force with its interval, not the class alone. `serves_loop`: it may
-    serve the control loop. The `finder` checks the wall of `read`, not of `read_live`: the control loop does not
-    wait for it.
+    `path`, `study`, `record` and `provenance` are `TrainedModel`'s, `kind` is the folder's word for it ("classifier",
+    "reader" or "raw-reader"), `classes` the number of force classes. `reads_force`: answers have a force with its
+    interval, not the class alone. `serves_loop`: it may serve the control loop. The `finder` checks the wall of `read`,
+    not of `read_live`: the control loop does not wait for it.
     """
 
     kind: ClassVar[str]
@@ -64,17 +65,8 @@ class Reader(ABC):
 
     def __init__(self, trained: TrainedModel) -> None:
         self.path, self.study, self.record = trained.path, trained.study, trained.record
-        self.finder, self._trained = trained.finder, trained
-
-    @property
-    def classes(self) -> int:
-        """Number of force classes."""
-        return len(self.study.classes.bounds_n) + 1
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The metadata of `model.onnx`: hashes of study and data set, seed, versions, class bounds."""
-        return self._trained.provenance
+        self.provenance, self.finder = trained.provenance, trained.finder
+        self.classes = len(self.study.classes.bounds_n) + 1
 
     @property
     def fixed_modulus_pa(self) -> float | None:
@@ -109,12 +101,8 @@ class Reader(ABC):
         """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
         return limits(self.kind, self.study, known, scan, gauge)
 
-    @abstractmethod
     def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
-        """Return the answer of all methods to a frame with a wall."""
-
-    def _network_alone(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
-        """Return the network's answer, and whether the frame can calibrate."""
+        """Return the answer of all methods, by default of the network alone, to a frame with a wall."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
         return replace(self._live(seen, frame, scale, known), can_calibrate=verdicts.can_calibrate(seen, boundaries))
 
@@ -168,9 +156,6 @@ class Classifier(Reader):
         """Return None: a classifier reads every eye as its own."""
         return None
 
-    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
-        return self._network_alone(seen, frame, scale, known)
-
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
 
@@ -199,7 +184,8 @@ SHIFTS = (0.0, 0.5)
 class ForceReader(Reader):
     """Reads force, interval and contact from a wall.
 
-    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it.
+    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it. The `network`
+    reads slices of a wall, 255 where wall is, 0 elsewhere.
     """
 
     kind = READER
@@ -219,8 +205,10 @@ class ForceReader(Reader):
         self.library = library
         self.default = default
         self.factors = factors
-        self._network = network
-        self._library_of = lru_cache(maxsize=CONTACTS)(self._found_library)
+        self.network = network
+        self._library_of = lru_cache(maxsize=CONTACTS)(
+            lambda polar_rad, stiffening: library.for_stiffening(stiffening).nearest_contact(polar_rad)
+        )
         self._outside = lru_cache(maxsize=CONTACTS)(
             lambda known: outside_training(known, self.study.reader, self.study.library)
         )
@@ -246,13 +234,6 @@ class ForceReader(Reader):
         """
         return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
-    def read_slices(self, cuts: Bytes, known: Known) -> Reading:
-        """Return the network's reading of slices of one wall (slice, row, column), 255 where wall is, 0 elsewhere."""
-        return self._network.read(cuts, known)
-
-    def _found_library(self, polar_rad: float | None, stiffening: float) -> Library:
-        return self.library.for_stiffening(stiffening).nearest_contact(polar_rad)
-
     def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
@@ -267,13 +248,13 @@ class ForceReader(Reader):
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         if reason := self._unread_slices(seen, known):
             return unusable(self.classes, reason)
-        return verdicts.judged_answer(self.read_slices(seen.cuts, known), "network", seen.dent_leaves, self.study)
+        return verdicts.judged_answer(self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study)
 
     def _fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> Answer:
         """Fit a wall of the library to the frame, and read the frame if the fit is the wall of an eye."""
         library, trained = self.library_for(known), self.study.reader
         if seen.needle:
-            trained = verdicts.crossed_by_needle(trained, library.needle_radius_m)
+            trained = replace(trained, gap_m=Range(min=0.0, max=library.needle_radius_m))  # for an unknown gap
         prior = prior_of(known, trained)
         smoothing_m = self.study.calibration.surface_smoothing_m
         fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
@@ -286,7 +267,7 @@ class ForceReader(Reader):
         if unread := self._unread_slices(seen, known):
             answer = self._unchecked(seen, fit, by_fit, unread)
         else:
-            answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
+            answer = self._checked(seen, fit, {"network": self.network.read(seen.cuts, known), "fit": by_fit})
         if not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
             answer = unless_at_rest(answer, fit, boundaries, self.study)
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
@@ -336,9 +317,6 @@ class RawReader(Reader):
     def refusal(self, known: Known) -> str | None:
         """Return the known value outside the training, in a sentence."""
         return outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
-
-    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
-        return self._network_alone(seen, frame, scale, known)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         reason = (

@@ -22,17 +22,6 @@ SHARED_ERROR = (
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
-def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return Wilson's score interval of a proportion (Wilson 1927; NaN, NaN where `total` is 0)."""
-    if total == 0:
-        return nan, nan
-    z = NormalDist().inv_cdf(0.5 + confidence / 2)
-    share, weight = hits / total, z * z / total
-    centre = (share + weight / 2) / (1 + weight)
-    half = z / (1 + weight) * sqrt(share * (1 - share) / total + weight / (4 * total))
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
 def dice(found: Flags | Bytes, true: Flags | Bytes) -> float:
     """Return the Dice coefficient of two masks, twice the common area over the sum of both; 1 if both are empty."""
     a, b = found > 0, true > 0
@@ -54,8 +43,14 @@ class Proportion:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Lower and upper end of the 95 % Wilson interval."""
-        return wilson_interval(self.hits, self.total)
+        """Lower and upper end of Wilson's score interval, 95 % (Wilson 1927)."""
+        if self.total == 0:
+            return nan, nan
+        z = NormalDist().inv_cdf(0.5 + 0.95 / 2)
+        weight = z * z / self.total
+        centre = (self.value + weight / 2) / (1 + weight)
+        half = z / (1 + weight) * sqrt(self.value * (1 - self.value) / self.total + weight / (4 * self.total))
+        return max(0.0, centre - half), min(1.0, centre + half)
 
     def words(self, nothing: str = "-") -> str:
         """Return the value with its interval as text; `nothing` where `total` is 0.

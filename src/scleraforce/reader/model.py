@@ -34,7 +34,8 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     folder = models.read_folder(Path(path))
     if folder.record["kind"] != models.WALL_FINDER:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {models.WALL_FINDER} is needed here")
-    session, place = models.folder_session(folder, threads), str(folder.path / models.NETWORK_FILE)
+    place = str(folder.path / models.NETWORK_FILE)
+    session = models.network_session(folder.files[models.NETWORK_FILE], place, threads)
     finder = WallFinder(session, models.folder_study(folder).wall_finder, place)
     models.check_provenance(folder, models.network_metadata(session, place))
     return finder
@@ -53,9 +54,9 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
     if kind not in KINDS:
         wanted = f"{', '.join(KINDS[:-1])} or {KINDS[-1]}"
         raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
-    study, session = models.folder_study(folder), models.folder_session(folder, threads)
+    study, place = models.folder_study(folder), str(folder.path / models.NETWORK_FILE)
+    session = models.network_session(folder.files[models.NETWORK_FILE], place, threads)
     walls = None if finder is None else load_wall_finder(finder, threads)
-    place = str(folder.path / models.NETWORK_FILE)
     trained = TrainedModel(folder.path, study, folder.record, models.network_metadata(session, place), walls)
     model: Reader
     if kind == CLASSIFIER:

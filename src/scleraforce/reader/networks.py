@@ -167,17 +167,11 @@ class GivenEyes:
     stiffening: Floats
 
 
-def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
-    """Return the mean and relative standard deviation of an unknown modulus: even over the training's range."""
+def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
+    """Return mean, Pa, and relative standard deviation of the modulus (sample,); unknown: even over the training's."""
     low, high = study.youngs_modulus_pa.bounds
     mean = 0.5 * (low + high)
-    return mean, (high - low) / sqrt(12.0) / mean
-
-
-def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
-    """Return mean, Pa, and relative standard deviation of the modulus (sample,), also if it is unknown."""
-    mean, sd = unknown_modulus(study)
-    unknown = np.isnan(eyes.modulus_pa)
+    sd, unknown = (high - low) / sqrt(12.0) / mean, np.isnan(eyes.modulus_pa)
     return np.where(unknown, mean, eyes.modulus_pa), np.where(unknown, sd, eyes.modulus_sd_fraction)
 
 

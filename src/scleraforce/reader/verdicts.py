@@ -144,11 +144,6 @@ def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
     return replace(trained, gap_m=Range(min=0.0, max=trained.gap_m.bounds[1]))
 
 
-def crossed_by_needle(trained: ReaderStudy, radius_m: float) -> ReaderStudy:
-    """Return the ranges for a frame that a needle crosses: an unknown gap is within the needle's radius."""
-    return replace(trained, gap_m=Range(min=0.0, max=radius_m))
-
-
 def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -> str | None:
     """Return why a needle in the picture contradicts the known gap; None if it does not.
 
