@@ -113,7 +113,7 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     model = force_reader()
     frame = image(wall_section(tip_of(0.02)))
     answer(frame, KNOWN, model)
-    ((cuts, known),) = model._network.shown
+    ((cuts, known),) = model.network.shown
     assert known == KNOWN
     seen = find_wall(frame, SCALE)
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
@@ -314,7 +314,7 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray) -> No
         assert found.force_n == pytest.approx(FORCE_N, rel=0.05)
         assert [name for name, _ in found.readings] == ["fit"]
         assert "the fit alone reads it" in found.warnings[0]
-        assert not reader._network.shown
+        assert not reader.network.shown
     without = answer(image(wall_section(tip_of(FORCE_N))), replace(KNOWN, gap_m=GAP_M))
     assert without.needle is None
     assert [name for name, _ in without.readings] == ["network", "fit"]

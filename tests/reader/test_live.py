@@ -37,7 +37,7 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(frame:
     assert answer == replace(whole, can_calibrate=False, readings=(), fit=None)
     np.testing.assert_array_equal(answer.segmentation.outer_row, whole.segmentation.outer_row)
     np.testing.assert_array_equal(answer.segmentation.inner_row, whole.segmentation.inner_row)
-    (cut, known), (expected, _) = alone._network.shown[-1], beside_the_fit._network.shown[-1]
+    (cut, known), (expected, _) = alone.network.shown[-1], beside_the_fit.network.shown[-1]
     np.testing.assert_array_equal(cut, expected)
     assert known == KNOWN
 
@@ -65,7 +65,7 @@ def test_a_refractive_index_makes_the_wall_thinner(frame: np.ndarray) -> None:
     thick, thin = force_reader(), force_reader()
     LiveReader(thick, KNOWN, 1.0).read(frame, SCALE)
     LiveReader(thin, KNOWN, 1.4).read(frame, SCALE)
-    pixels = [np.count_nonzero(model._network.shown[-1][0]) for model in (thick, thin)]
+    pixels = [np.count_nonzero(model.network.shown[-1][0]) for model in (thick, thin)]
     assert pixels[1] / pixels[0] == pytest.approx(1 / 1.4, rel=0.03)
 
 

@@ -311,7 +311,7 @@ class RawReader(Reader):
 
     def __init__(self, trained: TrainedModel, network: ForceNetwork) -> None:
         super().__init__(trained)
-        self._network = network
+        self.network = network
         self._window = FrameWindow.of(self.study.raw_reader)
 
     def refusal(self, known: Known) -> str | None:
@@ -327,6 +327,6 @@ class RawReader(Reader):
         )
         if reason:
             return unusable(self.classes, reason)
-        reading = self._network.read(self._window.reduced(frame, scale)[None], known)
+        reading = self.network.read(self._window.reduced(frame, scale)[None], known)
         answer = verdicts.judged_answer(reading, "network", seen.dent_leaves, self.study)
         return replace(answer, readings=(("network", reading),))
