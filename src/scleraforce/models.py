@@ -60,7 +60,7 @@ LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
 # Of each kind, beside model.json.
-FILES = dict.fromkeys(("classifier", "reader", "raw-reader", WALL_FINDER), COMMON_FILES)
+FILES: dict[str, tuple[str, ...]] = dict.fromkeys(("classifier", "reader", "raw-reader", WALL_FINDER), COMMON_FILES)
 FILES["reader"] = (*COMMON_FILES, LIBRARY_FILE)
 
 
