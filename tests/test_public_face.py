@@ -14,7 +14,7 @@ from analytic_library import analytic_library
 import scleraforce
 from scleraforce.errors import InputError, StudyError
 from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.library.files import load_library
 from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_force_reader, load_model
@@ -112,7 +112,7 @@ def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> No
 
 READERS = (
     load_classifier, load_force_reader, load_library, load_model, open_calibration, open_dataset, open_library,
-    read_calibration, read_frame, read_population_modulus, read_recording, read_study,
+    read_calibration, read_frame, read_recording, read_study,
 )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import hashlib
 import multiprocessing
 import os
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from small_recordings import calibration_text
 from reference_walls import cut_section
 from scleraforce import study as st
 from scleraforce.errors import DatasetError, InputError, StudyError
-from scleraforce.learning import dataset as data
+from scleraforce.known.calibration_file import read_calibration
 from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, draft_plan, open_dataset, plan_dataset
 from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
@@ -31,9 +31,12 @@ from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import Range, Study, format_study, parse_study
 
+RANGES = Range(min=0.35e-3, max=1e-3), Range(min=-0.1, max=0.1), Range(min=-2e-4, max=2e-4)
+OPEN = dict(zip(("gap_m", "tilt_rad", "framing_depth_m"), RANGES, strict=True))
+PAPER = Study()
 
-def with_dataset(**changes):
-    study = Study()
+
+def with_dataset(study=PAPER, **changes):
     return replace(study, dataset=replace(study.dataset, **changes))
 
 
@@ -69,13 +72,7 @@ def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forc
 
 def test_open_ranges_are_drawn_for_each_sample_and_independently():
     plan = plan_dataset(
-        with_dataset(
-            gap_m=Range(min=0.35e-3, max=1e-3),
-            tilt_rad=Range(min=-0.1, max=0.1),
-            direction_rad=st.Choice((0.0, 1.0)),
-            framing_lateral_m=Range(min=-1e-3, max=1e-3),
-            framing_depth_m=Range(min=-2e-4, max=2e-4),
-        )
+        with_dataset(direction_rad=st.Choice((0.0, 1.0)), framing_lateral_m=Range(min=-1e-3, max=1e-3), **OPEN)
     )
     assert stats.kstest((plan.gap_m - 0.35e-3) / 0.65e-3, "uniform").pvalue > 0.01
     assert stats.kstest((plan.framing_lateral_m + 1e-3) / 2e-3, "uniform").pvalue > 0.01
@@ -108,22 +105,19 @@ MODULUS_PA = 0.3e6
 
 def small_study(seed=0):
     """Two thicknesses, 5 contacts each, every range open, units that split contacts and thicknesses."""
-    study = Study(mesh=st.MeshStudy(divisions=4, level=1))
-    dataset = replace(
-        study.dataset,
+    study = with_dataset(
+        Study(mesh=st.MeshStudy(divisions=4, level=1)),
         seed=seed,
         contacts=5,
-        gap_m=Range(min=0.35e-3, max=1e-3),
-        tilt_rad=Range(min=-0.1, max=0.1),
         direction_rad=Range(min=-1.0, max=1.0),
         framing_lateral_m=Range(min=-5e-4, max=5e-4),
-        framing_depth_m=Range(min=-2e-4, max=2e-4),
         group=(
             st.DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
             st.DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
         ),
+        **OPEN,
     )
-    return parse_study(format_study(replace(study, dataset=dataset)))
+    return parse_study(format_study(study))
 
 
 @pytest.fixture(scope="module")
@@ -298,9 +292,14 @@ def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=No
 
 
 def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
-    calibration = data.CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32)
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, mechanics="linear"))
+    calibration = read_calibration(file)
     partial_store(tmp_path / "d", calibration=calibration)
-    assert zarr.open_group(tmp_path / "d", mode="r").attrs["calibration"] == asdict(calibration)
+    assert zarr.open_group(tmp_path / "d", mode="r").attrs["calibration"] == {
+        "youngs_modulus_pa": pytest.approx(0.27e6), "mechanics": "linear", "path": str(file),
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+    }  # fmt: skip
     for name, other in {"study": small_study(seed=1), "youngs_modulus_pa": 0.31e6, "calibration": None}.items():
         with pytest.raises(DatasetError, match="study_hash" if name == "study" else name):
             partial_store(tmp_path / "d", **{"calibration": calibration, name: other})
@@ -332,20 +331,12 @@ def library():
 
 @pytest.fixture(scope="module")
 def study():
-    base = Study()
-    dataset = replace(
-        base.dataset,
-        contacts=5,
-        gap_m=Range(min=0.35e-3, max=1e-3),
-        tilt_rad=Range(min=-0.1, max=0.1),
-        framing_lateral_m=Range(min=-1e-3, max=1e-3),
-        framing_depth_m=Range(min=-2e-4, max=2e-4),
-        group=(
-            st.DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
-            st.DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
-        ),
+    group = (
+        st.DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
+        st.DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
     )
-    return parse_study(format_study(replace(base, dataset=dataset)))
+    lateral_m = Range(min=-1e-3, max=1e-3)
+    return parse_study(format_study(with_dataset(contacts=5, framing_lateral_m=lateral_m, group=group, **OPEN)))
 
 
 def one_by_one(study, library, plan, sample):
@@ -402,12 +393,3 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
 def test_a_force_beyond_the_library_is_named(study, library):
     with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
         library_slices(study, 0.05e6, draft_plan(study).unit(0), library)
-
-
-def test_the_populations_modulus_is_read_with_its_provenance(tmp_path: Path) -> None:
-    file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.27, mechanics="linear"))
-    found = data.read_population_modulus(file)
-    assert found.youngs_modulus_pa == pytest.approx(0.27e6)
-    assert (found.mechanics, found.path) == ("linear", str(file))
-    assert found.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()

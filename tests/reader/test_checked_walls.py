@@ -23,12 +23,12 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )
+from commands import said
 from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, fixed_finder, write_blind_finder
 from small_recordings import FORCE_TOML, write_places
 
 import scleraforce as sf
 from predicted_walls import Walls, formed_wall
-from scleraforce.cli.main import run
 from scleraforce.known import known_of_recording
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
@@ -80,12 +80,6 @@ def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_mo
     assert not checked.read(frame, SCALE).usable
     assert checked.read(frame, SCALE).reason.startswith(SAID)
     assert checked.read_live(frame, SCALE).usable
-
-
-def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
-    assert run([str(word) for word in words]) == code
-    printed = capsys.readouterr()
-    return printed.err if code else printed.out
 
 
 def frames_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[dict]:

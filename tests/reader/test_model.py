@@ -1,15 +1,13 @@
 """Model folders: loaded, checked, refused; the limits of each kind of model."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_models import force_reader
+from small_models import force_reader, rehash_model
 
 from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, SEALED, Known, Modulus
-from scleraforce.models import sha256
 from scleraforce.reader import load_classifier, load_model
 from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study
@@ -17,13 +15,6 @@ from scleraforce.study import Study
 
 def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
     return np.random.default_rng(1).choice(np.array([0, 255], dtype=np.uint8), size=(count, *shape))
-
-
-def rehash(model: Path, name: str) -> None:
-    """Make `model.json` agree with a changed file, as someone would who means harm or well."""
-    record = json.loads((model / "model.json").read_text())
-    record["files"][name] = sha256((model / name).read_bytes())
-    (model / "model.json").write_text(json.dumps(record))
 
 
 def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
@@ -68,7 +59,7 @@ def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
         ("rows = 8\n", "rows = 9\n", "input"),
     ):
         study.write_text(text.replace(stated, other))
-        rehash(tiny_model.path, "study.toml")
+        rehash_model(tiny_model.path, "study.toml")
         with pytest.raises(ModelError, match=field):
             load_model(tiny_model.path)
 
@@ -92,15 +83,15 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
     model = onnx.load(path)
     model.graph.initializer[0].raw_data = b"\xff" * len(model.graph.initializer[0].raw_data)
     onnx.save(model, path)
-    rehash(tiny_model.path, "model.onnx")
+    rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="not finite"):
         load_model(tiny_model.path).probabilities(slices(1))
     onnx.save(model, path, save_as_external_data=True, location="weights.bin", size_threshold=0)
-    rehash(tiny_model.path, "model.onnx")
+    rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="asks for data in other files"):
         load_model(tiny_model.path)
     path.write_bytes(b"not a network")
-    rehash(tiny_model.path, "model.onnx")
+    rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="ONNX Runtime"):
         load_model(tiny_model.path)
 

@@ -18,6 +18,7 @@ from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurv
 from scleraforce.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
+AXES_AND_SIZES = ("thickness_m", "tension", "tip_m", "radius_m", "poisson_ratio", "needle_radius_m")
 
 
 def node_angles(nodes):
@@ -150,12 +151,7 @@ def solved_library(grid: LibraryStudy) -> Library:
     )
     return library_of(
         walls,
-        thickness_m=plan.thickness_m,
-        tension=plan.tension,
-        tip_m=plan.tip_m,
-        radius_m=plan.radius_m,
-        poisson_ratio=plan.poisson_ratio,
-        needle_radius_m=plan.needle_radius_m,
+        **{name: getattr(plan, name) for name in AXES_AND_SIZES},
         max_force_ratio=plan.grid.max_force_ratio_m2,
         polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(forces.shape[1:], stiffness(polar)) for polar in POLAR_RAD]),
@@ -176,8 +172,7 @@ def made_up_library(most: float = 30.0) -> Library:
         undented_btpbnc=np.tile(soft.undented_tpbnc, (count, 1, 1, 1, 1, 1)),
         curves=WholeCurves(np.tile(soft.walls.values(), (count, 1, 1, 1, 1, 1, 1))),
     )
-    names = ("thickness_m", "tension", "tip_m", "radius_m", "poisson_ratio", "needle_radius_m", "max_force_ratio",
-             "polar_rad", "stiffness_atpd", "contact_polar_rad")  # fmt: skip
+    names = (*AXES_AND_SIZES, "max_force_ratio", "polar_rad", "stiffness_atpd", "contact_polar_rad")
     return library_of(walls, **{name: getattr(soft, name) for name in names})
 
 

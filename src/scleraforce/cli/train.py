@@ -53,14 +53,14 @@ def generate(
     it is computed once (a minute). The same command resumes an interrupted run.
     The data set does not depend on the number of workers.
     """
-    from scleraforce.learning.dataset import read_population_modulus
+    from scleraforce.known.calibration_file import read_calibration
     from scleraforce.learning.generate import generate_dataset
     from scleraforce.notebook.libraries import library_for
     from scleraforce.study.unused import refuse_unused
 
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
-    modulus = read_population_modulus(calibration) if calibration else None
+    modulus = read_calibration(calibration) if calibration else None
     if modulus and modulus.mechanics != kind:
         say(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
     workers = chosen_workers(scheduler, workers)

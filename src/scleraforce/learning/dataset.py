@@ -5,7 +5,7 @@ unit of work. Reading checks that values are possible: forces of the study, thei
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from importlib.metadata import version
 from math import lcm
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scleraforce.arrays import Bytes, Flags, Floats, Places
 from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import DatasetError
-from scleraforce.known.calibration_file import read_calibration
+from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.study import Choice, DatasetGroup, Sampled, Study, format_study, parse_study, study_hash
 from scleraforce.units import from_si
 
@@ -186,22 +186,6 @@ def unit_images(study: Study) -> int:
     return whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
 
 
-@dataclass(frozen=True)
-class CalibratedModulus:
-    """The population's Young's modulus, the mechanics it was fitted with, and the file it is from with its SHA-256."""
-
-    youngs_modulus_pa: float
-    mechanics: str
-    path: str
-    sha256: str
-
-
-def read_population_modulus(path: str | PathLike[str]) -> CalibratedModulus:
-    """Read the population's mean from the file that `scleraforce calibrate` writes."""
-    found = read_calibration(path)
-    return CalibratedModulus(found.population_mean_pa, found.mechanics, found.path, found.sha256)
-
-
 KIND = StoreKind(
     noun="data set",
     command="generate",
@@ -324,11 +308,15 @@ def create_dataset(
     path: Path,
     study: Study,
     youngs_modulus_pa: float,
-    calibration: CalibratedModulus | None,
+    calibration: CalibrationSummary | None,
     plan: DatasetPlan,
     mechanics: str = "linear",
 ) -> CheckedStore:
     """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
+    modulus = calibration and {
+        "youngs_modulus_pa": calibration.population_mean_pa,
+        **{name: getattr(calibration, name) for name in ("mechanics", "path", "sha256")},
+    }
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     described = {
         "study": format_study(study),
@@ -336,7 +324,7 @@ def create_dataset(
         "seed": study.dataset.seed,
         "mechanics": mechanics,
         "youngs_modulus_pa": youngs_modulus_pa,
-        "calibration": asdict(calibration) if calibration else None,
+        "calibration": modulus,
         "versions": {name: version(name) for name in packages},
     }
     store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(plan.units)])

@@ -13,6 +13,7 @@ import numpy as np
 from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
+from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.learning import dataset
 from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import highest_depths
@@ -152,7 +153,7 @@ def generate_dataset(
     out: Path,
     *,
     youngs_modulus_pa: float | None = None,
-    calibration: dataset.CalibratedModulus | None = None,
+    calibration: CalibrationSummary | None = None,
     library: Library | None = None,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -171,7 +172,7 @@ def generate_dataset(
         raise DatasetError(f"workers: {workers}; must be at least 1")
     mechanics = "linear" if library is None else "finite-strain"
     refuse_unused(study, "generate", mechanics)
-    modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)
+    modulus = youngs_modulus_pa or (calibration.population_mean_pa if calibration else study.eye.youngs_modulus_pa)
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = dataset.plan_dataset(study)

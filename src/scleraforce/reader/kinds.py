@@ -13,7 +13,7 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import NOTHING_KNOWN, Known
-from scleraforce.library.fit import BoundaryFit, fit_boundaries
+from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.library.responses import Library
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
@@ -264,23 +264,19 @@ class ForceReader(Reader):
             return replace(unusable(self.classes, reason), fit=fit)
         factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
+        leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         if unread := self._unread_slices(seen, known):
-            answer = self._unchecked(seen, fit, by_fit, unread)
+            answer = verdicts.judged_answer(by_fit, "fit", leaves, self.study)
+            warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
+            answer = replace(answer, warnings=warnings, readings=(("fit", by_fit),))
         else:
-            answer = self._checked(seen, fit, {"network": self.network.read(seen.cuts, known), "fit": by_fit})
+            answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves)
         if not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
             answer = unless_at_rest(answer, fit, boundaries, self.study)
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
-    def _unchecked(self, seen: verdicts.Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
-        """Return the fit's answer to a frame that the network cannot read."""
-        leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
-        answer = verdicts.judged_answer(reading, "fit", leaves, self.study)
-        warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
-        return replace(answer, warnings=warnings, readings=(("fit", reading),))
-
-    def _checked(self, seen: verdicts.Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
-        """Return the answer of the model's default method, checked by the other one.
+    def _checked(self, readings: Mapping[str, Reading], leaves: bool) -> Answer:
+        """Return the answer of the model's default method, checked by the other one; `leaves`: the dent does.
 
         If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
         then spans both. A frame whose interval reaches into every class is not usable.
@@ -288,7 +284,6 @@ class ForceReader(Reader):
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
-        leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         answer = verdicts.judged_answer(reading, self.default, leaves, self.study)
         undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
         reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")

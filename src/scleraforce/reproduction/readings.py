@@ -10,7 +10,7 @@ from scleraforce.calibration.result import Calibration, calibration_as_json
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, paper_eyes
-from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.learning.train import train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.build import cached_library
@@ -91,7 +91,7 @@ def interval_eyes(study: Study) -> int:
 
 def train_bent_model(run: Run, progress: Progress) -> None:
     """Train the paper's network for the linear modulus of these eyes, on the slices of the data set."""
-    modulus_pa = read_population_modulus(run.bent_linear).youngs_modulus_pa
+    modulus_pa = read_calibration(run.bent_linear).population_mean_pa
     train_classifier(open_dataset(run.dataset), run.bent_model, progress=progress, youngs_modulus_pa=modulus_pa)
 
 

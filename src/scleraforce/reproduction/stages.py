@@ -8,10 +8,10 @@ from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
-from scleraforce.known.calibration_file import open_calibration, write_calibration
+from scleraforce.known.calibration_file import open_calibration, read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
-from scleraforce.learning.dataset import open_dataset, read_population_modulus
+from scleraforce.learning.dataset import open_dataset
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.train import train_classifier
 from scleraforce.library.plan import plan_library
@@ -113,5 +113,5 @@ def _calibrate(run: Run, progress: Progress) -> None:
 
 
 def _generate(run: Run, progress: Progress) -> None:
-    modulus = read_population_modulus(run.calibration)
+    modulus = read_calibration(run.calibration)
     generate_dataset(run.study, run.dataset, calibration=modulus, workers=run.workers, progress=progress)
