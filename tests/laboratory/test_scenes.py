@@ -197,18 +197,13 @@ FULL = st.ScenesStudy(
     over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
     scanner=only(STUDY.scanner, 1.0, 2, averaged_share=0.0, linear_share=0.0, root_share=0.0),
 )
-NEEDS = {
-    "glass_pass": "glass_share",
-    "deep_": "deep_share",
-    "averaged_": "averaged_share",
-    "sclera_thickness": "half_sphere_share",
-}  # of a range, by its name
+NEEDS = {"glass_pass": "glass", "deep_": "deep", "averaged_": "averaged", "sclera_thickness": "half_sphere"}  # shares
 
 
 def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
     record, default = getattr(FULL, part), getattr(getattr(STUDY, part), name)
-    needs = {share: 1.0 for start, share in NEEDS.items() if name.startswith(start)}
+    needs = {f"{share}_share": 1.0 for start, share in NEEDS.items() if name.startswith(start)}
     if isinstance(default, float):
         values: list[Any] = [0.0, 1.0]
     else:
@@ -277,9 +272,8 @@ def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
 def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:
     """The tissue moves less than the noise between the frames, by a share that is drawn."""
     many = {"averaged_share": 1.0, "averaged_frames": 100.0, "averaged_floor_db": -3.0}
-    scanners = {"looks": 1.0, "display_floor_db": -3.0}, many
-    scenes = [[draw_scene(plain(scanner=scanner), number) for number in range(6)] for scanner in scanners]
-    spread = np.array([[changes(scene) for scene in of] for of in scenes])
+    studies = [plain(scanner=scanner) for scanner in ({"looks": 1.0, "display_floor_db": -3.0}, many)]
+    spread = np.array([[changes(draw_scene(study, number)) for number in range(6)] for study in studies])
     tissue, noise = np.moveaxis(spread[1] / spread[0], 1, 0)
     assert (noise < 0.3).all()
     assert 2.0 * tissue.min() < tissue.max() < 0.5
@@ -304,5 +298,4 @@ def test_a_page_shows_no_wall_at_its_sides() -> None:
     scenes = [draw_scene(plain(scanner=page), number) for number in range(6)]
     white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
     assert any(columns.any() for columns in white)
-    for scene, columns in zip(scenes, white, strict=True):
-        assert np.isnan(scene.outer_row[columns]).all()
+    assert all(np.isnan(scene.outer_row[columns]).all() for scene, columns in zip(scenes, white, strict=True))

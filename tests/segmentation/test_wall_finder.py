@@ -289,7 +289,7 @@ def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(moved: floa
     outer, inner = np.full(HALF, 40.0), np.full(HALF, 60.0)
     finder = LookedAt(fixed_finder(outer, inner), fixed_finder(outer + moved, inner + moved))
     seen = finder.find(FRAME)
-    (top, bottom) = finder.rows[1]
+    top, bottom = finder.rows[1]
     assert 4 * 40 - 0.3 * 80 < top < 4 * 40 < 4 * 61 < bottom < 4 * 61 + 0.3 * 80
     assert seen.outer_row == pytest.approx(4 * (40.5 + moved * believed) - 0.5, abs=0.5)
 
@@ -309,7 +309,7 @@ def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -
     found = sharpened(frame, np.where(np.arange(512) < 30, np.nan, 300.0), SCALE)
     assert np.isnan(found[:30]).all()
     assert np.abs(found - edge)[40:].mean() < 2.0  # 5 before
-    even = np.rint(300.0 * rng.exponential(1.0, level.shape)).astype(np.uint16)
+    even = rng.exponential(300.0, level.shape).astype(np.uint16)
     assert np.abs(sharpened(even, np.full(512, 300.0), SCALE) - 300.0).mean() < 3.0
 
 
