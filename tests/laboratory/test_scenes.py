@@ -294,8 +294,8 @@ def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands() -> N
 
 
 def test_a_page_shows_no_wall_at_its_sides() -> None:
-    page = {"margin_share": 1.0, "margin_fraction": 0.1, "margin_level": 1.0}
-    scenes = [draw_scene(plain(scanner=page), number) for number in range(6)]
+    page = plain(scanner={"margin_share": 1.0, "margin_fraction": 0.1, "margin_level": 1.0})
+    scenes = [draw_scene(page, number) for number in range(6)]
     white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
-    assert any(columns.any() for columns in white)
+    assert np.concatenate(white).any()
     assert all(np.isnan(scene.outer_row[columns]).all() for scene, columns in zip(scenes, white, strict=True))

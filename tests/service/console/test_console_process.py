@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any
 
@@ -315,6 +315,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         lively = stack.enter_context(page(monitor))
         lost: list[ConnectionClosed] = []
+        answered = Event()  # since the last page came: on a quick machine they come faster than it is asked
 
         def answers() -> None:
             try:
@@ -322,6 +323,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
                     message = json.loads(lively.recv())
                     if message["kind"] == "state":
                         lively.send(json.dumps({"seen": message["number"]}))
+                        answered.set()
             except ConnectionClosed as closed:
                 lost.append(closed)
 
@@ -330,6 +332,8 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
         for number in range(2 * MOST_PAGES):
             silent = stack.enter_context(page(monitor))
             assert json.loads(silent.recv(timeout=FUSE_S))["kind"] == "hello", number
+            answered.clear()
+            assert answered.wait(FUSE_S)
         assert not lost
         lively.close()
         thread.join(FUSE_S)
