@@ -276,8 +276,7 @@ class LookedAt(WallFinder):
     """A finder whose second look, at the rows that it asks for, sees another wall."""
 
     def __init__(self, first: WallFinder, second: WallFinder) -> None:
-        self.first, self.second = first, second
-        self.rows: list[tuple[int, int]] = []
+        self.first, self.second, self.rows = first, second, list[tuple[int, int]]()
 
     def _look(self, frame: np.ndarray, top: int, bottom: int) -> SeenWall:
         self.rows.append((top, bottom))
