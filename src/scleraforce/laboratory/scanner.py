@@ -127,7 +127,8 @@ class MeasuredScanner:
         window["depth_share"] = (size.depth_m / size.width_m,) * 2
         window["pixel_m"] = (0.9 * row_m, 1.1 * row_m)  # so the last digit of the size changes no rows
         deep = {f"deep_{key}": window[key] for key in ("rows", "width_m", "depth_share")}
-        lens_seen = all(deep[key][0] >= getattr(scenes.window, key).bounds[0] for key in list(deep)[1:])
+        least = scenes.window.deep_width_m.bounds[0], scenes.window.deep_depth_share.bounds[0]
+        lens_seen = window["width_m"][0] >= least[0] and window["depth_share"][0] >= least[1]
         shown = _measured(scenes.window, window | deep)
         return replace(
             scenes,

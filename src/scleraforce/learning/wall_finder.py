@@ -121,25 +121,21 @@ class SceneBatch:
 
 def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
     """Draw a batch, the same for the same studies and number; `first` is the number of the first scene of batch 0."""
-    count = study.batch_size
-    numbers = [first + number * count + n for n in range(count)]
-    drawn = [draw_scene(scenes, n) for n in numbers]
-    rngs = (np.random.default_rng([scenes.seed, n, LOOK]) for n in numbers)
-    shown = [_shown_rows(scene, rng) for scene, rng in zip(drawn, rngs, strict=True)]
-    frames = np.stack(
-        [reduced_frame(s.frame[slice(*rows)], study.rows, study.columns) for s, rows in zip(drawn, shown, strict=True)]
-    )
-    at = [np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp) for scene in drawn]
-    boundaries = []
-    for scene, own, (top, bottom) in zip(drawn, at, shown, strict=True):  # in rows of the reduced frame, kept inside
-        truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
-        reduced = (truth - top + 0.5) * study.rows / (bottom - top) - 0.5
-        boundaries.append(np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32))
-    weights = [
-        scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
-        for scene, own in zip(drawn, at, strict=True)
-    ]
-    return SceneBatch(frames, np.stack(boundaries), np.stack(weights))
+    begin = first + number * study.batch_size
+    samples = [_sample(scenes, study, begin + n) for n in range(study.batch_size)]
+    return SceneBatch(*map(np.stack, zip(*samples, strict=True)))
+
+
+def _sample(scenes: ScenesStudy, study: WallFinderStudy, number: int) -> tuple[Float, Float, Float]:
+    """Draw a scene, and return its part of a `SceneBatch`."""
+    scene = draw_scene(scenes, number)
+    top, bottom = _shown_rows(scene, np.random.default_rng([scenes.seed, number, LOOK]))
+    own = np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
+    truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
+    reduced = (truth - top + 0.5) * study.rows / (bottom - top) - 0.5
+    boundaries = np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)  # kept inside of the reduced frame
+    weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
+    return reduced_frame(scene.frame[top:bottom], study.rows, study.columns), boundaries, weight
 
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:

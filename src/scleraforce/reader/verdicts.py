@@ -245,8 +245,8 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     reason = contact_outside(reading, study.reader)
     if reason:
         return unusable(classes, reason)
-    one_class = study.classes.classify(reading.interval_n[0]) == study.classes.classify(reading.interval_n[1])
-    if leaves and not ((name == "fit" and one_class) or reading.width_n < WIDEST_N):
+    low, high = (study.classes.classify(end_n) for end_n in reading.interval_n)
+    if leaves and not (reading.width_n < WIDEST_N or (name == "fit" and low == high)):
         return unusable(
             classes,
             "the dent leaves the window of the slice, and its flanks leave the force uncertain by "

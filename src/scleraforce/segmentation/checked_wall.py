@@ -46,6 +46,8 @@ SIDE_SHARE, LEAST_SIDE_ROWS = 0.1, 3.0  # of the thickness are looked at above a
 SAMPLES = 8  # rows that are looked at on a side
 SHARP_M, LEAST_SHARP_ROWS = 70e-6, 3  # above and below the inner boundary: where its edge is looked for again
 SHARP_WIDTH_M, STEP_ROWS = 0.25e-3, 2  # of averaged columns; of a step between two halves of such a width, at most
+LEAST_SPREAD = 0.25  # of a column's rows, of the median: a column without speckle does not decide alone
+STAYS = 4.0  # of a normal distribution about the first boundary: a standard deviation of 0.35 of the reach
 GRAINS = 1.5  # independent pixels in a row of that width: more are not counted
 
 
@@ -299,8 +301,8 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     parted = np.square(fall) * rows * (number - rows) / number
     spread = (np.square(light).sum(axis=0) - np.square(above[-1]) / number - parted.max(axis=0)) / number
     edge = np.arange(-reach, reach) + 0.5
-    score = parted * (GRAINS / width / np.maximum(spread, 0.25 * np.median(spread) + 1e-6))
-    score -= np.square(edge / reach)[:, None] * 4.0
+    score = parted * (GRAINS / width / np.maximum(spread, LEAST_SPREAD * np.median(spread) + 1e-6))
+    score -= np.square(edge / reach)[:, None] * STAYS
     path = best_path(np.ascontiguousarray(score.T, dtype=np.float32), STEP_ROWS)
     sharp = inner_row.copy()
     moved = cv2.blur(edge[path][None], (3, 1), borderType=cv2.BORDER_REPLICATE)[0]

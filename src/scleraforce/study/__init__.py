@@ -38,7 +38,6 @@ from scleraforce.study.scenes import (
     SceneWindowStudy as SceneWindowStudy,
 )
 from scleraforce.study.toml import (
-    PAPER_STUDY_TOML as PAPER_STUDY_TOML,
     PRESETS as PRESETS,
     format_study as format_study,
     parse_study as parse_study,

@@ -6,7 +6,6 @@ than these, so that the network has met more than an eye shows. What has no sour
 """
 
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -273,18 +272,12 @@ class ScenesStudy(Section):
 
     def of_one(self, rng: np.random.Generator) -> "ScenesStudy":
         """Draw whether a scene is a deep view, with a cornea, and whether its scanner averages; return its ranges."""
-        return self._kinds[rng.random() < self.window.deep_share, rng.random() < self.scanner.averaged_share]
-
-    @cached_property
-    def _kinds(self) -> dict[tuple[bool, bool], "ScenesStudy"]:
-        deep = {item.name: getattr(self.window, f"deep_{item.name}", None) for item in fields(self.window)}
-        window = replace(self.window, **{name: value for name, value in deep.items() if value}, centred_share=1.0)
-        averaged = self.scanner.averaged_frames, self.scanner.averaged_floor_db
-        scanners = self.scanner, replace(self.scanner, looks=averaged[0], display_floor_db=averaged[1])
-        eye = replace(self.eye, half_sphere_share=0.0, dent_share=self.eye.dent_share * DENTED_DEEP)
-        kinds = replace(self, window=window, eye=eye)
-        return {
-            (deep, n == 1): replace(each, scanner=scanner)
-            for deep, each in ((False, self), (True, kinds))
-            for n, scanner in enumerate(scanners)
-        }
+        is_deep, is_averaged = rng.random() < self.window.deep_share, rng.random() < self.scanner.averaged_share
+        window, eye, scanner = self.window, self.eye, self.scanner
+        if is_deep:
+            names = (item.name for item in fields(window) if hasattr(window, f"deep_{item.name}"))
+            window = replace(window, centred_share=1.0, **{name: getattr(window, f"deep_{name}") for name in names})
+            eye = replace(eye, half_sphere_share=0.0, dent_share=eye.dent_share * DENTED_DEEP)
+        if is_averaged:
+            scanner = replace(scanner, looks=scanner.averaged_frames, display_floor_db=scanner.averaged_floor_db)
+        return replace(self, window=window, eye=eye, scanner=scanner)

@@ -226,6 +226,3 @@ def _format_value(value: Any) -> str:
             return "[" + ", ".join(_format_value(entry) for entry in value) + "]"
         case _:
             return repr(value)
-
-
-PAPER_STUDY_TOML = preset_toml(PRESETS[0])
